@@ -1,0 +1,81 @@
+"""Where compiled kernels are cached, and why a stale one cannot be loaded.
+
+numba's own cache looks at the file that holds a compiled function, not at the files of the functions it
+calls, so a change in a callee would be missed. The cache folder is therefore named after a hash of every
+source file of the packages that take part: any change of any of them starts an empty folder.
+"""
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+import numba
+
+CACHE_NAME = "fuzzy-spacecraft-inspection"
+KEPT_CACHES = 6
+
+
+def source_hash(packages: tuple[Path, ...]) -> str:
+    """Hash the Python sources of some packages together with the versions that shape compiled code.
+
+    Parameters
+    ----------
+    packages : tuple of Path
+        Package folders; every ``*.py`` below them counts.
+
+    Returns
+    -------
+    str
+        Sixteen hexadecimal digits.
+    """
+    digest = hashlib.sha256(f"{sys.version_info[:3]} {numba.__version__}".encode())
+    for package in packages:
+        for path in sorted(package.rglob("*.py")):
+            digest.update(path.relative_to(package.parent).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Return the folder that holds one cache folder for each state of the sources."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    return (Path(chosen) if chosen else Path.home() / ".cache") / CACHE_NAME
+
+
+def use_cache_keyed_by(*packages: Path) -> Path:
+    """Point numba's on-disk cache at a folder of its own for this exact state of the sources.
+
+    Call it in a package's ``__init__``, before any module with a compiled function is imported.
+
+    Parameters
+    ----------
+    *packages : Path
+        The package folders that compiled functions come from.
+
+    Returns
+    -------
+    Path
+        The cache folder, which need not exist yet.
+    """
+    folder = cache_root() / source_hash(packages)
+    numba.config.CACHE_DIR = str(folder)
+    return folder
+
+
+def is_cold() -> bool:
+    """Tell whether nothing has been compiled yet for the present state of the sources."""
+    folder = Path(numba.config.CACHE_DIR)
+    return not (folder.is_dir() and any(folder.rglob("*.nbi")))
+
+
+def drop_old_caches() -> None:
+    """Remove all but the newest caches, so that edits do not fill the disk."""
+    root = cache_root()
+    if not root.is_dir():
+        return
+    folders = sorted((p for p in root.iterdir() if p.is_dir()), key=lambda p: p.stat().st_mtime)
+    for folder in folders[:-KEPT_CACHES]:
+        for path in sorted(folder.rglob("*"), reverse=True):
+            path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
+        folder.rmdir()

@@ -1,0 +1,1 @@
+"""Readers and writers of fuzzy exchange formats, one file a format."""

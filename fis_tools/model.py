@@ -1,0 +1,297 @@
+"""The fuzzy nouns: what a fuzzy inference system is made of, as frozen and comparable data.
+
+Nothing here computes an inference; `fis_tools.kernel` and `fis_tools.skfuzzy_build` do.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom"]
+AndOperator = Literal["min", "product"]
+OrOperator = Literal["max", "probabilistic_sum"]
+
+
+@dataclass(frozen=True, slots=True)
+class Gaussian:
+    """``exp(-(x - mean)^2 / (2 standard_deviation^2))``, in units of the variable."""
+
+    mean: float
+    standard_deviation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Triangular:
+    """Zero at `left` and `right`, one at `peak`."""
+
+    left: float
+    peak: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trapezoidal:
+    """Zero at `left` and `right`, one from `left_top` to `right_top`."""
+
+    left: float
+    left_top: float
+    right_top: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Any shape: one membership value in [0, 1] for each point of the variable's universe."""
+
+    values: tuple[float, ...]
+
+
+MembershipFunction = Gaussian | Triangular | Trapezoidal | Sampled
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A word and what it means: the membership function of a linguistic value."""
+
+    name: str
+    membership: MembershipFunction
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A linguistic variable over a universe of discourse.
+
+    Parameters
+    ----------
+    name : str
+        What the variable is called in rules.
+    unit : str
+        The unit of its values; empty where it has none.
+    minimum, maximum : float
+        The ends of the universe, in `unit`.
+    terms : tuple of Term
+        From the lowest to the highest.
+    num_points : int
+        Points of the universe, evenly spaced from `minimum` to `maximum`.
+    points : tuple of float, optional
+        The universe itself, where it is not evenly spaced; `num_points` is then its length.
+    default : float, optional
+        For an output: the value when no rule fires.
+    description : str
+        What the variable means, in a sentence.
+    """
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    terms: tuple[Term, ...]
+    num_points: int = 101
+    points: tuple[float, ...] | None = None
+    default: float | None = None
+    description: str = ""
+
+    @cached_property
+    def universe(self) -> NDArray[np.float64]:
+        """The points on which membership functions are sampled, ascending, shape (num_points,)."""
+        if self.points is not None:
+            return np.array(self.points, dtype=np.float64)
+        return np.linspace(self.minimum, self.maximum, self.num_points)
+
+    def term_index(self, name: str) -> int:
+        """Return the position of the term called `name`.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        for index, term in enumerate(self.terms):
+            if term.name == name:
+                return index
+        known = ", ".join(term.name for term in self.terms)
+        raise KeyError(f"variable {self.name!r} has no term {name!r}; its terms are {known}")
+
+
+@dataclass(frozen=True, slots=True)
+class Is:
+    """The statement ``variable is term``."""
+
+    variable: str
+    term: str
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """The complement of a statement."""
+
+    operand: "Expression"
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """The conjunction of statements, combined from left to right."""
+
+    operands: tuple["Expression", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """The disjunction of statements, combined from left to right."""
+
+    operands: tuple["Expression", ...]
+
+
+Expression = Is | Not | And | Or
+
+
+@dataclass(frozen=True, slots=True)
+class Consequent:
+    """What a rule concludes: ``variable is term``, its strength multiplied by `weight`."""
+
+    variable: str
+    term: str
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """If `antecedent` then all of `consequents`."""
+
+    antecedent: Expression
+    consequents: tuple[Consequent, ...]
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class FuzzySystem:
+    """A Mamdani fuzzy inference system.
+
+    Parameters
+    ----------
+    name : str
+        What the system is called.
+    inputs, outputs : tuple of Variable
+        In the order in which values are passed and returned.
+    rules : tuple of Rule
+        In the order in which firing strengths are reported.
+    and_operator, or_operator : str
+        How statements combine.
+    defuzzifier : str
+        How the aggregated output becomes a number, by scikit-fuzzy's names.
+    """
+
+    name: str
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    rules: tuple[Rule, ...]
+    and_operator: AndOperator = "min"
+    or_operator: OrOperator = "max"
+    defuzzifier: Defuzzifier = "centroid"
+
+    def variable(self, name: str) -> Variable:
+        """Return the input or output called `name`.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        for variable in (*self.inputs, *self.outputs):
+            if variable.name == name:
+                return variable
+        known = ", ".join(v.name for v in (*self.inputs, *self.outputs))
+        raise KeyError(f"system {self.name!r} has no variable {name!r}; its variables are {known}")
+
+
+@dataclass(frozen=True)
+class FuzzyController:
+    """Fuzzy systems that belong together, with what their user needs to know besides.
+
+    Parameters
+    ----------
+    name : str
+        What the controller is called.
+    systems : tuple of FuzzySystem
+        In the order in which they are shown.
+    attributes : tuple of (str, str)
+        Facts for whoever flies the controller; they are carried along unread, sorted by key.
+    provenance : tuple of (str, str)
+        Where the controller comes from; carried along unread, sorted by key.
+    """
+
+    name: str
+    systems: tuple[FuzzySystem, ...]
+    attributes: tuple[tuple[str, str], ...] = ()
+    provenance: tuple[tuple[str, str], ...] = ()
+
+
+def table_antecedents(inputs: Sequence[Variable]) -> Iterator[Expression]:
+    """Yield the antecedent of every cell of a full rule table, the last input changing fastest."""
+    for terms in product(*(variable.terms for variable in inputs)):
+        statements = tuple(Is(v.name, t.name) for v, t in zip(inputs, terms, strict=True))
+        yield statements[0] if len(statements) == 1 else And(statements)
+
+
+def table_rules(
+    inputs: Sequence[Variable], output: Variable, consequents: Sequence[str]
+) -> tuple[Rule, ...]:
+    """Build a full rule table.
+
+    Parameters
+    ----------
+    inputs : sequence of Variable
+        The table's axes.
+    output : Variable
+        What the rules conclude on.
+    consequents : sequence of str
+        The output term of each cell, the last input changing fastest.
+
+    Raises
+    ------
+    ValueError
+        If the number of consequents is not the number of cells.
+    """
+    cells = list(table_antecedents(inputs))
+    if len(cells) != len(consequents):
+        raise ValueError(
+            f"a full table over {len(inputs)} inputs has {len(cells)} rules, but {len(consequents)} "
+            "consequents are given; give one output term for each combination of input terms"
+        )
+    return tuple(
+        Rule(antecedent, (Consequent(output.name, term),))
+        for antecedent, term in zip(cells, consequents, strict=True)
+    )
+
+
+def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
+    """Return the consequents of a full rule table as output term indices, or None for any other rule base.
+
+    A full table has one output, one rule for each combination of input terms, in the order of
+    `table_antecedents`, each of weight one.
+
+    Returns
+    -------
+    array or None
+        Shape (number of cells,), the last input changing fastest.
+    """
+    if len(system.outputs) != 1:
+        return None
+    output = system.outputs[0]
+    cells = list(table_antecedents(system.inputs))
+    if len(cells) != len(system.rules):
+        return None
+    table = np.empty(len(cells), dtype=np.int64)
+    for index, (cell, rule) in enumerate(zip(cells, system.rules, strict=True)):
+        if rule.antecedent != cell or len(rule.consequents) != 1:
+            return None
+        consequent = rule.consequents[0]
+        if consequent.variable != output.name or consequent.weight != 1.0:
+            return None
+        table[index] = output.term_index(consequent.term)
+    return table
