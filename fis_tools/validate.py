@@ -1,0 +1,260 @@
+"""What makes a fuzzy system wrong, each fault told as a fact, an expectation and a cure."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from typing import get_args
+
+import numpy as np
+
+from fis_tools.membership import sample
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Defuzzifier,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Not,
+    Or,
+    OrOperator,
+    Sampled,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+)
+
+#: How deep and, or and not may be nested in one antecedent.
+MAX_NESTING = 20
+
+
+class InvalidSystem(ValueError):
+    """A fuzzy system or controller that cannot be used; the message lists every problem."""
+
+
+class ControllerFileError(ValueError):
+    """A controller file that cannot be read, told in a sentence."""
+
+
+def validate(system: FuzzySystem) -> None:
+    """Refuse a system that has problems.
+
+    Raises
+    ------
+    InvalidSystem
+        With one line for each problem.
+    """
+    found = problems(system)
+    if found:
+        raise InvalidSystem("\n".join(found))
+
+
+def controller_problems(controller: FuzzyController) -> list[str]:
+    """List what is wrong with a controller and its systems, a sentence each; empty when nothing is."""
+    found = list(_name_problems("a controller", controller.name))
+    if not controller.systems:
+        found.append(f"controller {controller.name!r} has no systems; give it at least one")
+    found += _duplicates(f"controller {controller.name!r}", "systems", (s.name for s in controller.systems))
+    for system in controller.systems:
+        found += problems(system)
+    return found
+
+
+def problems(system: FuzzySystem) -> list[str]:
+    """List what is wrong with a system, a sentence each; empty when nothing is.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        Any system, however broken.
+    """
+    where = f"system {system.name!r}"
+    found = list(_name_problems("a system", system.name))
+    for kind, chosen, allowed in (
+        ("and_operator", system.and_operator, get_args(AndOperator)),
+        ("or_operator", system.or_operator, get_args(OrOperator)),
+        ("defuzzifier", system.defuzzifier, get_args(Defuzzifier)),
+    ):
+        if chosen not in allowed:
+            found.append(f"{where}: {kind} {chosen!r} is not known; use one of {', '.join(allowed)}")
+    for kind, variables in (("inputs", system.inputs), ("outputs", system.outputs)):
+        if not variables:
+            found.append(f"{where} has no {kind}; a system needs at least one, so add a variable")
+    everything = (*system.inputs, *system.outputs)
+    found += _duplicates(where, "variables", (variable.name for variable in everything))
+    for variable in everything:
+        found += (f"{where}, {problem}" for problem in _variable_problems(variable))
+    found += (f"{where}, {problem}" for problem in _default_problems(system))
+    found += (f"{where}, {problem}" for problem in _rule_base_problems(system))
+    return found
+
+
+def _name_problems(what: str, name: str) -> Iterator[str]:
+    if not name or not name.isprintable() or name != name.strip():
+        yield (
+            f"{what} is called {name!r}; a name is printable text without blanks at its ends: "
+            "choose another one"
+        )
+
+
+def _duplicates(where: str, what: str, names: Iterable[str]) -> Iterator[str]:
+    for name, count in Counter(names).items():
+        if count > 1:
+            yield f"{where} has {count} {what} called {name!r}; names are unique, so rename all but one"
+
+
+def _variable_problems(variable: Variable) -> Iterator[str]:
+    where = f"variable {variable.name!r}"
+    yield from _name_problems("a variable", variable.name)
+    universe_problems = list(_universe_problems(variable))
+    yield from (f"{where}: {problem}" for problem in universe_problems)
+    if not variable.terms:
+        yield f"{where} has no terms; give it at least one membership function"
+    yield from _duplicates(where, "terms", (term.name for term in variable.terms))
+    for term in variable.terms:
+        yield from (f"{where}, {problem}" for problem in _name_problems("a term", term.name))
+        faults = list(_shape_problems(variable, term))
+        if not faults and not universe_problems:
+            faults = list(_sample_problems(variable, term))
+        yield from (f"{where}, term {term.name!r}: {fault}" for fault in faults)
+
+
+def _universe_problems(variable: Variable) -> Iterator[str]:
+    low, high = variable.minimum, variable.maximum
+    if not (math.isfinite(low) and math.isfinite(high)):
+        yield f"the range [{low}, {high}] is not finite; give two finite numbers"
+    elif not low < high:
+        yield f"the range [{low}, {high}] is empty; the first number must be below the second, so swap them"
+    elif not math.isfinite(high - low):
+        yield f"the range [{low}, {high}] is too wide for double precision; use another unit"
+    if variable.num_points < 2:
+        yield f"the universe has {variable.num_points} points; it needs at least 2 (101 is usual)"
+    points = variable.points
+    if points is None:
+        return
+    if len(points) != variable.num_points:
+        yield f"{len(points)} points are given but num_points is {variable.num_points}; make them equal"
+    if not all(math.isfinite(point) for point in points):
+        yield "a point of the universe is not finite; give finite numbers"
+    elif any(left >= right for left, right in zip(points, points[1:], strict=False)):
+        yield "the points of the universe do not ascend; sort them and drop repeated ones"
+    elif points and (points[0], points[-1]) != (low, high):
+        yield (
+            f"the universe runs from {points[0]} to {points[-1]} but the range is [{low}, {high}]; "
+            "make the range the first and the last point"
+        )
+
+
+def _shape_problems(variable: Variable, term: Term) -> Iterator[str]:
+    match term.membership:
+        case Gaussian(mean, standard_deviation):
+            if not (math.isfinite(mean) and math.isfinite(standard_deviation)):
+                yield f"mean {mean} and standard deviation {standard_deviation} must be finite numbers"
+            elif not standard_deviation > 0:
+                yield f"standard deviation {standard_deviation} is not positive; give a number above 0"
+            elif not 0 < 2 * standard_deviation * standard_deviation < math.inf:
+                yield f"the square of standard deviation {standard_deviation} under- or overflows; change it"
+        case Triangular(left, peak, right):
+            yield from _corner_problems("left, peak, right", (left, peak, right))
+        case Trapezoidal(left, left_top, right_top, right):
+            yield from _corner_problems(
+                "left, left_top, right_top, right", (left, left_top, right_top, right)
+            )
+        case Sampled(values):
+            if len(values) != variable.num_points:
+                yield (
+                    f"{len(values)} membership values are given for a universe of {variable.num_points} "
+                    "points; give one for each point"
+                )
+            if not all(0.0 <= value <= 1.0 for value in values):
+                yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
+
+
+def _corner_problems(names: str, corners: tuple[float, ...]) -> Iterator[str]:
+    if not all(math.isfinite(corner) for corner in corners):
+        yield f"{names} = {corners} must be finite numbers"
+    elif list(corners) != sorted(corners):
+        yield f"{names} = {corners} do not ascend; put them in order"
+
+
+def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
+    values = sample(variable, term)
+    if not np.all(np.isfinite(values)):
+        yield "a sampled membership is not a number; the parameters are too extreme, so change them"
+
+
+def _default_problems(system: FuzzySystem) -> Iterator[str]:
+    for variable in system.outputs:
+        if variable.default is None:
+            yield (
+                f"output {variable.name!r} has no default; declare default: the output when no rule fires "
+                "(0 is usual for a force)"
+            )
+        elif not math.isfinite(variable.default):
+            yield f"output {variable.name!r}: default {variable.default} must be a finite number"
+    for variable in system.inputs:
+        if variable.default is not None:
+            yield f"input {variable.name!r} has a default; only outputs have one, so drop it"
+
+
+def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
+    if not system.rules:
+        yield "no rules; give at least one"
+    labels = (rule.label for rule in system.rules if rule.label)
+    yield from _duplicates("the rule base", "rules", labels)
+    for number, rule in enumerate(system.rules, start=1):
+        where = f"rule {number}"
+        if rule.label and not rule.label.isprintable():
+            yield f"{where}: the label {rule.label!r} is not printable; drop the control characters"
+        yield from (f"{where}: {p}" for p in _expression_problems(system.inputs, rule.antecedent, 0))
+        if not rule.consequents:
+            yield f"{where} concludes nothing; give it at least one consequent"
+        for consequent in rule.consequents:
+            yield from (
+                f"{where}: {p}"
+                for p in _reference_problems(system.outputs, "output", consequent.variable, consequent.term)
+            )
+            if not 0.0 <= consequent.weight <= 1.0:
+                yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
+
+
+def _expression_problems(inputs: tuple[Variable, ...], expression: Expression, depth: int) -> Iterator[str]:
+    if depth > MAX_NESTING:
+        yield f"and, or and not are nested more than {MAX_NESTING} deep; split the rule"
+        return
+    match expression:
+        case Is(variable, term):
+            yield from _reference_problems(inputs, "input", variable, term)
+        case Not(operand):
+            yield from _expression_problems(inputs, operand, depth + 1)
+        case And(operands) | Or(operands):
+            if not operands:
+                word = "and" if isinstance(expression, And) else "or"
+                yield f"an {word!r} joins no statements; give it at least one"
+            for operand in operands:
+                yield from _expression_problems(inputs, operand, depth + 1)
+
+
+def _reference_problems(
+    variables: tuple[Variable, ...], kind: str, variable_name: str, term_name: str
+) -> Iterator[str]:
+    by_name = {variable.name: variable for variable in variables}
+    if variable_name not in by_name:
+        yield f"{kind} {variable_name!r} does not exist; {nearest(variable_name, by_name)}"
+        return
+    terms = [term.name for term in by_name[variable_name].terms]
+    if term_name not in terms:
+        yield f"{kind} {variable_name!r} has no term {term_name!r}; {nearest(term_name, terms)}"
+
+
+def nearest(wrong: str, known: Iterable[str]) -> str:
+    """Suggest the nearest of the known names, or list them all."""
+    names = list(known)
+    matches = get_close_matches(wrong, names, n=1)
+    if matches:
+        return f"did you mean {matches[0]!r}?"
+    return f"choose one of {', '.join(names)}" if names else "none is declared"
