@@ -1,0 +1,159 @@
+"""Where the deputy should point, and the torque that turns it there.
+
+The desired axes are ``x* = r/|r|``, ``y* = k x r/|k x r|`` and ``z* = x* x y*``, so that a camera along -x*
+looks at the chief. Over the poles of the orbit plane, where k x r vanishes, y* is carried along instead.
+"""
+
+from math import atan2, cos, sin
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.physics.quaternion import error_vector
+from pipeline.physics.vectors import cross, dot, norm, times
+
+Floats = NDArray[np.float64]
+
+#: y* before the first instant, Hill axes
+FIRST_Y = (0.0, 1.0, 0.0)
+#: |k x r|/|r| below which y* is not defined by the position
+POLE = 1e-3
+#: |k x r|/|r| below which pole blending carries y* along
+BLENDED_POLE = 0.2
+#: rate at which pole blending lets y* return, rad/s
+RETURN_RATE = 0.005
+
+
+@njit(cache=True)
+def _carried_y(x: Floats, previous_y: Floats) -> Floats:
+    """Return the previous y* made orthogonal to x*, shape (3,)."""
+    y = previous_y - dot(previous_y, x) * x
+    length = norm(y)
+    if length < 1e-9:  # the previous y* lies along x*: any other axis will do
+        y = cross(x, np.array([1.0, 0.0, 0.0])) if abs(x[0]) < 0.9 else cross(x, np.array([0.0, 1.0, 0.0]))
+        length = norm(y)
+    return y / length
+
+
+@njit(cache=True)
+def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
+    """Return the desired second body axis.
+
+    Parameters
+    ----------
+    position_h : array, shape (3,)
+        Of the deputy, m, not at the origin.
+    previous_y_h : array, shape (3,)
+        The one of the attitude instant before; `FIRST_Y` at the first.
+
+    Returns
+    -------
+    array, shape (3,)
+        Unit vector, Hill axes.
+    """
+    distance = norm(position_h)
+    horizontal = np.array([-position_h[1], position_h[0], 0.0])
+    length = norm(horizontal)
+    if length < POLE * distance:
+        return _carried_y(position_h / distance, previous_y_h)
+    return horizontal / length
+
+
+@njit(cache=True)
+def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) -> Floats:
+    """Return the desired second body axis that never turns in haste over a pole.
+
+    Where ``|k x r|/|r|`` is below `BLENDED_POLE` the axis is carried along; elsewhere it returns to
+    ``k x r/|k x r|`` by a turn about x* of at most `RETURN_RATE`.
+
+    Parameters
+    ----------
+    position_h : array, shape (3,)
+        Of the deputy, m, not at the origin.
+    previous_y_h : array, shape (3,)
+        The one of the attitude instant before; at the first, that of `desired_y` there.
+    attitude_period : float
+        Time since that instant, s.
+
+    Returns
+    -------
+    array, shape (3,)
+        Unit vector, Hill axes.
+    """
+    distance = norm(position_h)
+    x = position_h / distance
+    carried = _carried_y(x, previous_y_h)
+    horizontal = np.array([-position_h[1], position_h[0], 0.0])
+    length = norm(horizontal)
+    if length < BLENDED_POLE * distance:
+        return carried
+    goal = horizontal / length
+    sideways = cross(x, carried)
+    angle = atan2(dot(goal, sideways), dot(goal, carried))
+    most = RETURN_RATE * attitude_period
+    if abs(angle) <= most:
+        return goal
+    turn = most if angle > 0.0 else -most
+    return cos(turn) * carried + sin(turn) * sideways
+
+
+@njit(cache=True)
+def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
+    """Return the desired attitude as a matrix from Hill to body components.
+
+    Parameters
+    ----------
+    position_h : array, shape (3,)
+        Of the deputy, m, not at the origin.
+    y_h : array, shape (3,)
+        The second body axis, of `desired_y` or `blended_y`.
+
+    Returns
+    -------
+    array, shape (3, 3)
+        Rows x*, y*, z*.
+    """
+    x = position_h / norm(position_h)
+    z = cross(x, y_h)
+    return np.array(
+        [
+            [x[0], x[1], x[2]],
+            [y_h[0], y_h[1], y_h[2]],
+            [z[0], z[1], z[2]],
+        ]
+    )
+
+
+@njit(cache=True)
+def control_torque(
+    quaternion_b_from_h: Floats,
+    desired_b_from_h: Floats,
+    angular_velocity_b: Floats,
+    proportional_gain: Floats,
+    derivative_gain: Floats,
+    max_torque: float,
+) -> Floats:
+    """Return ``-Kp q_e - Kd w``, each axis clipped (Choi, Kim and Leeghim, AAS 25-727).
+
+    Parameters
+    ----------
+    quaternion_b_from_h, desired_b_from_h : array, shape (4,)
+        Actual and desired attitude.
+    angular_velocity_b : array, shape (3,)
+        Relative to Hill, rad/s, body axes.
+    proportional_gain, derivative_gain : array, shape (3, 3)
+        Kp in N m and Kd in N m s: a scalar gain times the inertia matrix.
+    max_torque : float
+        For each axis, N m.
+
+    Returns
+    -------
+    array, shape (3,)
+        N m, body axes.
+    """
+    error = error_vector(quaternion_b_from_h, desired_b_from_h)
+    torque = -times(proportional_gain, error) - times(derivative_gain, angular_velocity_b)
+    for axis in range(3):
+        torque[axis] = min(max(torque[axis], -max_torque), max_torque)
+    return torque

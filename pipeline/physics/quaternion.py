@@ -1,0 +1,165 @@
+"""Unit quaternions ``[q1, q2, q3, q4]``, scalar last, that map one frame's axes to another's.
+
+`dcm_b_from_h` gives ``v_b = C(q) v_h`` (Choi, Kim and Leeghim, AAS 25-727, the matrix C_DC). Read as an
+active rotation, the same four numbers turn body vectors into Hill vectors. All arrays are float64.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True)
+def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
+    """Return the direction cosine matrix that takes Hill components to body components.
+
+    Parameters
+    ----------
+    quaternion_b_from_h : array, shape (4,)
+        A unit quaternion.
+
+    Returns
+    -------
+    array, shape (3, 3)
+        Its rows are the body axes in Hill components.
+    """
+    q1, q2, q3, q4 = quaternion_b_from_h
+    return np.array(
+        [
+            [q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2.0 * (q1 * q2 + q3 * q4), 2.0 * (q1 * q3 - q2 * q4)],
+            [2.0 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2.0 * (q2 * q3 + q1 * q4)],
+            [2.0 * (q1 * q3 + q2 * q4), 2.0 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4],
+        ]
+    )
+
+
+@njit(cache=True)
+def product(a: Floats, b: Floats) -> Floats:
+    """Return Hamilton's product ``a b`` of two quaternions of shape (4,).
+
+    As direction cosine matrices, ``C(a b) = C(b) C(a)``.
+    """
+    return np.array(
+        [
+            a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+            a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
+            a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0],
+            a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
+        ]
+    )
+
+
+@njit(cache=True)
+def conjugate(quaternion: Floats) -> Floats:
+    """Return the quaternion of the inverse rotation, shape (4,)."""
+    return np.array([-quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]])
+
+
+@njit(cache=True)
+def normalised(quaternion: Floats) -> Floats:
+    """Return the quaternion scaled to unit length, shape (4,)."""
+    q1, q2, q3, q4 = quaternion
+    return quaternion / sqrt(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
+
+
+@njit(cache=True)
+def from_dcm(dcm: Floats) -> Floats:
+    """Return the quaternion of a direction cosine matrix.
+
+    Parameters
+    ----------
+    dcm : array, shape (3, 3)
+        A proper rotation, in the sense of `dcm_b_from_h`.
+
+    Returns
+    -------
+    array, shape (4,)
+        Its largest component is positive; of equal ones the last (Shepperd, Journal of Guidance and
+        Control 1(3), 1978).
+    """
+    trace = dcm[0, 0] + dcm[1, 1] + dcm[2, 2]
+    if trace >= dcm[0, 0] and trace >= dcm[1, 1] and trace >= dcm[2, 2]:
+        double = sqrt(1.0 + trace)
+        scale = 0.5 / double
+        q1 = (dcm[1, 2] - dcm[2, 1]) * scale
+        q2 = (dcm[2, 0] - dcm[0, 2]) * scale
+        q3 = (dcm[0, 1] - dcm[1, 0]) * scale
+        q4 = 0.5 * double
+    elif dcm[2, 2] >= dcm[0, 0] and dcm[2, 2] >= dcm[1, 1]:
+        double = sqrt(1.0 - trace + 2.0 * dcm[2, 2])
+        scale = 0.5 / double
+        q1 = (dcm[2, 0] + dcm[0, 2]) * scale
+        q2 = (dcm[1, 2] + dcm[2, 1]) * scale
+        q3 = 0.5 * double
+        q4 = (dcm[0, 1] - dcm[1, 0]) * scale
+    elif dcm[1, 1] >= dcm[0, 0]:
+        double = sqrt(1.0 - trace + 2.0 * dcm[1, 1])
+        scale = 0.5 / double
+        q1 = (dcm[0, 1] + dcm[1, 0]) * scale
+        q2 = 0.5 * double
+        q3 = (dcm[1, 2] + dcm[2, 1]) * scale
+        q4 = (dcm[2, 0] - dcm[0, 2]) * scale
+    else:
+        double = sqrt(1.0 - trace + 2.0 * dcm[0, 0])
+        scale = 0.5 / double
+        q1 = 0.5 * double
+        q2 = (dcm[0, 1] + dcm[1, 0]) * scale
+        q3 = (dcm[2, 0] + dcm[0, 2]) * scale
+        q4 = (dcm[1, 2] - dcm[2, 1]) * scale
+    return normalised(np.array([q1, q2, q3, q4]))
+
+
+@njit(cache=True)
+def error_vector(quaternion_b_from_h: Floats, desired_b_from_h: Floats) -> Floats:
+    """Return the vector part of the turn from the desired to the actual attitude, the short way round.
+
+    The error quaternion has ``C(q_e) = C(q) C(q*)^T``, that is ``q_e = conj(q*) q``, and is negated where its
+    scalar part is negative.
+
+    Parameters
+    ----------
+    quaternion_b_from_h, desired_b_from_h : array, shape (4,)
+        Actual attitude q and desired attitude q*, Hill to body.
+
+    Returns
+    -------
+    array, shape (3,)
+        Body components.
+    """
+    error = product(conjugate(desired_b_from_h), quaternion_b_from_h)
+    if error[3] < 0.0:
+        return -error[:3]
+    return error[:3]
+
+
+@njit(cache=True)
+def derivative(quaternion_b_from_h: Floats, angular_velocity_b: Floats) -> Floats:
+    """Return the time derivative of an attitude.
+
+    ``q_v' = -1/2 [w x] q_v + 1/2 q4 w`` and ``q4' = -1/2 w . q_v`` (Choi, Kim and Leeghim, AAS 25-727).
+
+    Parameters
+    ----------
+    quaternion_b_from_h : array, shape (4,)
+    angular_velocity_b : array, shape (3,)
+        Of the body relative to the frame it is measured from, rad/s, body axes.
+
+    Returns
+    -------
+    array, shape (4,)
+        In 1/s.
+    """
+    q1, q2, q3, q4 = quaternion_b_from_h
+    w1, w2, w3 = angular_velocity_b
+    return np.array(
+        [
+            0.5 * (q4 * w1 - w2 * q3 + w3 * q2),
+            0.5 * (q4 * w2 - w3 * q1 + w1 * q3),
+            0.5 * (q4 * w3 - w1 * q2 + w2 * q1),
+            -0.5 * (w1 * q1 + w2 * q2 + w3 * q3),
+        ]
+    )

@@ -1,0 +1,217 @@
+"""How rigid bodies turn: the deputy relative to a turning reference, and a chief that tumbles freely.
+
+The relative equation is that of Choi, Kim and Leeghim, AAS 25-727 (after Li and others, 2018)::
+
+    J w' - A w - h = tau
+    A = -J [(C w_c)x] - [(C w_c)x] J + [J (w + C w_c)]x
+    h = -[(C w_c)x] J C w_c - J C w_c'
+
+with w the rate of the deputy relative to the reference in body axes, w_c the reference's inertial rate in its
+own axes, w_c' the derivative of those components, and C the matrix from reference to body axes.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
+from pipeline.physics.vectors import cross, cross_matrix, times
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True)
+def relative_coefficients(
+    inertia: Floats,
+    dcm: Floats,
+    angular_velocity_b: Floats,
+    reference_rate: Floats,
+    reference_acceleration: Floats,
+) -> tuple[Floats, Floats]:
+    """Return A and h of the relative equation as the paper writes them.
+
+    Parameters
+    ----------
+    inertia : array, shape (3, 3)
+        Of the deputy, kg m^2, body axes.
+    dcm : array, shape (3, 3)
+        From reference to body axes, C.
+    angular_velocity_b : array, shape (3,)
+        Of the deputy relative to the reference, rad/s, body axes.
+    reference_rate, reference_acceleration : array, shape (3,)
+        Inertial rate of the reference (rad/s) and its derivative (rad/s^2), reference axes.
+
+    Returns
+    -------
+    A : array, shape (3, 3)
+        In N m s.
+    h : array, shape (3,)
+        In N m.
+    """
+    carried = times(dcm, reference_rate)
+    spin = cross_matrix(carried)
+    momentum = times(inertia, angular_velocity_b + carried)
+    a = -inertia @ spin - spin @ inertia + cross_matrix(momentum)
+    h = -cross(carried, times(inertia, carried)) - times(inertia, times(dcm, reference_acceleration))
+    return a, h
+
+
+@njit(cache=True)
+def relative_angular_acceleration(
+    inertia: Floats,
+    inverse_inertia: Floats,
+    dcm: Floats,
+    angular_velocity_b: Floats,
+    reference_rate: Floats,
+    reference_acceleration: Floats,
+    torque_b: Floats,
+) -> Floats:
+    """Return ``J^-1 (A w + h + tau)``, the products of A and h multiplied out.
+
+    Parameters
+    ----------
+    inertia, inverse_inertia : array, shape (3, 3)
+        Of the deputy, kg m^2 and its inverse, body axes.
+    dcm : array, shape (3, 3)
+        From reference to body axes, C.
+    angular_velocity_b : array, shape (3,)
+        Of the deputy relative to the reference, rad/s, body axes.
+    reference_rate, reference_acceleration : array, shape (3,)
+        Inertial rate of the reference (rad/s) and its derivative (rad/s^2), reference axes.
+    torque_b : array, shape (3,)
+        N m, body axes.
+
+    Returns
+    -------
+    array, shape (3,)
+        Derivative of the components of `angular_velocity_b`, rad/s^2.
+    """
+    carried = times(dcm, reference_rate)
+    inertial = angular_velocity_b + carried
+    gyroscopic = cross(inertial, times(inertia, inertial))
+    transport = cross(angular_velocity_b, carried) - times(dcm, reference_acceleration)
+    return times(inverse_inertia, torque_b - gyroscopic) + transport
+
+
+@njit(cache=True)
+def relative_attitude_step(
+    quaternion_b_from_h: Floats,
+    angular_velocity_b: Floats,
+    inertia: Floats,
+    inverse_inertia: Floats,
+    torque_b: Floats,
+    reference_rate: Floats,
+    duration: float,
+) -> tuple[Floats, Floats]:
+    """Turn the deputy by one step of the classical fourth-order Runge-Kutta method.
+
+    Parameters
+    ----------
+    quaternion_b_from_h : array, shape (4,)
+    angular_velocity_b : array, shape (3,)
+        Relative to Hill, rad/s, body axes.
+    inertia, inverse_inertia : array, shape (3, 3)
+        Of the deputy, kg m^2 and its inverse, body axes.
+    torque_b : array, shape (3,)
+        Held over the step, N m, body axes.
+    reference_rate : array, shape (3,)
+        Inertial rate of Hill, constant, rad/s, Hill axes.
+    duration : float
+        Length of the step, s.
+
+    Returns
+    -------
+    quaternion_b_from_h : array, shape (4,)
+        Normalised.
+    angular_velocity_b : array, shape (3,)
+    """
+    steady = np.zeros(3)
+    q = quaternion_b_from_h
+    w = angular_velocity_b
+    q_total = np.zeros(4)
+    w_total = np.zeros(3)
+    for stage in range(4):
+        q_rate = derivative(q, w)
+        w_rate = relative_angular_acceleration(
+            inertia, inverse_inertia, dcm_b_from_h(q), w, reference_rate, steady, torque_b
+        )
+        weight = 1.0 if stage in (0, 3) else 2.0
+        q_total += weight * q_rate
+        w_total += weight * w_rate
+        reach = duration if stage == 2 else 0.5 * duration
+        q = quaternion_b_from_h + reach * q_rate
+        w = angular_velocity_b + reach * w_rate
+    turned = normalised(quaternion_b_from_h + (duration / 6.0) * q_total)
+    return turned, angular_velocity_b + (duration / 6.0) * w_total
+
+
+@njit(cache=True)
+def euler_angular_acceleration(
+    inertia: Floats, inverse_inertia: Floats, inertial_rate: Floats, torque: Floats
+) -> Floats:
+    """Return ``J^-1 (tau - w x J w)``, Euler's equation.
+
+    Parameters
+    ----------
+    inertia, inverse_inertia : array, shape (3, 3)
+        kg m^2 and its inverse, body axes.
+    inertial_rate : array, shape (3,)
+        rad/s, body axes.
+    torque : array, shape (3,)
+        N m, body axes.
+
+    Returns
+    -------
+    array, shape (3,)
+        rad/s^2.
+    """
+    return times(inverse_inertia, torque - cross(inertial_rate, times(inertia, inertial_rate)))
+
+
+@njit(cache=True)
+def tumbling_step(
+    quaternion_c_from_h: Floats,
+    inertial_rate_c: Floats,
+    inertia: Floats,
+    inverse_inertia: Floats,
+    mean_motion: float,
+    duration: float,
+) -> tuple[Floats, Floats]:
+    """Turn a torque-free chief by one step of the classical fourth-order Runge-Kutta method.
+
+    Parameters
+    ----------
+    quaternion_c_from_h : array, shape (4,)
+        From Hill to chief axes.
+    inertial_rate_c : array, shape (3,)
+        Inertial rate of the chief, rad/s, chief axes.
+    inertia, inverse_inertia : array, shape (3, 3)
+        Of the chief, kg m^2 and its inverse, chief axes.
+    mean_motion : float
+        The rate at which Hill turns about k, rad/s.
+    duration : float
+        Length of the step, s.
+
+    Returns
+    -------
+    quaternion_c_from_h : array, shape (4,)
+        Normalised.
+    inertial_rate_c : array, shape (3,)
+    """
+    hill_rate = np.array([0.0, 0.0, mean_motion])
+    free = np.zeros(3)
+    q = quaternion_c_from_h
+    w = inertial_rate_c
+    q_total = np.zeros(4)
+    w_total = np.zeros(3)
+    for stage in range(4):
+        q_rate = derivative(q, w - times(dcm_b_from_h(q), hill_rate))
+        w_rate = euler_angular_acceleration(inertia, inverse_inertia, w, free)
+        weight = 1.0 if stage in (0, 3) else 2.0
+        q_total += weight * q_rate
+        w_total += weight * w_rate
+        reach = duration if stage == 2 else 0.5 * duration
+        q = quaternion_c_from_h + reach * q_rate
+        w = inertial_rate_c + reach * w_rate
+    turned = normalised(quaternion_c_from_h + (duration / 6.0) * q_total)
+    return turned, inertial_rate_c + (duration / 6.0) * w_total

@@ -1,0 +1,69 @@
+"""Products of three-vectors and 3x3 matrices, spelled out: a BLAS call would cost more than the work."""
+
+from math import sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True)
+def dot(a: Floats, b: Floats) -> float:
+    """Return the scalar product of two vectors of shape (3,)."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@njit(cache=True)
+def norm(a: Floats) -> float:
+    """Return the length of a vector of shape (3,)."""
+    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@njit(cache=True)
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return the vector product of two vectors of shape (3,)."""
+    return np.array(
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    )
+
+
+@njit(cache=True)
+def cross_matrix(a: Floats) -> Floats:
+    """Return the skew-symmetric matrix of `a`, so that ``cross_matrix(a) @ b`` is a x b; shape (3, 3)."""
+    return np.array(
+        [
+            [0.0, -a[2], a[1]],
+            [a[2], 0.0, -a[0]],
+            [-a[1], a[0], 0.0],
+        ]
+    )
+
+
+@njit(cache=True)
+def times(matrix: Floats, a: Floats) -> Floats:
+    """Return ``matrix @ a`` for shapes (3, 3) and (3,)."""
+    return np.array(
+        [
+            matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
+            matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
+            matrix[2, 0] * a[0] + matrix[2, 1] * a[1] + matrix[2, 2] * a[2],
+        ]
+    )
+
+
+@njit(cache=True)
+def transposed_times(matrix: Floats, a: Floats) -> Floats:
+    """Return ``matrix.T @ a`` for shapes (3, 3) and (3,): the way back through a direction cosine matrix."""
+    return np.array(
+        [
+            matrix[0, 0] * a[0] + matrix[1, 0] * a[1] + matrix[2, 0] * a[2],
+            matrix[0, 1] * a[0] + matrix[1, 1] * a[1] + matrix[2, 1] * a[2],
+            matrix[0, 2] * a[0] + matrix[1, 2] * a[1] + matrix[2, 2] * a[2],
+        ]
+    )

@@ -1,0 +1,40 @@
+"""What the deputy's camera sees of the chief (Choi, Kim and Leeghim, AAS 25-727)."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.physics.vectors import dot, norm
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True)
+def is_in_view(
+    point_h: Floats, position_h: Floats, boresight_h: Floats, cos_half_angle: float, radius: float
+) -> bool:
+    """Tell whether a point faces the deputy and lies inside its field of view.
+
+    The first condition, ``p . r/(|p| |r|) >= d_c/|r|``, holds between the tangents from the deputy to the
+    sphere of points; the second is ``(p - r) . b/|p - r| >= cos(beta)``.
+
+    Parameters
+    ----------
+    point_h, position_h : array, shape (3,)
+        The point and the deputy, m, Hill axes.
+    boresight_h : array, shape (3,)
+        Unit vector along which the camera looks, Hill axes.
+    cos_half_angle : float
+        Cosine of the field of view's half angle, beta.
+    radius : float
+        Of the sphere of points, m.
+
+    Returns
+    -------
+    bool
+        Both ends of both conditions count as in view.
+    """
+    if dot(point_h, position_h) < radius * norm(point_h):
+        return False
+    line_of_sight = point_h - position_h
+    return bool(dot(line_of_sight, boresight_h) >= cos_half_angle * norm(line_of_sight))
