@@ -99,3 +99,38 @@ class Mission:
     def num_attitude_steps(self) -> int:
         """Attitude periods in a control period."""
         return round(self.control_period_s / self.attitude_period_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoding:
+    """What a gene may say: bounds of decoded parameters; standard deviations are fractions of a universe."""
+
+    output_range_n: tuple[float, float]
+    standard_deviation_fraction: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Penalty:
+    """Weights of the fitness besides delta-v, m/s: outside the limits, each point short of 95, of 99."""
+
+    c_d: float
+    c_95: float
+    c_99: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimizer:
+    """The genetic algorithm; the crossover rate counts the `whole` population or the `rest` but the elite."""
+
+    population_size: int
+    generations: int
+    tournament_size: int
+    crossover_rate: float
+    elitism_rate: float
+    split: Literal["whole", "rest"]
+    stall_generations: int | None
+    rounds: int
+    encoding: Encoding
+    penalty: Penalty
+    #: threads that fly episodes; None is one for each processor
+    workers: int | None
