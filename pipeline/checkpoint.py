@@ -136,7 +136,7 @@ def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
         If the file is damaged, of another version, or its fingerprint differs.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             note = json.loads(arrays["note"].tobytes())
             genomes, fitness, parts, champions = (
                 arrays[name] for name in ("genomes", "fitness", "parts", "champions")

@@ -1,0 +1,38 @@
+"""Small evolutions for the tests."""
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.settings import Encoding, Optimizer, Penalty
+
+
+def optimizer(**changes: Any) -> Optimizer:
+    """The paper's rates at a size that runs in a moment."""
+    values: dict[str, Any] = {
+        "population_size": 40,
+        "generations": 30,
+        "tournament_size": 4,
+        "crossover_rate": 0.8,
+        "elitism_rate": 0.1,
+        "split": "whole",
+        "stall_generations": None,
+        "rounds": 1,
+        "encoding": Encoding(output_range_n=(0.01, 0.3), standard_deviation_fraction=(0.03, 0.3)),
+        "penalty": Penalty(c_d=100.0, c_95=10.0, c_99=0.1),
+        "workers": 1,
+    }
+    return Optimizer(**(values | changes))
+
+
+class Sphere:
+    """Squared distance from a point, with a count of what was asked."""
+
+    def __init__(self, centre: float = 0.3) -> None:
+        self.centre = centre
+        self.batches: list[np.ndarray] = []
+
+    def __call__(self, genomes: np.ndarray) -> dict[str, np.ndarray]:
+        self.batches.append(genomes.copy())
+        squares = (genomes - self.centre) ** 2
+        return {"fitness": squares.sum(axis=1), "first": squares[:, 0], "others": squares[:, 1:].sum(axis=1)}
