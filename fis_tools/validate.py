@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -32,7 +33,7 @@ from fis_tools.model import (
 MAX_NESTING = 20
 
 
-class InvalidSystem(ValueError):
+class InvalidSystem(ValueError):  # noqa: N818
     """A fuzzy system or controller that cannot be used; the message lists every problem."""
 
 
@@ -59,6 +60,8 @@ def controller_problems(controller: FuzzyController) -> list[str]:
     if not controller.systems:
         found.append(f"controller {controller.name!r} has no systems; give it at least one")
     found += _duplicates(f"controller {controller.name!r}", "systems", (s.name for s in controller.systems))
+    for kind, facts in (("attributes", controller.attributes), ("provenance", controller.provenance)):
+        found += _duplicates(f"controller {controller.name!r}", kind, (key for key, _ in facts))
     for system in controller.systems:
         found += problems(system)
     return found
@@ -140,7 +143,7 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
         yield f"{len(points)} points are given but num_points is {variable.num_points}; make them equal"
     if not all(math.isfinite(point) for point in points):
         yield "a point of the universe is not finite; give finite numbers"
-    elif any(left >= right for left, right in zip(points, points[1:], strict=False)):
+    elif any(left >= right for left, right in pairwise(points)):
         yield "the points of the universe do not ascend; sort them and drop repeated ones"
     elif points and (points[0], points[-1]) != (low, high):
         yield (
