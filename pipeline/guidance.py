@@ -1,12 +1,13 @@
 """Where to look next: one direction chosen from the points that are lit and not yet inspected.
 
-The paper (Choi, Kim and Leeghim, AAS 25-727) clusters these candidates and steers towards a cluster's centre. Two
-kinds are offered: the centroid of all candidates, and the centre nearest the deputy of ``ceil(m/10)`` clusters of
-m candidates, found by Lloyd's algorithm (S. Lloyd, IEEE Transactions on Information Theory 28(2), 1982).
+The paper (Choi, Kim and Leeghim, AAS 25-727) clusters these candidates and steers towards a cluster's
+centre. Two kinds are offered: the centroid of all candidates, and the centre nearest the deputy of
+``ceil(m/10)`` clusters of m candidates, found by Lloyd's algorithm (S. Lloyd, IEEE Transactions on
+Information Theory 28(2), 1982).
 
-`cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")`` move
-by move, relocation of empty clusters included, and `cluster_centres_sklearn` calls it: the twins agree to rounding
-unless two distances tie. Clusters are warm: each step starts from the centres of the step before.
+`cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")``
+move by move, relocation of empty clusters included, and `choose_cluster_sklearn` calls it: the twins agree to
+rounding unless two distances tie. Clusters are warm: each step starts from the centres of the step before.
 
 Compiled functions take candidates as an array of shape (3, P), one row an axis, of which the first
 `num_candidates` columns count; they allocate nothing but what they return.
@@ -110,9 +111,9 @@ def start_centres(
 ) -> int:
     """Fill up the centres that clustering starts from, in place.
 
-    The first ``ceil(m/10)`` centres of the last step stay. Each missing one starts at the candidate farthest from
-    all centres so far (the very first: nearest the deputy; among equals the lowest index), moved towards the
-    deputy by `CENTRE_SHIFT_M`.
+    The first ``ceil(m/10)`` centres of the last step stay. Each missing one starts at the candidate farthest
+    from all centres so far (the very first: nearest the deputy; among equals the lowest index), moved towards
+    the deputy by `CENTRE_SHIFT_M`.
 
     Parameters
     ----------
@@ -176,6 +177,22 @@ def _is_same(labels: Integers, labels_before: Integers, num_candidates: int) -> 
 
 
 @njit(cache=True)
+def _sum_up(candidates: Floats, num_candidates: int, labels: Integers, sums: Floats, wanted: int) -> bool:
+    """Sum the coordinates of each cluster and count it, in place, and tell whether one is empty."""
+    sums[:wanted] = 0.0
+    for i in range(num_candidates):
+        j = labels[i]
+        sums[j, 0] += candidates[0, i]
+        sums[j, 1] += candidates[1, i]
+        sums[j, 2] += candidates[2, i]
+        sums[j, 3] += 1.0
+    has_empty = False
+    for j in range(wanted):
+        has_empty |= sums[j, 3] == 0.0
+    return has_empty
+
+
+@njit(cache=True)
 def _relocate_empty_clusters(
     candidates: Floats, num_candidates: int, labels: Integers, distances: Floats, sums: Floats, wanted: int
 ) -> None:
@@ -207,8 +224,8 @@ def _average(
 ) -> None:
     """Put each centre at the mean of its cluster, in place.
 
-    scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if it comes earlier,
-    at its sum, taken from the mean of all candidates, if it comes later.
+    scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if it comes
+    earlier, at its sum, taken from the mean of all candidates, if it comes later.
     """
     for j in range(wanted):
         if sums[j, 3] > 0.0:
@@ -245,8 +262,8 @@ def cluster_centres(
 ) -> int:
     """Cluster the candidates, starting from the last step's centres.
 
-    Where the candidates are those of the last step, the centres stay as they are: a caller that knows may skip
-    the call.
+    Where the candidates are those of the last step, the centres stay as they are, to the last bit: a caller
+    that knows may skip the call.
 
     Parameters
     ----------
@@ -273,13 +290,13 @@ def cluster_centres(
         The number of centres, ``ceil(m/10)``.
     """
     wanted = num_clusters(num_candidates)
-    if wanted <= 1:  # one cluster is the mean, wherever it starts
-        for axis in range(3 if wanted else 0):
-            total = 0.0
-            for i in range(num_candidates):
-                total += candidates[axis, i]
-            centres[0, axis] = total / num_candidates
-        return wanted
+    if wanted == 0:
+        return 0
+    if wanted == 1:  # the mean, wherever it starts
+        labels[0, :num_candidates] = 0
+        _sum_up(candidates, num_candidates, labels[0], sums, 1)
+        _average(candidates, num_candidates, sums, centres, 1, False)
+        return 1
     start_centres(candidates, num_candidates, position_h, centres, num_centres, labels[0], distances)
     for iteration in range(MAX_ITERATIONS):
         now = labels[iteration % 2]
@@ -287,16 +304,7 @@ def cluster_centres(
         _assign(candidates, num_candidates, centres, 0, wanted, now, distances)
         if iteration > 0 and _is_same(now, labels[1 - iteration % 2], num_candidates):
             break
-        sums[:wanted] = 0.0
-        for i in range(num_candidates):
-            j = now[i]
-            sums[j, 0] += candidates[0, i]
-            sums[j, 1] += candidates[1, i]
-            sums[j, 2] += candidates[2, i]
-            sums[j, 3] += 1.0
-        has_empty = False
-        for j in range(wanted):
-            has_empty |= sums[j, 3] == 0.0
+        has_empty = _sum_up(candidates, num_candidates, now, sums, wanted)
         if has_empty:
             _relocate_empty_clusters(candidates, num_candidates, now, distances, sums, wanted)
         _average(candidates, num_candidates, sums, centres, wanted, has_empty)
@@ -377,7 +385,8 @@ def choose_cluster(
         memory.distances,
         memory.sums,
     )
-    return memory.centres[nearest_centre(memory.centres, memory.num_centres[0], position_h)].copy()
+    target: Floats = memory.centres[nearest_centre(memory.centres, memory.num_centres[0], position_h)].copy()
+    return target
 
 
 def choose_cluster_sklearn(
@@ -405,7 +414,8 @@ def choose_cluster_sklearn(
     ).fit(candidates[:, :num_candidates].T)
     memory.centres[:wanted] = fitted.cluster_centers_
     memory.num_centres[0] = wanted
-    return memory.centres[nearest_centre(memory.centres, wanted, position_h)].copy()
+    target: Floats = memory.centres[nearest_centre(memory.centres, wanted, position_h)].copy()
+    return target
 
 
 @njit(cache=True)
