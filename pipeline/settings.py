@@ -1,10 +1,41 @@
 """What an experiment is made of, as frozen data: every key of `conf/`, checked when it is built.
 
-Keys carry their units; degrees appear only in keys that end in ``_deg``.
+Keys carry their units; degrees appear only in keys that end in ``_deg``. A setting that cannot be is refused
+with a `SettingError`.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from pipeline import checks
+from pipeline.checks import SettingError
+
+__all__ = [
+    "STAGES",
+    "Attitude",
+    "Chief",
+    "Deputy",
+    "Encoding",
+    "Experiment",
+    "Guidance",
+    "Mission",
+    "MonteCarlo",
+    "Optimizer",
+    "Orbit",
+    "Penalty",
+    "Report",
+    "Sensor",
+    "SettingError",
+    "Starts",
+    "Sun",
+    "Telemetry",
+]
+
+#: in the order in which they run: each reads what those before it have written
+STAGES = ("scenario", "train", "evaluate", "record", "report")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,6 +43,10 @@ class Orbit:
     """The chief's circular orbit."""
 
     mean_motion_rad_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse an orbit that does not go round."""
+        checks.positive("orbit.mean_motion_rad_s", self.mean_motion_rad_s, "rad/s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +62,24 @@ class Deputy:
     min_distance_m: float
     max_distance_m: float
 
+    def __post_init__(self) -> None:
+        """Refuse bodies and limits that cannot be."""
+        checks.positive("deputy.mass_kg", self.mass_kg, "kg")
+        checks.inertia("deputy.inertia_kg_m2", self.inertia_kg_m2)
+        checks.vector("deputy.initial_position_m", self.initial_position_m, "m")
+        checks.vector("deputy.initial_velocity_m_s", self.initial_velocity_m_s, "m/s")
+        checks.positive("deputy.max_force_n", self.max_force_n, "N")
+        checks.positive("deputy.max_torque_n_m", self.max_torque_n_m, "N m")
+        checks.within("deputy.min_distance_m", self.min_distance_m, 0.0, math.inf, "m")
+        checks.ascending(
+            "deputy.min_distance_m", self.min_distance_m, "deputy.max_distance_m", self.max_distance_m, "m"
+        )
+        if not math.hypot(*self.initial_position_m) > 1e-6:
+            raise SettingError(
+                f"deputy.initial_position_m is {list(self.initial_position_m)}, the chief's own place, "
+                "from where there is no line of sight to it; start at a distance from it"
+            )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Chief:
@@ -39,6 +92,16 @@ class Chief:
     num_points: int
     placement: Literal["deserno", "fibonacci"]
 
+    def __post_init__(self) -> None:
+        """Refuse bodies and points that cannot be."""
+        checks.inertia("chief.inertia_kg_m2", self.inertia_kg_m2)
+        if self.initial_angular_velocity_rad_s is not None:
+            checks.vector(
+                "chief.initial_angular_velocity_rad_s", self.initial_angular_velocity_rad_s, "rad/s"
+            )
+        checks.positive("chief.inspection_radius_m", self.inspection_radius_m, "m")
+        checks.count("chief.num_points", self.num_points, 1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
@@ -47,13 +110,23 @@ class Sensor:
     half_angle_deg: float
     boresight: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        """Refuse a camera that sees nothing or looks nowhere."""
+        checks.positive("sensor.half_angle_deg", self.half_angle_deg, "deg")
+        checks.within("sensor.half_angle_deg", self.half_angle_deg, 0.0, 180.0, "deg")
+        checks.unit_vector("sensor.boresight", self.boresight)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sun:
-    """Where the Sun starts: the same angle for every case, or one drawn for each."""
+    """Where the Sun starts: one angle for every case, one drawn for each, or both by turns."""
 
     mode: Literal["fixed", "random", "mixed"]
     angle_deg: float
+
+    def __post_init__(self) -> None:
+        """Refuse an angle that is no number."""
+        checks.number("sun.angle_deg", self.angle_deg, "degrees")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +137,11 @@ class Attitude:
     proportional_gain: float
     derivative_gain: float
     pole_blending: bool
+
+    def __post_init__(self) -> None:
+        """Refuse gains that do not bring the deputy back."""
+        checks.positive("attitude.proportional_gain", self.proportional_gain, "N m")
+        checks.positive("attitude.derivative_gain", self.derivative_gain, "N m s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +168,12 @@ class Mission:
     coast_when_complete: bool
     inspection_threshold_percent: float
 
+    def __post_init__(self) -> None:
+        """Refuse clocks that do not fit into one another."""
+        checks.divides("attitude_period_s", self.attitude_period_s, "control_period_s", self.control_period_s)
+        checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
+        checks.within("inspection_threshold_percent", self.inspection_threshold_percent, 0.0, 100.0, "%")
+
     @property
     def num_controls(self) -> int:
         """Control periods in the flight; the state is sampled at one instant more."""
@@ -102,11 +186,49 @@ class Mission:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Encoding:
-    """What a gene may say: bounds of decoded parameters; standard deviations are fractions of a universe."""
+class Starts:
+    """Where training flights start, always at rest: the eight octants' diagonals, or drawn in a shell."""
 
-    output_range_n: tuple[float, float]
-    standard_deviation_fraction: tuple[float, float]
+    kind: Literal["octants", "random"]
+    #: training scenarios; the octants are eight
+    num_cases: int
+    #: distance from the chief; equal for the octants
+    min_distance_m: float
+    max_distance_m: float
+    #: whether each round of training draws its own
+    redraw: bool
+
+    def __post_init__(self) -> None:
+        """Refuse training without scenarios and shells that are inside out."""
+        checks.count("starts.num_cases", self.num_cases, 1, "; without scenarios nothing can be trained")
+        _check_shell("starts", self.min_distance_m, self.max_distance_m)
+        if self.kind == "octants" and (self.num_cases != 8 or self.min_distance_m != self.max_distance_m):
+            raise SettingError(
+                f"starts.kind is octants with {self.num_cases} cases from {self.min_distance_m} to "
+                f"{self.max_distance_m} m; octants are eight starts at one distance: set "
+                "starts.num_cases=8 and equal distances, or choose starts=random"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoding:
+    """How far genes can move what they tune."""
+
+    #: width of the window of an inner mean, a fraction of the spacing of evenly spaced terms
+    mean_window: float
+    #: least and greatest, as fractions of the width of a variable's range
+    standard_deviation_fraction: tuple[float, ...]
+    #: least and greatest half-width of the output's range
+    output_range_n: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse bounds between which there is nothing."""
+        checks.positive("optimizer.encoding.mean_window", self.mean_window)
+        checks.within("optimizer.encoding.mean_window", self.mean_window, 0.0, 0.99)
+        checks.bounds(
+            "optimizer.encoding.standard_deviation_fraction", self.standard_deviation_fraction, 0.0, 1.0
+        )
+        checks.bounds("optimizer.encoding.output_range_n", self.output_range_n, 0.0, math.inf, "N")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +238,11 @@ class Penalty:
     c_d: float
     c_95: float
     c_99: float
+
+    def __post_init__(self) -> None:
+        """Refuse penalties that reward."""
+        for name in ("c_d", "c_95", "c_99"):
+            checks.within(f"optimizer.penalty.{name}", getattr(self, name), 0.0, math.inf, "m/s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,3 +261,167 @@ class Optimizer:
     penalty: Penalty
     #: threads that fly episodes; None is one for each processor
     workers: int | None
+
+    def __post_init__(self) -> None:
+        """Refuse populations that cannot breed."""
+        checks.count("optimizer.population_size", self.population_size, 2)
+        checks.count("optimizer.generations", self.generations, 1)
+        checks.count("optimizer.tournament_size", self.tournament_size, 1)
+        checks.within("optimizer.crossover_rate", self.crossover_rate, 0.0, 1.0)
+        checks.within("optimizer.elitism_rate", self.elitism_rate, 0.0, 0.9)
+        checks.count("optimizer.rounds", self.rounds, 1)
+        if self.stall_generations is not None:
+            checks.count("optimizer.stall_generations", self.stall_generations, 1, ", or null for none")
+        _check_workers("optimizer.workers", self.workers)
+        if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
+            raise SettingError(
+                f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
+                f"{self.elitism_rate}, together more than the whole population; lower one of them, or choose "
+                "optimizer.split=rest"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonteCarlo:
+    """The evaluation: flights from random starts, isotropic and uniform in distance, at rest."""
+
+    num_cases: int
+    min_distance_m: float
+    max_distance_m: float
+    #: of the intervals in the summary
+    confidence_percent: float
+    #: threads that fly episodes; None is one for each processor
+    workers: int | None
+
+    def __post_init__(self) -> None:
+        """Refuse an evaluation without cases."""
+        checks.count(
+            "monte_carlo.num_cases", self.num_cases, 1, "; without scenarios there is nothing to fly"
+        )
+        _check_shell("monte_carlo", self.min_distance_m, self.max_distance_m)
+        checks.within("monte_carlo.confidence_percent", self.confidence_percent, 50.0, 99.99, "%")
+        _check_workers("monte_carlo.workers", self.workers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telemetry:
+    """Which flights are recorded, and what the log calls near."""
+
+    #: the flights of the training scenarios
+    record_training: bool
+    #: of the evaluation: the worst, the median and the best
+    record_ranked: bool
+    #: the flight from `deputy.initial_position_m`
+    record_start: bool
+    #: the log warns when a distance limit is nearer than this
+    near_limit_m: float
+
+    def __post_init__(self) -> None:
+        """Refuse a margin that is none."""
+        checks.within("telemetry.near_limit_m", self.near_limit_m, 0.0, math.inf, "m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """How the report looks."""
+
+    title: str
+    #: of the PNG files
+    dots_per_inch: int
+    #: the training scenario whose force and torque are drawn, from 0
+    training_case: int
+
+    def __post_init__(self) -> None:
+        """Refuse pictures nobody can see."""
+        checks.count("report.dots_per_inch", self.dots_per_inch, 20)
+        checks.count("report.training_case", self.training_case, 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """Everything a run depends on.
+
+    Parameters
+    ----------
+    name : str
+        Names the run's folder.
+    seed : int
+        Of everything random.
+    stages : tuple of str
+        What is done, in order.
+    mission, sun, starts, optimizer, monte_carlo, telemetry, report
+        The groups of the configuration.
+    controller : mapping
+        As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
+        file, ``{kind: open_loop, path: ...}`` of a force table, or ``{kind: coast}``.
+    resume : bool
+        Whether to go on from a checkpoint in the run's folder; no part of the configuration.
+    """
+
+    name: str
+    seed: int
+    stages: tuple[str, ...]
+    mission: Mission
+    sun: Sun
+    starts: Starts
+    optimizer: Optimizer
+    monte_carlo: MonteCarlo
+    telemetry: Telemetry
+    report: Report
+    controller: Mapping[str, Any] = field(hash=False)
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what does not fit together."""
+        checks.count("seed", self.seed, 0)
+        if not re.fullmatch(r"[A-Za-z0-9_.-]+", self.name):
+            raise SettingError(
+                f"name is {self.name!r}; it names a folder: use letters, digits, '_', '-' and '.' only"
+            )
+        self._check_stages()
+        limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
+        for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
+            for key in ("min_distance_m", "max_distance_m"):
+                value = getattr(shell, key)
+                if not limits[0] <= value <= limits[1]:
+                    raise SettingError(
+                        f"{group}.{key} is {value}, outside the limits of the flight; it must be from "
+                        f"deputy.min_distance_m={limits[0]:g} to deputy.max_distance_m={limits[1]:g} (m)"
+                    )
+        if self.report.training_case >= self.starts.num_cases:
+            raise SettingError(
+                f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "
+                f"training scenarios; choose one from 0 to {self.starts.num_cases - 1}"
+            )
+
+    def _check_stages(self) -> None:
+        if not self.stages:
+            raise SettingError(f"stages is empty; name at least one of {', '.join(STAGES)}")
+        for stage in self.stages:
+            if stage not in STAGES:
+                raise SettingError(f"stages has {stage!r}; the stages are {', '.join(STAGES)}")
+        if list(self.stages) != sorted(set(self.stages), key=STAGES.index):
+            raise SettingError(
+                f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
+                f"once in the order {', '.join(STAGES)}"
+            )
+        if "train" in self.stages and "kind" in self.controller:
+            raise SettingError(
+                f"stages has train, but a controller of kind {self.controller['kind']} has nothing to train; "
+                "drop the stage or choose a fuzzy controller"
+            )
+
+
+def _check_shell(group: str, low: float, high: float) -> None:
+    checks.positive(f"{group}.min_distance_m", low, "m")
+    checks.number(f"{group}.max_distance_m", high, "metres")
+    if not low <= high:
+        raise SettingError(
+            f"{group}.min_distance_m is {low} and {group}.max_distance_m is {high}; the first must not be "
+            "greater than the second (m)"
+        )
+
+
+def _check_workers(key: str, workers: int | None) -> None:
+    if workers is not None:
+        checks.count(key, workers, 1, ", or null for one a processor")

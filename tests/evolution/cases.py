@@ -18,7 +18,9 @@ def optimizer(**changes: Any) -> Optimizer:
         "split": "whole",
         "stall_generations": None,
         "rounds": 1,
-        "encoding": Encoding(output_range_n=(0.01, 0.3), standard_deviation_fraction=(0.03, 0.3)),
+        "encoding": Encoding(
+            mean_window=0.9, standard_deviation_fraction=(0.04, 0.3), output_range_n=(0.01, 0.3)
+        ),
         "penalty": Penalty(c_d=100.0, c_95=10.0, c_99=0.1),
         "workers": 1,
     }
