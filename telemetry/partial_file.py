@@ -1,0 +1,69 @@
+"""A file under construction, which gets its name only when it is complete and safely on disk."""
+
+import os
+from contextlib import suppress
+from io import BufferedWriter
+from pathlib import Path
+from typing import Final
+
+PARTIAL_SUFFIX: Final = ".partial"
+
+
+class PartialFile:
+    """A binary file called ``<path>.partial`` until it is committed; an earlier attempt is replaced.
+
+    Parameters
+    ----------
+    path : Path
+        The name to be.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.partial_path = path.with_name(path.name + PARTIAL_SUFFIX)
+        self.stream = open_stream(self.partial_path)
+
+    def commit(self) -> None:
+        """Bring the file to disk and give it its name, in place of a file that has it.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses; the file under construction is then left as it is.
+        """
+        try:
+            self.stream.flush()
+            os.fsync(self.stream.fileno())
+        except OSError:
+            self.abandon()
+            raise
+        self.stream.close()
+        self.partial_path.replace(self.path)
+        _sync_folder(self.path.parent)
+
+    def abandon(self) -> None:
+        """Close the file and leave it under its provisional name."""
+        # closing writes what is buffered; the error worth reporting is the one that came first
+        with suppress(OSError):
+            self.stream.close()
+
+
+def open_stream(path: Path) -> BufferedWriter:
+    """Open a file for writing."""
+    return path.open("wb")
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename survive a power cut, where folders can be opened (not on Windows)."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,77 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable
+from typing import ClassVar as _ClassVar, Optional as _Optional
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class DeputyState(_message.Message):
+    __slots__ = ("position_m", "velocity_m_s", "quaternion", "angular_velocity_rad_s")
+    POSITION_M_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_M_S_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    ANGULAR_VELOCITY_RAD_S_FIELD_NUMBER: _ClassVar[int]
+    position_m: _containers.RepeatedScalarFieldContainer[float]
+    velocity_m_s: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    angular_velocity_rad_s: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, position_m: _Optional[_Iterable[float]] = ..., velocity_m_s: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., angular_velocity_rad_s: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class AttitudeHistory(_message.Message):
+    __slots__ = ("time_offset_s", "quaternion", "angular_velocity_rad_s", "torque_n_m")
+    TIME_OFFSET_S_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    ANGULAR_VELOCITY_RAD_S_FIELD_NUMBER: _ClassVar[int]
+    TORQUE_N_M_FIELD_NUMBER: _ClassVar[int]
+    time_offset_s: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    angular_velocity_rad_s: _containers.RepeatedScalarFieldContainer[float]
+    torque_n_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, time_offset_s: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., angular_velocity_rad_s: _Optional[_Iterable[float]] = ..., torque_n_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Control(_message.Message):
+    __slots__ = ("force_body_n", "force_hill_n")
+    FORCE_BODY_N_FIELD_NUMBER: _ClassVar[int]
+    FORCE_HILL_N_FIELD_NUMBER: _ClassVar[int]
+    force_body_n: _containers.RepeatedScalarFieldContainer[float]
+    force_hill_n: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Guidance(_message.Message):
+    __slots__ = ("num_candidates", "target_direction", "lambda_u_rad", "eta_u_rad")
+    NUM_CANDIDATES_FIELD_NUMBER: _ClassVar[int]
+    TARGET_DIRECTION_FIELD_NUMBER: _ClassVar[int]
+    LAMBDA_U_RAD_FIELD_NUMBER: _ClassVar[int]
+    ETA_U_RAD_FIELD_NUMBER: _ClassVar[int]
+    num_candidates: int
+    target_direction: _containers.RepeatedScalarFieldContainer[float]
+    lambda_u_rad: float
+    eta_u_rad: float
+    def __init__(self, num_candidates: _Optional[int] = ..., target_direction: _Optional[_Iterable[float]] = ..., lambda_u_rad: _Optional[float] = ..., eta_u_rad: _Optional[float] = ...) -> None: ...
+
+class FisActivation(_message.Message):
+    __slots__ = ("inputs", "firing_strengths", "output_n")
+    INPUTS_FIELD_NUMBER: _ClassVar[int]
+    FIRING_STRENGTHS_FIELD_NUMBER: _ClassVar[int]
+    OUTPUT_N_FIELD_NUMBER: _ClassVar[int]
+    inputs: _containers.RepeatedScalarFieldContainer[float]
+    firing_strengths: _containers.RepeatedScalarFieldContainer[float]
+    output_n: float
+    def __init__(self, inputs: _Optional[_Iterable[float]] = ..., firing_strengths: _Optional[_Iterable[float]] = ..., output_n: _Optional[float] = ...) -> None: ...
+
+class MissionStatus(_message.Message):
+    __slots__ = ("sun_angle_rad", "distance_m", "inspected_count", "inspection_rate_percent", "delta_v_m_s", "inspected_mask")
+    SUN_ANGLE_RAD_FIELD_NUMBER: _ClassVar[int]
+    DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
+    INSPECTED_COUNT_FIELD_NUMBER: _ClassVar[int]
+    INSPECTION_RATE_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    DELTA_V_M_S_FIELD_NUMBER: _ClassVar[int]
+    INSPECTED_MASK_FIELD_NUMBER: _ClassVar[int]
+    sun_angle_rad: float
+    distance_m: float
+    inspected_count: int
+    inspection_rate_percent: float
+    delta_v_m_s: float
+    inspected_mask: bytes
+    def __init__(self, sun_angle_rad: _Optional[float] = ..., distance_m: _Optional[float] = ..., inspected_count: _Optional[int] = ..., inspection_rate_percent: _Optional[float] = ..., delta_v_m_s: _Optional[float] = ..., inspected_mask: _Optional[bytes] = ...) -> None: ...

@@ -1,0 +1,69 @@
+"""What a recording is made of: a constant for each topic, frame, colour and unit."""
+
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+TRANSFORMS: Final = "/tf"
+DEPUTY_POSE: Final = "/deputy/pose"
+CHIEF_POINTS: Final = "/chief/points"
+DEPUTY_STATE: Final = "/deputy/state"
+DEPUTY_ATTITUDE: Final = "/deputy/attitude"
+DEPUTY_CONTROL: Final = "/deputy/control"
+GUIDANCE: Final = "/guidance"
+MISSION: Final = "/mission"
+LOG: Final = "/log"
+FIS_PREFIX: Final = "/fis/"
+
+#: rerun's default 3D view looks at the frame of its root entity, which it calls by this name
+VIEWER_ROOT_FRAME: Final = "tf#/"
+HILL_FRAME: Final = "hill"
+DEPUTY_FRAME: Final = "deputy"
+CHIEF_FRAME: Final = "chief"
+
+EPISODE_METADATA: Final = "episode"
+FIS_METADATA_PREFIX: Final = "fis."
+RECOVERY_METADATA: Final = "recovery"
+
+
+class PointState(IntEnum):
+    """What has become of an inspection point; of several that apply, the highest counts."""
+
+    DARK = 0
+    LIT = 1
+    IN_VIEW_BUT_DARK = 2
+    INSPECTED = 3
+
+
+#: red, green, blue, alpha of each `PointState`; distinct to colour-blind eyes (after Okabe and Ito)
+POINT_COLOURS_RGBA: Final = np.array(
+    [(86, 88, 102, 255), (240, 228, 66, 255), (204, 121, 167, 255), (0, 190, 130, 255)], dtype=np.uint8
+)
+
+# longest first: "rate_rad_s" ends in "_s" as well
+_UNIT_OF_SUFFIX: Final = (
+    ("_percent", "%"),
+    ("_rad_s", "rad/s"),
+    ("_m_s", "m/s"),
+    ("_n_m", "N m"),
+    ("_rad", "rad"),
+    ("_deg", "deg"),
+    ("_kg", "kg"),
+    ("_m", "m"),
+    ("_n", "N"),
+    ("_s", "s"),
+)
+
+
+def fis_topic(name: str) -> str:
+    """Return the topic on which the fuzzy system called `name` is recorded."""
+    return FIS_PREFIX + name
+
+
+def unit_of(field: str) -> str:
+    """Return the unit that a field's name ends in, or the empty string where it has none."""
+    for suffix, unit in _UNIT_OF_SUFFIX:
+        if field.endswith(suffix):
+            return unit
+    return ""

@@ -1,0 +1,289 @@
+"""A flight in closed form, to have something true to record.
+
+The deputy circles the chief on a tilted circle of constant radius, its camera at the chief. The forces are
+those that Clohessy and Wiltshire's equations ask for on that circle, so every number fits every other.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from telemetry import EpisodeWriter
+from telemetry.metadata import EpisodeDescription, FisDescription
+from telemetry.topics import PointState
+
+Floats = NDArray[np.float64]
+
+MEAN_MOTION = 0.0011068
+CONTROL_PERIOD = 10.0
+MASS = 12.0
+NUM_POINTS = 99
+POINT_RADIUS = 10.0
+HALF_ANGLE = np.deg2rad(15.0)
+FIS_NAMES = ("f_x", "f_y", "f_z")
+WORDS = ("NL", "NS", "ZE", "PS", "PL")
+ATTITUDE_OFFSETS = np.arange(10.0)
+
+
+@dataclass(frozen=True)
+class SyntheticFlight:
+    time_s: Floats
+    position_m: Floats
+    velocity_m_s: Floats
+    quaternion: Floats
+    chief_quaternion: Floats
+    angular_velocity_rad_s: Floats
+    attitude_quaternion: Floats
+    attitude_rate_rad_s: Floats
+    torque_n_m: Floats
+    force_body_n: Floats
+    force_hill_n: Floats
+    points_m: Floats
+    states: NDArray[np.int64]
+    inspected: NDArray[np.bool_]
+    num_candidates: NDArray[np.int64]
+    target_direction: Floats
+    lambda_u_rad: Floats
+    eta_u_rad: Floats
+    fis_inputs: Floats
+    firing_strengths: Floats
+    fis_output_n: Floats
+    sun_angle_rad: Floats
+    delta_v_m_s: Floats
+
+    @property
+    def num_controls(self) -> int:
+        return len(self.time_s) - 1
+
+
+def fibonacci_sphere() -> Floats:
+    index = np.arange(NUM_POINTS) + 0.5
+    height = 1.0 - 2.0 * index / NUM_POINTS
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * index
+    ring = np.sqrt(1.0 - height**2)
+    return POINT_RADIUS * np.column_stack((ring * np.cos(angle), ring * np.sin(angle), height))
+
+
+def circle(time_s: Floats, radius: float, rate: float) -> tuple[Floats, Floats, Floats]:
+    """Position, velocity and acceleration on a circle tilted by 60 degrees, each of shape (N, 3)."""
+    first = np.array([0.5, 0.0, np.sqrt(3.0) / 2.0])
+    second = np.array([0.0, -1.0, 0.0])
+    cosine, sine = np.cos(rate * time_s)[:, None], np.sin(rate * time_s)[:, None]
+    position = radius * (cosine * first + sine * second)
+    velocity = radius * rate * (-sine * first + cosine * second)
+    return position, velocity, -(rate**2) * position
+
+
+def pointing_quaternions(position: Floats) -> Floats:
+    """Hill to body, scalar last, with the body's x axis along the position."""
+    x_axis = position / np.linalg.norm(position, axis=1, keepdims=True)
+    y_axis = np.cross([0.0, 0.0, 1.0], x_axis)
+    y_axis /= np.linalg.norm(y_axis, axis=1, keepdims=True)
+    z_axis = np.cross(x_axis, y_axis)
+    dcm = np.stack((x_axis, y_axis, z_axis), axis=1)
+    scalar = 0.5 * np.sqrt(np.maximum(1.0 + np.trace(dcm, axis1=1, axis2=2), 1e-12))
+    vector = np.column_stack(
+        (dcm[:, 1, 2] - dcm[:, 2, 1], dcm[:, 2, 0] - dcm[:, 0, 2], dcm[:, 0, 1] - dcm[:, 1, 0])
+    )
+    quaternion = np.column_stack((vector / (4.0 * scalar[:, None]), scalar))
+    return quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+
+
+def clohessy_wiltshire_force(position: Floats, velocity: Floats, acceleration: Floats) -> Floats:
+    n = MEAN_MOTION
+    natural = np.column_stack(
+        (
+            3 * n**2 * position[:, 0] + 2 * n * velocity[:, 1],
+            -2 * n * velocity[:, 0],
+            -(n**2) * position[:, 2],
+        )
+    )
+    return MASS * (acceleration - natural)
+
+
+def rotate_to_body(quaternion: Floats, vector: Floats) -> Floats:
+    """Turn Hill vectors into body axes, by Rodrigues' formula for the conjugate."""
+    axis, scalar = -quaternion[..., :3], quaternion[..., 3:]
+    twice = 2.0 * np.cross(axis, vector)
+    return vector + scalar * twice + np.cross(axis, twice)
+
+
+def inspect(
+    position: Floats, points: Floats, sun_angle: Floats
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    line = points[None] - position[:, None]
+    length = np.linalg.norm(line, axis=2)
+    boresight = -position / np.linalg.norm(position, axis=1, keepdims=True)
+    is_facing = np.einsum("kpi,pi->kp", line, points) < 0.0
+    is_in_cone = np.einsum("kpi,ki->kp", line, boresight) / length >= np.cos(HALF_ANGLE)
+    sun = np.column_stack((np.cos(sun_angle), np.sin(sun_angle), np.zeros_like(sun_angle)))
+    is_lit = sun @ points.T > 0.0
+    is_in_view = is_facing & is_in_cone
+    inspected = np.logical_or.accumulate(is_in_view & is_lit, axis=0)
+    states = np.where(
+        inspected,
+        PointState.INSPECTED,
+        np.where(
+            is_in_view & ~is_lit,
+            PointState.IN_VIEW_BUT_DARK,
+            np.where(is_lit, PointState.LIT, PointState.DARK),
+        ),
+    )
+    return states, inspected
+
+
+def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
+    time_s = CONTROL_PERIOD * np.arange(num_controls + 1.0)
+    rate = 2.0 * MEAN_MOTION
+    position, velocity, acceleration = circle(time_s, radius, rate)
+    quaternion = pointing_quaternions(position)
+    fine_time = (time_s[:-1, None] + ATTITUDE_OFFSETS).ravel()
+    fine_position = circle(fine_time, radius, rate)[0]
+    force = clohessy_wiltshire_force(position, velocity, acceleration)[:-1]
+    sun_angle = 4.0 - MEAN_MOTION * time_s
+    points = fibonacci_sphere()
+    states, inspected = inspect(position, points, sun_angle)
+    is_candidate = states == PointState.LIT
+    centroid = is_candidate @ points
+    length = np.linalg.norm(centroid, axis=1, keepdims=True)
+    target = np.divide(centroid, length, out=np.zeros_like(centroid), where=length > 0.0)
+    lambda_u = np.angle(
+        np.exp(1j * (np.arctan2(target[:, 1], target[:, 0]) - np.arctan2(position[:, 1], position[:, 0])))
+    )
+    eta_u = np.angle(
+        np.exp(1j * (np.arctan2(target[:, 2], target[:, 0]) - np.arctan2(position[:, 2], position[:, 0])))
+    )
+    force_body = rotate_to_body(quaternion[:-1], force)
+    signals = np.stack((np.linalg.norm(position, axis=1) / 200.0, lambda_u / np.pi, eta_u / np.pi))
+    rates = rotate_to_body(quaternion, velocity).T
+    fis_inputs = np.stack((signals, rates), axis=2)[:, :-1]
+    means = np.linspace(-1.0, 1.0, len(WORDS))
+    first = np.exp(-((fis_inputs[:, :, 0, None] - means) ** 2) / 0.1)
+    second = np.exp(-((fis_inputs[:, :, 1, None] * 5.0 - means) ** 2) / 0.1)
+    firing = np.minimum(first[..., :, None], second[..., None, :]).reshape(3, num_controls, -1)
+    wave = 2.0 * np.pi * fine_time / 700.0
+    torque = 4e-3 * np.column_stack((np.sin(wave), np.cos(1.3 * wave), np.sin(0.7 * wave)))
+    fine = (num_controls, len(ATTITUDE_OFFSETS))
+    return SyntheticFlight(
+        time_s=time_s,
+        position_m=position,
+        velocity_m_s=velocity,
+        quaternion=quaternion,
+        chief_quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (num_controls + 1, 1)),
+        angular_velocity_rad_s=rotate_to_body(quaternion, np.cross(position, velocity) / radius**2),
+        attitude_quaternion=pointing_quaternions(fine_position).reshape(*fine, 4),
+        attitude_rate_rad_s=np.full((*fine, 3), rate / np.sqrt(3.0)),
+        torque_n_m=torque.reshape(*fine, 3),
+        force_body_n=force_body,
+        force_hill_n=force,
+        points_m=points,
+        states=states,
+        inspected=inspected,
+        num_candidates=is_candidate.sum(axis=1),
+        target_direction=target,
+        lambda_u_rad=lambda_u,
+        eta_u_rad=eta_u,
+        fis_inputs=fis_inputs,
+        firing_strengths=firing,
+        fis_output_n=force_body.T,
+        sun_angle_rad=sun_angle,
+        delta_v_m_s=np.concatenate(([0.0], np.cumsum(np.abs(force).sum(axis=1)) * CONTROL_PERIOD / MASS)),
+    )
+
+
+def metadata(flight: SyntheticFlight) -> dict[str, dict[str, str]]:
+    episode = EpisodeDescription(
+        scenario_id="circle-0",
+        seed=7,
+        position_m=tuple(flight.position_m[0].tolist()),
+        velocity_m_s=tuple(flight.velocity_m_s[0].tolist()),
+        sun_angle_rad=float(flight.sun_angle_rad[0]),
+        product_version="0.1.0",
+        config_hash="5d41402abc4b2a76b9719d911017c592",
+        min_distance_m=15.0,
+        max_distance_m=200.0,
+        max_force_n=1.0,
+        max_torque_n_m=0.01,
+        half_angle_rad=float(HALF_ANGLE),
+        boresight=(-1.0, 0.0, 0.0),
+        inspection_threshold_percent=95.0,
+    )
+    signals = {"f_x": ("distance", "m"), "f_y": ("lambda_u", "rad"), "f_z": ("eta_u", "rad")}
+    systems = {}
+    for name, axis in zip(FIS_NAMES, "xyz", strict=True):
+        signal, unit = signals[name]
+        rate = f"velocity_body_{axis}"
+        rules = tuple(
+            f"if {signal} is {WORDS[i]} and {rate} is {WORDS[j]} then {name} is {WORDS[(i + j) // 2]}"
+            for i in range(5)
+            for j in range(5)
+        )
+        systems[f"fis.{name}"] = FisDescription(
+            input_names=(signal, rate),
+            input_units=(unit, "m/s"),
+            output_name=name,
+            output_unit="N",
+            rules=rules,
+        ).to_metadata()
+    return {"episode": episode.to_metadata(), **systems}
+
+
+ATTACHMENTS = {"config.yaml": b"seed: 7\n", "controller.json": b'{"name": "circle"}\n'}
+
+
+def record(flight: SyntheticFlight, path: Path) -> Path:
+    with EpisodeWriter(path, metadata=metadata(flight), attachments=ATTACHMENTS) as writer:
+        for k in range(flight.num_controls + 1):
+            write_sample(writer, flight, k)
+    return path
+
+
+def write_sample(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
+    time_s = flight.time_s[k]
+    position = flight.position_m[k]
+    writer.poses(time_s, position, flight.quaternion[k], flight.chief_quaternion[k])
+    writer.points(time_s, flight.points_m, flight.states[k])
+    writer.deputy_state(
+        time_s,
+        position,
+        flight.velocity_m_s[k],
+        flight.quaternion[k],
+        flight.angular_velocity_rad_s[k],
+    )
+    writer.guidance(
+        time_s,
+        flight.num_candidates[k],
+        flight.target_direction[k],
+        flight.lambda_u_rad[k],
+        flight.eta_u_rad[k],
+    )
+    writer.mission(
+        time_s,
+        sun_angle_rad=flight.sun_angle_rad[k],
+        distance_m=float(np.linalg.norm(position)),
+        inspected_mask=flight.inspected[k],
+        delta_v_m_s=flight.delta_v_m_s[k],
+    )
+    if k < flight.num_controls:
+        writer.attitude_history(
+            time_s,
+            ATTITUDE_OFFSETS,
+            flight.attitude_quaternion[k],
+            flight.attitude_rate_rad_s[k],
+            flight.torque_n_m[k],
+        )
+        writer.control(time_s, flight.force_body_n[k], flight.force_hill_n[k])
+        for index, name in enumerate(FIS_NAMES):
+            writer.fis(
+                time_s,
+                name,
+                flight.fis_inputs[index, k],
+                flight.firing_strengths[index, k],
+                flight.fis_output_n[index, k],
+            )
+    for threshold in (50, 95):
+        before = flight.inspected[k - 1].sum() if k else 0
+        if before < threshold <= flight.inspected[k].sum():
+            writer.log(time_s, "info", f"{threshold} of {NUM_POINTS} points inspected")
