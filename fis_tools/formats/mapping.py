@@ -43,6 +43,9 @@ from fis_tools.validate import (
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1
 
+#: Problems told when a file is refused.
+MOST_PROBLEMS = 8
+
 _SHAPES: dict[str, tuple[type[Gaussian | Triangular | Trapezoidal], tuple[str, ...]]] = {
     "gaussian": (Gaussian, ("mean", "standard_deviation")),
     "triangular": (Triangular, ("left", "peak", "right")),
@@ -81,16 +84,9 @@ def _system_mapping(system: FuzzySystem) -> dict[str, Any]:
         "or_operator": system.or_operator,
         "defuzzifier": system.defuzzifier,
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
-        "outputs": [
-            {**_variable_mapping(variable), "default": _float(variable.default)}
-            for variable in system.outputs
-        ],
+        "outputs": [_variable_mapping(variable) for variable in system.outputs],
         "rules": _rules_list(system),
     }
-
-
-def _float(value: float | None) -> float | None:
-    return None if value is None else float(value)
 
 
 def _variable_mapping(variable: Variable) -> dict[str, Any]:
@@ -102,6 +98,8 @@ def _variable_mapping(variable: Variable) -> dict[str, Any]:
         mapping["points"] = variable.num_points
     else:
         mapping["universe"] = [float(point) for point in variable.points]
+    if variable.default is not None:
+        mapping["default"] = float(variable.default)
     mapping["terms"] = [
         {"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms
     ]
@@ -177,7 +175,8 @@ def from_mapping(mapping: Mapping[str, Any]) -> FuzzyController:
     )
     found = controller_problems(controller)
     if found:
-        raise ControllerFileError("\n".join(found))
+        more = [f"… and {len(found) - MOST_PROBLEMS} more"] if len(found) > MOST_PROBLEMS else []
+        raise ControllerFileError("\n".join(found[:MOST_PROBLEMS] + more))
     return controller
 
 

@@ -225,6 +225,6 @@ def _table_lines(system: Mapping[str, Any], rows: Sequence[Sequence[str]], inden
     lines = [" " * indent + f"rules: [  # columns: {last['name']} {columns}"]
     for row, head in zip(rows, heads, strict=True):
         cells = "".join(f"{_string(term)},".ljust(width) for term in row)
-        comment = f"# {', '.join(head)}" if head else ""
+        comment = f" # {', '.join(head)}" if head else ""
         lines.append(" " * (indent + 2) + f"{cells}{comment}".rstrip())
     return [*lines, " " * indent + "]"]
