@@ -78,7 +78,7 @@ def _construct_int(loader: _Loader, node: yaml.ScalarNode) -> int:
 
 
 def _construct_float(loader: _Loader, node: yaml.ScalarNode) -> float:
-    return float(loader.construct_scalar(node).replace(".inf", "inf").replace(".nan", "nan"))
+    return float(re.sub(r"\.(?=[a-z])", "", loader.construct_scalar(node).lower()))
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
@@ -95,8 +95,8 @@ def read(text: str) -> Any:
     """
     if len(text) > MAX_YAML_BYTES:
         raise Unreadable(f"it is longer than {MAX_YAML_BYTES} characters; keep so much data as JSON")
-    loader = _Loader(text)
     try:
+        loader = _Loader(text)
         data = loader.get_single_data()
     except yaml.MarkedYAMLError as error:
         raise Unreadable(_told(error)) from error
@@ -108,8 +108,6 @@ def read(text: str) -> Any:
         raise (
             error if isinstance(error, Unreadable) else Unreadable(f"a number is too long: {error}")
         ) from error
-    finally:
-        loader.dispose()
     if loader.is_opened and not loader.is_closed:
         raise Unreadable(
             "it opens with '---' but does not close with '...', so its end may be missing; get a whole copy, "
