@@ -238,9 +238,7 @@ def table_antecedents(inputs: Sequence[Variable]) -> Iterator[Expression]:
         yield statements[0] if len(statements) == 1 else And(statements)
 
 
-def table_rules(
-    inputs: Sequence[Variable], output: Variable, consequents: Sequence[str]
-) -> tuple[Rule, ...]:
+def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Sequence[str]) -> tuple[Rule, ...]:
     """Build a full rule table.
 
     Parameters
