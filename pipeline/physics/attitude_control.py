@@ -114,15 +114,11 @@ def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
     array, shape (3, 3)
         Rows x*, y*, z*.
     """
-    x = position_h / norm(position_h)
-    z = cross(x, y_h)
-    return np.array(
-        [
-            [x[0], x[1], x[2]],
-            [y_h[0], y_h[1], y_h[2]],
-            [z[0], z[1], z[2]],
-        ]
-    )
+    dcm = np.empty((3, 3))
+    dcm[0] = position_h / norm(position_h)
+    dcm[1] = y_h
+    dcm[2] = cross(dcm[0], y_h)
+    return dcm
 
 
 @njit(cache=True)

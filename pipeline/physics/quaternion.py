@@ -28,13 +28,17 @@ def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
         Its rows are the body axes in Hill components.
     """
     q1, q2, q3, q4 = quaternion_b_from_h
-    return np.array(
-        [
-            [q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2.0 * (q1 * q2 + q3 * q4), 2.0 * (q1 * q3 - q2 * q4)],
-            [2.0 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2.0 * (q2 * q3 + q1 * q4)],
-            [2.0 * (q1 * q3 + q2 * q4), 2.0 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4],
-        ]
-    )
+    dcm = np.empty((3, 3))
+    dcm[0, 0] = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4
+    dcm[0, 1] = 2.0 * (q1 * q2 + q3 * q4)
+    dcm[0, 2] = 2.0 * (q1 * q3 - q2 * q4)
+    dcm[1, 0] = 2.0 * (q1 * q2 - q3 * q4)
+    dcm[1, 1] = -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4
+    dcm[1, 2] = 2.0 * (q2 * q3 + q1 * q4)
+    dcm[2, 0] = 2.0 * (q1 * q3 + q2 * q4)
+    dcm[2, 1] = 2.0 * (q2 * q3 - q1 * q4)
+    dcm[2, 2] = -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4
+    return dcm
 
 
 @njit(cache=True)

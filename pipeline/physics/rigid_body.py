@@ -94,6 +94,19 @@ def relative_angular_acceleration(
 
 
 @njit(cache=True)
+def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Floats, end: Floats) -> None:
+    """Use one stage's rate in the classical Runge-Kutta method, in place.
+
+    `state` becomes where the next of the four stages looks, and `end` gathers where the step ends.
+    """
+    weight = duration / 3.0 if 0 < stage < 3 else duration / 6.0
+    reach = duration if stage == 2 else 0.5 * duration
+    for i in range(len(start)):
+        end[i] += weight * rate[i]
+        state[i] = start[i] + reach * rate[i]
+
+
+@njit(cache=True)
 def relative_attitude_step(
     quaternion_b_from_h: Floats,
     angular_velocity_b: Floats,
@@ -126,23 +139,18 @@ def relative_attitude_step(
     angular_velocity_b : array, shape (3,)
     """
     steady = np.zeros(3)
-    q = quaternion_b_from_h
-    w = angular_velocity_b
-    q_total = np.zeros(4)
-    w_total = np.zeros(3)
+    q = quaternion_b_from_h.copy()
+    w = angular_velocity_b.copy()
+    q_next = quaternion_b_from_h.copy()
+    w_next = angular_velocity_b.copy()
     for stage in range(4):
         q_rate = derivative(q, w)
         w_rate = relative_angular_acceleration(
             inertia, inverse_inertia, dcm_b_from_h(q), w, reference_rate, steady, torque_b
         )
-        weight = 1.0 if stage in (0, 3) else 2.0
-        q_total += weight * q_rate
-        w_total += weight * w_rate
-        reach = duration if stage == 2 else 0.5 * duration
-        q = quaternion_b_from_h + reach * q_rate
-        w = angular_velocity_b + reach * w_rate
-    turned = normalised(quaternion_b_from_h + (duration / 6.0) * q_total)
-    return turned, angular_velocity_b + (duration / 6.0) * w_total
+        _advance(stage, duration, quaternion_b_from_h, q_rate, q, q_next)
+        _advance(stage, duration, angular_velocity_b, w_rate, w, w_next)
+    return normalised(q_next), w_next
 
 
 @njit(cache=True)
@@ -200,18 +208,13 @@ def tumbling_step(
     """
     hill_rate = np.array([0.0, 0.0, mean_motion])
     free = np.zeros(3)
-    q = quaternion_c_from_h
-    w = inertial_rate_c
-    q_total = np.zeros(4)
-    w_total = np.zeros(3)
+    q = quaternion_c_from_h.copy()
+    w = inertial_rate_c.copy()
+    q_next = quaternion_c_from_h.copy()
+    w_next = inertial_rate_c.copy()
     for stage in range(4):
         q_rate = derivative(q, w - times(dcm_b_from_h(q), hill_rate))
         w_rate = euler_angular_acceleration(inertia, inverse_inertia, w, free)
-        weight = 1.0 if stage in (0, 3) else 2.0
-        q_total += weight * q_rate
-        w_total += weight * w_rate
-        reach = duration if stage == 2 else 0.5 * duration
-        q = quaternion_c_from_h + reach * q_rate
-        w = inertial_rate_c + reach * w_rate
-    turned = normalised(quaternion_c_from_h + (duration / 6.0) * q_total)
-    return turned, inertial_rate_c + (duration / 6.0) * w_total
+        _advance(stage, duration, quaternion_c_from_h, q_rate, q, q_next)
+        _advance(stage, duration, inertial_rate_c, w_rate, w, w_next)
+    return normalised(q_next), w_next
