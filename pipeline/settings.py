@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pipeline import checks
 from pipeline.checks import SettingError
+from pipeline.nearest import did_you_mean
 
 __all__ = [
     "STAGES",
@@ -36,6 +37,9 @@ __all__ = [
 
 #: in the order in which they run: each reads what those before it have written
 STAGES = ("scenario", "train", "evaluate", "record", "report")
+
+#: the keys of a controller that is not written out, by its kind
+CONTROLLER_KEYS = {"file": {"path"}, "open_loop": {"kind", "path"}, "coast": {"kind"}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,8 +144,8 @@ class Attitude:
 
     def __post_init__(self) -> None:
         """Refuse gains that do not bring the deputy back."""
-        checks.positive("attitude.proportional_gain", self.proportional_gain, "N m")
-        checks.positive("attitude.derivative_gain", self.derivative_gain, "N m s")
+        checks.positive("attitude.proportional_gain", self.proportional_gain, "1/s^2")
+        checks.positive("attitude.derivative_gain", self.derivative_gain, "1/s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -379,6 +383,7 @@ class Experiment:
                 f"name is {self.name!r}; it names a folder: use letters, digits, '_', '-' and '.' only"
             )
         self._check_stages()
+        self._check_controller()
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
@@ -394,18 +399,39 @@ class Experiment:
                 f"training scenarios; choose one from 0 to {self.starts.num_cases - 1}"
             )
 
+    def _check_controller(self) -> None:
+        keys = set(self.controller)
+        if "systems" in keys:
+            return
+        if "kind" not in keys and "path" not in keys:
+            raise SettingError(
+                "controller is neither written out (systems) nor a file (path) nor of a kind; choose one of "
+                "the group, controller=NAME, or a file, controller=PATH"
+            )
+        kind = self.controller.get("kind", "file")
+        if kind not in CONTROLLER_KEYS:
+            raise SettingError(f"controller.kind is {kind!r}; it must be one of open_loop, coast")
+        if keys != CONTROLLER_KEYS[kind]:
+            raise SettingError(
+                f"controller has the keys {', '.join(sorted(keys))}; one of kind {kind} has "
+                f"{', '.join(sorted(CONTROLLER_KEYS[kind]))}"
+            )
+
     def _check_stages(self) -> None:
         if not self.stages:
             raise SettingError(f"stages is empty; name at least one of {', '.join(STAGES)}")
         for stage in self.stages:
             if stage not in STAGES:
-                raise SettingError(f"stages has {stage!r}; the stages are {', '.join(STAGES)}")
+                raise SettingError(
+                    f"stages has {stage!r}{did_you_mean(stage, STAGES) or ';'} "
+                    f"The stages are {', '.join(STAGES)}"
+                )
         if list(self.stages) != sorted(set(self.stages), key=STAGES.index):
             raise SettingError(
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
                 f"once in the order {', '.join(STAGES)}"
             )
-        if "train" in self.stages and "kind" in self.controller:
+        if "train" in self.stages and "systems" not in self.controller and "kind" in self.controller:
             raise SettingError(
                 f"stages has train, but a controller of kind {self.controller['kind']} has nothing to train; "
                 "drop the stage or choose a fuzzy controller"
