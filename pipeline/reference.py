@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from pipeline import reference_inference
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import (
     ClusterMemory,
@@ -31,8 +29,10 @@ from pipeline.physics.clohessy_wiltshire import propagate
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 from pipeline.physics.rigid_body import relative_attitude_step, tumbling_step
-from pipeline.physics.vectors import norm, times, transposed_times
+from pipeline.physics.vectors import times, transposed_times
 from pipeline.physics.visibility import is_in_view
+from pipeline.reference_channels import MAX_INPUTS, Channels, measure
+from pipeline.reference_engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.reference_inference import PackedSystems
 from pipeline.reference_world import World, world_of
 from pipeline.settings import Mission
@@ -40,50 +40,6 @@ from pipeline.settings import Mission
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-
-#: what a fuzzy system can sense, in the order of `measure`
-SIGNALS = (
-    "distance",
-    "velocity_body_x",
-    "velocity_body_y",
-    "velocity_body_z",
-    "lambda_u",
-    "eta_u",
-    "position_hill_x",
-    "position_hill_y",
-    "position_hill_z",
-    "velocity_hill_x",
-    "velocity_hill_y",
-    "velocity_hill_z",
-)
-
-MAX_INPUTS = 3
-
-#: place of a system in the channels, inputs of shape (3,) -> output, N
-Infer = Callable[[int, Floats], float]
-#: candidates (3, P), how many, position (3,), memory -> p_u of shape (3,), m
-ChooseTarget = Callable[[Floats, int, Floats, ClusterMemory], Floats]
-
-
-class Channels(NamedTuple):
-    """Which axis each of F fuzzy systems drives and what it senses, or the forces of an open loop.
-
-    Parameters
-    ----------
-    axes : array of int, shape (F,)
-        0, 1 or 2; systems on one axis add up.
-    signals : array of int, shape (F, 3)
-        Places in `SIGNALS`, -1 where there is no further input.
-    is_force_hill : bool
-        Whether the systems command Hill axes instead of body axes.
-    open_loop_h : array, shape (K, 3) or (0, 3)
-        Forces to play instead of any inference, N, Hill axes.
-    """
-
-    axes: Integers
-    signals: Integers
-    is_force_hill: bool
-    open_loop_h: Floats
 
 
 class _Log(NamedTuple):
@@ -109,63 +65,6 @@ class _Log(NamedTuple):
     sun_angle_rad: Floats
     is_inspected: Booleans
     delta_v_m_s: Floats
-
-
-def channels_of(
-    wiring: list[tuple[int, list[str]]], force_axes: str = "body", open_loop_h: Floats | None = None
-) -> Channels:
-    """Describe a controller by the names of its signals.
-
-    Parameters
-    ----------
-    wiring : list of (int, list of str)
-        For each fuzzy system the axis it drives and the names of its inputs, of `SIGNALS`.
-    force_axes : str
-        ``body`` or ``hill``.
-    open_loop_h : array, optional
-        Shape (K, 3), N, Hill axes: forces to play instead.
-    """
-    signals = np.full((len(wiring), MAX_INPUTS), -1, dtype=np.int64)
-    for f, (_, names) in enumerate(wiring):
-        signals[f, : len(names)] = [SIGNALS.index(name) for name in names]
-    return Channels(
-        axes=np.array([axis for axis, _ in wiring], dtype=np.int64),
-        signals=signals,
-        is_force_hill=force_axes == "hill",
-        open_loop_h=np.zeros((0, 3)) if open_loop_h is None else np.ascontiguousarray(open_loop_h),
-    )
-
-
-@njit(cache=True)
-def measure(position_h: Floats, velocity_h: Floats, dcm: Floats, lambda_u: float, eta_u: float) -> Floats:
-    """Return every signal, in the order of `SIGNALS`, in m, m/s and rad.
-
-    Parameters
-    ----------
-    position_h, velocity_h : array, shape (3,)
-        Of the deputy, m and m/s, Hill axes.
-    dcm : array, shape (3, 3)
-        From Hill to body axes.
-    lambda_u, eta_u : float
-        Relative angles, rad.
-    """
-    velocity_b = times(dcm, velocity_h)
-    return np.array(
-        [
-            norm(position_h),
-            velocity_b[0],
-            velocity_b[1],
-            velocity_b[2],
-            lambda_u,
-            eta_u,
-            position_h[0],
-            position_h[1],
-            position_h[2],
-            velocity_h[0],
-            velocity_h[1],
-            velocity_h[2],
-        ]
-    )
 
 
 @njit(cache=True)
@@ -299,59 +198,13 @@ def turn_deputy(
     return quaternion, rate, y
 
 
-def infer(inference: Any, system_index: int, inputs: Floats) -> float:
-    """Infer an output by packed systems, or by a callable of the place and the inputs."""
-    if isinstance(inference, PackedSystems):
-        return reference_inference.infer(inference, system_index, inputs)
-    return float(inference(system_index, inputs))
-
-
-def choose_target(
-    guidance: Any, candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
-) -> Floats:
-    """Choose a target by our own guidance (with or without clusters), or by a callable like it."""
-    if isinstance(guidance, bool):
-        return _choose_target(guidance, candidates, num_candidates, position_h, memory)
-    target: Floats = guidance(candidates, num_candidates, position_h, memory)
-    return target
-
-
-@njit(cache=True)
-def _choose_target(
-    is_clustered: bool, candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
-) -> Floats:
-    if is_clustered:
-        return choose_cluster(candidates, num_candidates, position_h, memory)
-    return choose_centroid(candidates, num_candidates, position_h, memory)
-
-
-# Compiled code knows only our own engines. Passing compiled functions as arguments instead would keep the
-# episode out of numba's cache.
-@overload(infer)
-def _infer_compiled(inference: Any, system_index: Any, inputs: Any) -> Callable[[Any, Any, Any], Any]:
-    def infer_packed(inference: Any, system_index: Any, inputs: Any) -> Any:
-        return reference_inference.infer(inference, system_index, inputs)
-
-    return infer_packed
-
-
-@overload(choose_target)
-def _choose_compiled(
-    guidance: Any, candidates: Any, num_candidates: Any, position_h: Any, memory: Any
-) -> Callable[[Any, Any, Any, Any, Any], Any]:
-    def choose(guidance: Any, candidates: Any, num_candidates: Any, position_h: Any, memory: Any) -> Any:
-        return _choose_target(guidance, candidates, num_candidates, position_h, memory)
-
-    return choose
-
-
 @njit(cache=True)
 def clipped(force_h: Floats, max_force: float) -> Floats:
     """Return a force with each Hill axis clipped to the thrust limit, N, shape (3,)."""
     return np.minimum(np.maximum(force_h, -max_force), max_force)
 
 
-def _episode(  # noqa: PLR0915  (the plain order of a flight, in one piece)
+def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     world: World,
     channels: Channels,
     start: Floats,
@@ -374,7 +227,7 @@ def _episode(  # noqa: PLR0915  (the plain order of a flight, in one piece)
     is_inspected = np.zeros(num_points, dtype=np.bool_)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
-    is_open_loop = len(channels.open_loop_h) > 0
+    has_plan = len(channels.plan_h) > 0
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -415,7 +268,7 @@ def _episode(  # noqa: PLR0915  (the plain order of a flight, in one piece)
             break
 
         is_complete = bool(is_inspected.all())
-        is_decided = not is_open_loop and not (is_complete and world.coasts_when_complete)
+        is_decided = not has_plan and not (is_complete and world.coasts_when_complete)
         commanded = np.zeros(3)
         if is_decided:
             signals = measure(position, velocity, dcm, lambda_u, eta_u)
@@ -428,8 +281,8 @@ def _episode(  # noqa: PLR0915  (the plain order of a flight, in one piece)
                 commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = output
-        if is_open_loop:
-            wanted_h = channels.open_loop_h[k]
+        if has_plan:
+            wanted_h = channels.plan_h[k]
         elif channels.is_force_hill:
             wanted_h = commanded
         else:
@@ -501,7 +354,7 @@ def fly_compiled(
     channels : Channels
         How the controller is wired.
     systems : PackedSystems
-        Of `reference_inference.pack`; ``pack([])`` for an open loop.
+        Of `pipeline.reference_inference.pack`; ``pack([])`` beside a plan.
     """
     is_clustered = mission.guidance.kind == "clusters"
     return _fly(_compiled_episode, mission, scenario, channels, systems, is_clustered)
