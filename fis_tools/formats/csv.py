@@ -1,0 +1,40 @@
+"""Rule bases as CSV: one row for each rule and consequent, for spreadsheets and data frames."""
+
+import csv
+import io
+
+from fis_tools.formats.text import antecedent_words
+from fis_tools.model import And, Expression, FuzzyController, Is
+
+
+def write(controller: FuzzyController) -> str:
+    """Write the rules of all systems of a controller.
+
+    Columns are ``system, rule, label``, one for each input of any system, ``antecedent`` in words, then
+    ``output, term, weight``. An input's column holds the term it must have, and is empty where a rule does
+    not mention it or says more than a conjunction can.
+    """
+    inputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight"])
+    for system in controller.systems:
+        for place, rule in enumerate(system.rules, start=1):
+            terms = _conjunction(rule.antecedent)
+            for consequent in rule.consequents:
+                writer.writerow(
+                    [
+                        *(system.name, place, rule.label),
+                        *(terms.get(name, "") for name in inputs),
+                        antecedent_words(rule.antecedent),
+                        *(consequent.variable, consequent.term, repr(float(consequent.weight))),
+                    ]
+                )
+    return text.getvalue()
+
+
+def _conjunction(expression: Expression) -> dict[str, str]:
+    """Return the term of each input that an antecedent joins with and; empty for any other antecedent."""
+    statements = expression.operands if isinstance(expression, And) else (expression,)
+    terms = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
+    return terms if len(terms) == len(statements) else {}
