@@ -18,6 +18,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from pipeline.nearest import did_you_mean, nearest
 from pipeline.schema import all_keys, experiment_from, is_key
@@ -170,7 +171,7 @@ def _check_hydra_key(key: str) -> None:
     for part in key.split(".")[1:]:
         if not isinstance(node, DictConfig) or not is_dataclass(OmegaConf.get_type(node)):
             return
-        if part not in node:
+        if part not in node.keys():  # noqa: SIM118 - `in` the node itself passes over keys without a value
             raise ConfigError(f"there is no key {key}{did_you_mean(part, map(str, node), f'{place}.')}")
         place = f"{place}.{part}"
         node = node._get_node(part)
@@ -189,8 +190,8 @@ def _choices(override: Override, known: Sequence[str]) -> list[str]:
 
 
 def _sweep_values(override: Override) -> list[str]:
-    """Return the values of a sweep, without quotes."""
-    return [_unquoted(text) for text in override.sweep_string_iterator()]
+    """Return the values of a sweep, without quotes and escapes."""
+    return [str(parse([f"value={text}"])[0].value()) for text in override.sweep_string_iterator()]
 
 
 def single_runs(overrides: Sequence[Override]) -> Iterator[list[str]]:
@@ -237,6 +238,8 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
         if missing := sorted(OmegaConf.missing_keys(composed)):
             raise ConfigError(_missing(missing, options(folders).get("experiment", [])))
         config = OmegaConf.to_container(composed, resolve=True)
+    except YAMLError as error:
+        raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(_in_words(error, folders)) from error
     plain = cast(dict[str, Any], config)
@@ -269,8 +272,3 @@ def _quoted(text: str) -> str:
     """Quote a value for Hydra's grammar, where a backslash counts only before a quote."""
     escaped = re.sub(r"(\\*)'", r"\1\1\\'", text)
     return "'" + re.sub(r"(\\+)$", r"\1\1", escaped) + "'"
-
-
-def _unquoted(text: str) -> str:
-    is_quoted = len(text) >= 2 and text[0] == text[-1] and text[0] in "'\""
-    return text[1:-1] if is_quoted else text
