@@ -21,8 +21,8 @@ from fis_tools.validate import nearest
 
 Floats = NDArray[np.float64]
 
-#: Okabe and Ito's palette without its yellow, which is too bright for a line.
-LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
+#: Okabe and Ito's palette without its yellow and with a darker purple: bright lines drown on white.
+LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499", "#000000", "#E69F00", "#56B4E9")
 LINE_STYLES = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1, 1.5)), (0, (1, 1)), (0, (3, 1, 1, 1, 1, 1)))
 #: From dark to bright without a turn, and the same to every eye.
 BRIGHTNESS_MAP = "cividis"
@@ -306,7 +306,7 @@ def _surface_figure(system: FuzzySystem, output: Variable) -> Figure:
             fixed[name] = _peak(variable.universe, sample(variable, term))
         surface_map(system, ax, fixed=fixed, output=output.name, has_colour_bar=False)
         ax.set_title(", ".join(f"{name} = {number(v)}" for name, v in fixed.items()), fontsize="medium")
-    figure.colorbar(axes[0].images[0], ax=axes, label=with_unit(output))
+    figure.colorbar(axes[0].images[0], ax=axes, label=with_unit(output), fraction=0.05, pad=0.02)
     return figure
 
 
