@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pipeline.physics.clohessy_wiltshire import input_matrix, propagate, state_transition
+
+MEAN_MOTION = 0.0011068
+MASS = 12.0
+START = np.array([75.0, -40.0, 20.0, 0.05, -0.1, 0.02])
+
+
+def integrate(state, force, duration, mean_motion=MEAN_MOTION):
+    """Integrate the equations of motion as the paper writes them."""
+    n = mean_motion
+
+    def motion(_, s):
+        x, _, z, vx, vy, vz = s
+        return [
+            vx,
+            vy,
+            vz,
+            3.0 * n * n * x + 2.0 * n * vy + force[0] / MASS,
+            -2.0 * n * vx + force[1] / MASS,
+            -n * n * z + force[2] / MASS,
+        ]
+
+    scale = np.array([1.0, 1.0, 1.0, n, n, n])
+    solution = solve_ivp(motion, (0.0, duration), state, method="DOP853", rtol=1e-13, atol=1e-12 * scale)
+    return solution.y[:, -1]
+
+
+@pytest.mark.parametrize("duration", [0.5, 1.0, 10.0, 600.0, 3600.0, 40000.0])
+def test_free_motion_is_that_of_the_differential_equation(duration):
+    state = propagate(
+        START, np.zeros(3), state_transition(MEAN_MOTION, duration), input_matrix(MEAN_MOTION, duration, MASS)
+    )
+    expected = integrate(START, np.zeros(3), duration)
+    np.testing.assert_allclose(state[:3], expected[:3], rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(state[3:], expected[3:], rtol=1e-10, atol=1e-11)
+
+
+@pytest.mark.parametrize("duration", [0.5, 1.0, 10.0, 600.0, 3600.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_held_force_moves_as_the_differential_equation_says(duration, axis):
+    force = np.eye(3)[axis]
+    gained = input_matrix(MEAN_MOTION, duration, MASS)[:, axis]
+    expected = integrate(np.zeros(6), force, duration)
+    np.testing.assert_allclose(gained[:3], expected[:3], rtol=1e-10, atol=1e-12 * np.abs(expected[:3]).max())
+    np.testing.assert_allclose(gained[3:], expected[3:], rtol=1e-10, atol=1e-12 * np.abs(expected[3:]).max())
+
+
+def test_an_hour_of_forces_held_for_10_s():
+    rng = np.random.default_rng(3)
+    transition, control = state_transition(MEAN_MOTION, 10.0), input_matrix(MEAN_MOTION, 10.0, MASS)
+    state = expected = START
+    for force in rng.uniform(-0.05, 0.05, (360, 3)):
+        state = propagate(state, force, transition, control)
+        expected = integrate(expected, force, 10.0)
+    np.testing.assert_allclose(state[:3], expected[:3], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(state[3:], expected[3:], rtol=0, atol=1e-11)
+
+
+def test_small_steps_add_up_to_a_large_one():
+    force = np.array([0.01, -0.02, 0.03])
+    small = state_transition(MEAN_MOTION, 1.0), input_matrix(MEAN_MOTION, 1.0, MASS)
+    large = state_transition(MEAN_MOTION, 3600.0), input_matrix(MEAN_MOTION, 3600.0, MASS)
+    state = START
+    for _ in range(3600):
+        state = propagate(state, force, *small)
+    np.testing.assert_allclose(state, propagate(START, force, *large), rtol=1e-11, atol=1e-12)
+
+
+def test_a_deputy_ahead_of_the_chief_stays_there():
+    state = np.array([0.0, 50.0, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(state_transition(MEAN_MOTION, 3600.0) @ state, state)
+
+
+def test_slow_orbits_are_free_space():
+    """Far from any planet a force accelerates and nothing else happens."""
+    control = input_matrix(1e-9, 10.0, MASS)
+    np.testing.assert_allclose(control[:3], 50.0 / MASS * np.eye(3), atol=1e-7)
+    np.testing.assert_allclose(control[3:], 10.0 / MASS * np.eye(3), atol=1e-7)

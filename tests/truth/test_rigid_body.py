@@ -1,0 +1,177 @@
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from pipeline.physics.quaternion import dcm_b_from_h, derivative
+from pipeline.physics.rigid_body import (
+    euler_angular_acceleration,
+    relative_angular_acceleration,
+    relative_attitude_step,
+    relative_coefficients,
+    tumbling_step,
+)
+
+MEAN_MOTION = 0.0011068
+HILL_RATE = np.array([0.0, 0.0, MEAN_MOTION])
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+INERTIA = np.array([[2.0, 0.2, -0.1], [0.2, 1.4, 0.15], [-0.1, 0.15, 1.1]])
+CHIEF_INERTIA = np.array([[900.0, 30.0, -50.0], [30.0, 1200.0, 20.0], [-50.0, 20.0, 700.0]])
+
+
+def integrate(rates, start, duration):
+    solution = solve_ivp(rates, (0.0, duration), start, method="DOP853", rtol=1e-13, atol=1e-14)
+    return solution.y[:, -1]
+
+
+def inertial_rotation(inertia, torque):
+    """Euler's equation and quaternion kinematics in inertial space, written out for the integrator."""
+    inverse = np.linalg.inv(inertia)
+
+    def rates(time, state):
+        q, w = state[:4], state[4:]
+        acceleration = inverse @ (torque(time) - np.cross(w, inertia @ w))
+        turning = 0.5 * np.append(q[3] * w + np.cross(q[:3], w), -(q[:3] @ w))
+        return np.append(turning, acceleration)
+
+    return rates
+
+
+def matrix(quaternion):
+    return Rotation.from_quat(quaternion).as_matrix().T
+
+
+def test_free_rotation_keeps_energy_and_momentum():
+    inverse = np.linalg.inv(CHIEF_INERTIA)
+    rate = np.array([0.05, -0.03, 0.08])
+    quaternion, momentum_h = IDENTITY, CHIEF_INERTIA @ rate
+    energy = rate @ momentum_h
+    for _ in range(3600):
+        quaternion, rate = tumbling_step(quaternion, rate, CHIEF_INERTIA, inverse, 0.0, 1.0)
+    assert rate @ CHIEF_INERTIA @ rate == pytest.approx(energy, rel=1e-7)
+    turned_back = dcm_b_from_h(quaternion).T @ CHIEF_INERTIA @ rate
+    np.testing.assert_allclose(turned_back, momentum_h, atol=1e-5 * np.linalg.norm(momentum_h))
+
+
+def test_an_axisymmetric_body_precesses_as_the_closed_form_says():
+    """The transverse rate turns in the body at ``(J3 - J1)/J1 w3``; J3 keeps its own rate."""
+    inertia = np.diag([10.0, 10.0, 16.0])
+    spin, transverse = 0.05, 0.02
+    rate, quaternion = np.array([transverse, 0.0, spin]), IDENTITY
+    for _ in range(600):
+        quaternion, rate = tumbling_step(quaternion, rate, inertia, np.linalg.inv(inertia), 0.0, 1.0)
+    phase = (16.0 - 10.0) / 10.0 * spin * 600.0
+    expected = [transverse * np.cos(phase), transverse * np.sin(phase), spin]
+    np.testing.assert_allclose(rate, expected, atol=1e-8)
+    # seen from outside, the symmetry axis turns about the momentum at |H|/J1
+    momentum = np.array([10.0 * transverse, 0.0, 16.0 * spin])
+    precession = np.linalg.norm(momentum) / 10.0 * 600.0 * momentum / np.linalg.norm(momentum)
+    axis = Rotation.from_rotvec(precession).apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(dcm_b_from_h(quaternion)[2], axis, atol=1e-6)
+
+
+def test_eulers_equation_of_a_spinning_top_balances_its_torque():
+    inertia = np.diag([1.0, 1.0, 2.0])
+    acceleration = euler_angular_acceleration(
+        inertia, np.linalg.inv(inertia), np.array([0.0, 0.1, 1.0]), np.array([0.1, 0.0, 0.0])
+    )
+    np.testing.assert_allclose(acceleration, [0.1 - (2.0 - 1.0) * 0.1 * 1.0, 0.0, 0.0], atol=1e-16)
+
+
+def test_multiplied_out_the_equation_is_that_of_a_and_h():
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        root = rng.normal(size=(3, 3))
+        inertia = root @ root.T + np.eye(3)
+        dcm = Rotation.random(rng=rng).as_matrix()
+        rate, reference, change, torque = rng.normal(size=(4, 3))
+        a, h = relative_coefficients(inertia, dcm, rate, reference, change)
+        expected = np.linalg.solve(inertia, a @ rate + h + torque)
+        actual = relative_angular_acceleration(
+            inertia, np.linalg.inv(inertia), dcm, rate, reference, change, torque
+        )
+        np.testing.assert_allclose(actual, expected, rtol=1e-11, atol=1e-12)
+
+
+def test_the_relative_equation_is_the_difference_of_two_inertial_rotations():
+    """A deputy of full inertia under a torque, seen from a chief that tumbles."""
+
+    def torque(time):
+        return np.array([0.01 * np.sin(0.1 * time), -0.005, 0.008 * np.cos(0.05 * time)])
+
+    inverse, chief_inverse = np.linalg.inv(INERTIA), np.linalg.inv(CHIEF_INERTIA)
+    deputy_rate, chief_rate = np.array([0.03, -0.02, 0.05]), np.array([0.04, 0.03, -0.06])
+    chief_attitude = Rotation.from_rotvec([0.3, -0.5, 1.0]).as_quat()
+    deputy_attitude = Rotation.from_rotvec([-1.0, 0.2, 0.4]).as_quat()
+    relative_attitude = (
+        Rotation.from_quat(chief_attitude).inv() * Rotation.from_quat(deputy_attitude)
+    ).as_quat()
+
+    def relative_rotation(time, state):
+        q, w, reference = state[:4], state[4:7], state[7:]
+        change = euler_angular_acceleration(CHIEF_INERTIA, chief_inverse, reference, np.zeros(3))
+        acceleration = relative_angular_acceleration(
+            INERTIA, inverse, dcm_b_from_h(q), w, reference, change, torque(time)
+        )
+        return np.concatenate((derivative(q, w), acceleration, change))
+
+    duration = 120.0
+    deputy = integrate(inertial_rotation(INERTIA, torque), [*deputy_attitude, *deputy_rate], duration)
+    chief = integrate(
+        inertial_rotation(CHIEF_INERTIA, lambda _: np.zeros(3)), [*chief_attitude, *chief_rate], duration
+    )
+    dcm_start = matrix(relative_attitude)
+    start = [*relative_attitude, *(deputy_rate - dcm_start @ chief_rate), *chief_rate]
+    end = integrate(relative_rotation, start, duration)
+
+    dcm = matrix(deputy[:4]) @ matrix(chief[:4]).T
+    np.testing.assert_allclose(matrix(end[:4]), dcm, atol=1e-10)
+    np.testing.assert_allclose(end[4:7], deputy[4:] - dcm @ chief[4:], atol=1e-11)
+    np.testing.assert_allclose(end[7:], chief[4:], atol=1e-12)
+
+
+@pytest.mark.parametrize(("speed", "tolerance"), [(0.05, 2e-6), (0.2, 5e-5)])
+def test_steps_turn_as_two_inertial_rotations_do_and_converge_by_their_fourth_power(speed, tolerance):
+    """A minute under a held torque, against the deputy's and Hill's own rotations."""
+    torque = np.array([0.002, -0.001, 0.0015])
+    start_rate = speed * np.array([0.6, -0.5, 0.6])
+    deputy = integrate(
+        inertial_rotation(INERTIA, lambda _: torque), [*IDENTITY, *(start_rate + HILL_RATE)], 60.0
+    )
+    dcm = matrix(deputy[:4]) @ Rotation.from_rotvec(60.0 * HILL_RATE).as_matrix()
+    errors = []
+    for step in (1.0, 0.5):
+        quaternion, rate = IDENTITY, start_rate
+        for _ in range(round(60.0 / step)):
+            quaternion, rate = relative_attitude_step(
+                quaternion, rate, INERTIA, np.linalg.inv(INERTIA), torque, HILL_RATE, step
+            )
+        assert abs(np.linalg.norm(quaternion) - 1.0) < 1e-15
+        np.testing.assert_allclose(rate, deputy[4:] - dcm @ HILL_RATE, atol=tolerance)
+        errors.append(np.abs(matrix(quaternion) - dcm).max())
+    assert errors[0] < tolerance
+    assert errors[1] < errors[0] / 12.0
+
+
+def test_a_tumbling_chief_turns_in_inertial_space_and_is_seen_from_hill():
+    rate_start = np.array([0.02, 0.01, -0.03])
+    quaternion, rate = IDENTITY, rate_start
+    for _ in range(600):
+        quaternion, rate = tumbling_step(
+            quaternion, rate, CHIEF_INERTIA, np.linalg.inv(CHIEF_INERTIA), MEAN_MOTION, 1.0
+        )
+    chief = integrate(
+        inertial_rotation(CHIEF_INERTIA, lambda _: np.zeros(3)), [*IDENTITY, *rate_start], 600.0
+    )
+    hill = Rotation.from_rotvec(600.0 * HILL_RATE).as_matrix().T
+    np.testing.assert_allclose(matrix(quaternion), matrix(chief[:4]) @ hill.T, atol=1e-7)
+    np.testing.assert_allclose(rate, chief[4:], atol=1e-10)
+
+
+def test_a_chief_that_turns_with_the_orbit_stays_aligned_with_hill():
+    quaternion, rate = IDENTITY, HILL_RATE
+    inertia = np.diag([900.0, 1200.0, 700.0])
+    for _ in range(3600):
+        quaternion, rate = tumbling_step(quaternion, rate, inertia, np.linalg.inv(inertia), MEAN_MOTION, 1.0)
+    np.testing.assert_allclose(quaternion, IDENTITY, atol=1e-15)
+    np.testing.assert_array_equal(rate, HILL_RATE)
