@@ -88,6 +88,8 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     try:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
+            stream.flush()
+            os.fsync(stream.fileno())
         os.chmod(name, 0o644)
         os.replace(name, path)
     except BaseException:
@@ -241,13 +243,19 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def product_version() -> str:
-    """Return the version of this product: of the source tree it runs from, else of what is installed."""
+    """Return the version of this product: of the source tree it runs from, else of what is installed.
+
+    It is ``unknown`` where the packages were copied without being installed.
+    """
     project = SOURCES / "pyproject.toml"
     if project.is_file():
         table = tomllib.loads(project.read_text(encoding="utf-8")).get("project", {})
         if table.get("name") == DISTRIBUTION:
             return str(table["version"])
-    return metadata.version(DISTRIBUTION)
+    try:
+        return metadata.version(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
+        return "unknown"
 
 
 def versions() -> dict[str, str]:
