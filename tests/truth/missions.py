@@ -45,7 +45,7 @@ IDEAL = replace(PAPER, attitude=replace(PAPER.attitude, mode="ideal"))
 DIAGONAL = Scenario(np.array([45.0, -40.0, 35.0]), np.zeros(3), 0.3)
 
 
-def variable(name, unit, low, high, sigma, default=None):
+def variable(name, unit, low, high, sigma, *, default=None):
     means = np.linspace(low, high, 5)
     terms = tuple(Term(f"t{i}", Gaussian(float(mean), sigma)) for i, mean in enumerate(means))
     return Variable(name, unit, low, high, terms, default=default)

@@ -1,10 +1,10 @@
-"""A deputy that waits 20 m ahead of the chief, where nothing pulls it away: its points can be counted by hand.
+"""A deputy that waits 20 m ahead of the chief, where nothing pulls it: its points can be counted by hand.
 
-From (0, 20, 0) the visible cap reaches acos(10/20) = 60 deg from +j, that is points with y >= 5 m. Of the ring
-at polar angle 50 deg (13 points every 27.69 deg, azimuth from 40.75 to 139.25 deg) these are the azimuths 55.4,
-83.1, 110.8, 138.5; at 70 deg (16 every 22.5, from 32.15 to 147.85) 45, 67.5, 90, 112.5, 135; at 90 deg (17 every
-21.18, from 30 to 150) 42.4, 63.5, 84.7, 105.9, 127.1, 148.2; at 30 deg the highest, at azimuth 80, has y = 4.92.
-With the mirror images below the orbit plane 2 (4 + 5) + 6 = 24 points.
+From (0, 20, 0) the visible cap reaches acos(10/20) = 60 deg from +j, that is points with y >= 5 m. Of the
+ring at polar angle 50 deg (13 points every 27.69 deg, azimuth from 40.75 to 139.25 deg) these are the
+azimuths 55.4, 83.1, 110.8, 138.5; at 70 deg (16 every 22.5, from 32.15 to 147.85) 45, 67.5, 90, 112.5, 135;
+at 90 deg (17 every 21.18, from 30 to 150) 42.4, 63.5, 84.7, 105.9, 127.1, 148.2; at 30 deg the highest, at
+azimuth 80, has y = 4.92. With the mirror images below the orbit plane 2 (4 + 5) + 6 = 24 points.
 """
 
 from dataclasses import replace
@@ -58,7 +58,7 @@ def test_with_the_sun_opposite_nothing_is():
 
 
 def test_as_the_sun_sinks_the_terminator_uncovers_points_one_ring_after_another():
-    """The Sun starts over azimuth 180 deg, and the terminator's near side, 90 deg behind, recedes from 90 deg."""
+    """The Sun starts over azimuth 180 deg; the terminator's near side, 90 deg behind, recedes from 90 deg."""
     log = wait(180.0, 600.0)
     degrees_a_sample = np.degrees(MEAN_MOTION) * 10.0
     expected = [counted(90.0 - degrees_a_sample * k) for k in range(61)]
@@ -84,8 +84,9 @@ def test_candidates_are_what_is_lit_and_left():
 def test_the_field_of_view_narrows_the_cap(half_angle_deg, points):
     """A point at psi from +j is seen at atan(10 sin psi/(20 - 10 cos psi)) from the boresight.
 
-    On the equator azimuth 84.7 lies at psi = 5.29 deg and is seen at 5.25 deg, 105.9 at 15.88 and 14.77 deg. The
-    next, on the rings at 70 deg, lie at 20 deg and are seen at 17.9 deg; the limb of the cap is seen at 30 deg.
+    On the equator azimuth 84.7 lies at psi = 5.29 deg and is seen at 5.25 deg, 105.9 at 15.88 and 14.77
+    deg. The next, on the rings at 70 deg, lie at 20 deg and are seen at 17.9 deg; the limb of the cap is
+    seen at 30 deg.
     """
     assert wait(90.0, 10.0, half_angle_deg=half_angle_deg).is_inspected[-1].sum() == points
 
