@@ -215,21 +215,28 @@ def fill_rules(rules: Indices, row: Indices, tables: NDArray[np.int64]) -> None:
 # access. Mixed arithmetic of signed and unsigned would be floating point, hence these constants.
 U0, U1, U2, U3, U4, U5 = map(np.uint64, range(6))
 U_INPUT_0, U_OUTPUT, U_RULES, U_HEADER = map(np.uint64, (INPUT_0, OUTPUT, RULES, HEADER))
+U_LAYOUT_WIDTH = np.uint64(LAYOUT_WIDTH)
 U_CUTS, U_CROSSINGS, U_HEIGHTS = map(np.uint64, (CUTS, CROSSINGS, HEIGHTS))
 U_VECTOR = np.uint64(VECTOR)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
 def fuzzify(
-    values: Floats, layout: Indices, place: np.uint64, x: float, scratch: Floats, start: np.uint64
+    values: Floats,
+    layout: Indices,
+    system: np.uint64,
+    place: np.uint64,
+    x: float,
+    scratch: Floats,
+    start: np.uint64,
 ) -> np.uint64:
     """Write the memberships of a value in all terms of one input, linear between the points of its universe.
 
     Returns the position after the last one written.
     """
-    terms = layout[U_INPUT_0 + U3 * place]
-    points = layout[U_INPUT_0 + U3 * place + U1]
-    at = layout[U_INPUT_0 + U3 * place + U2]
+    terms = layout[system + U_INPUT_0 + U3 * place]
+    points = layout[system + U_INPUT_0 + U3 * place + U1]
+    at = layout[system + U_INPUT_0 + U3 * place + U2]
     minimum = values[at]
     maximum = values[at + U1]
     x = x if x > minimum else minimum
@@ -245,11 +252,11 @@ def fuzzify(
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
-def cut_terms(rules: Indices, layout: Indices, scratch: Floats) -> None:
+def cut_terms(rules: Indices, layout: Indices, system: np.uint64, scratch: Floats) -> None:
     """Write the height at which each output term is cut: the strongest of its rules."""
-    inputs = layout[U0]
-    terms = layout[U_OUTPUT]
-    bounds = layout[U_RULES] + terms
+    inputs = layout[system]
+    terms = layout[system + U_OUTPUT]
+    bounds = layout[system + U_RULES] + terms
     cells = bounds + terms + U1
     for term in range(terms):
         cut = 0.0
@@ -315,19 +322,22 @@ def grid_sums(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def infer(
-    values: Floats, rules: Indices, layout: Indices, inputs: Floats, hints: Indices, scratch: Floats
+    values: Floats,
+    rules: Indices,
+    layout: Indices,
+    index: np.uint64,
+    inputs: Floats,
+    scratch: Floats,
 ) -> float:
     """Infer the output of one system.
 
     Parameters
     ----------
     values, rules : rows of `Packed.values` and `Packed.rules`
-    layout : row of `Packed.layout`
+    layout : `Packed.layout`, flat
+    index : which of the systems
     inputs : (MAX_INPUTS,) float
         Finite; clipped to the universes here.
-    hints : (2 * MAX_TERMS,) int
-        Where each term's cut crossed it last time, rising and falling; any content below the number of points
-        is right, a good guess is faster.
     scratch : (HEIGHTS + padded points of the output,) float
         Working space of any content, see `scratch_for`.
 
@@ -336,14 +346,15 @@ def infer(
     float
         The centroid, or the system's default where no rule fires.
     """
+    system = index * U_LAYOUT_WIDTH
     start = U0
-    for place in range(layout[U0]):
-        start = fuzzify(values, layout, place, inputs[place], scratch, start)
-    cut_terms(rules, layout, scratch)
+    for place in range(layout[system]):
+        start = fuzzify(values, layout, system, place, inputs[place], scratch, start)
+    cut_terms(rules, layout, system, scratch)
 
-    terms = layout[U_OUTPUT]
-    points = layout[U_OUTPUT + U1]
-    at = layout[U_OUTPUT + U2]
+    terms = layout[system + U_OUTPUT]
+    points = layout[system + U_OUTPUT + U1]
+    at = layout[system + U_OUTPUT + U2]
     step = values[at + U1]
     centre = values[at + U2]
     grid = at + U_HEADER
@@ -356,7 +367,7 @@ def infer(
     ends = 0.5 * (first * values[grid] + last * values[grid + points - U1])
     moment = step * (moment - ends + step * (first - last) / 6.0)
     more_area, more_moment = crossing_triangles(
-        values, rules, grid, layout[U_RULES], points, width, terms, hints, scratch
+        values, rules, grid, layout[system + U_RULES], points, width, terms, scratch
     )
     area += more_area
     moment += more_moment
@@ -374,28 +385,30 @@ def crossing_triangles(
     points: np.uint64,
     width: np.uint64,
     terms: np.uint64,
-    hints: Indices,
     scratch: Floats,
 ) -> tuple[float, float]:
     """Return the area and moment that the points inserted at cut crossings add to the base grid's."""
     area, moment = 0.0, 0.0
     by_point = grid + width + terms * width
     count = U0
+    top = U1
+    while top + top < points:
+        top += top
     for side in range(U2 * terms):
         term = side >> U1
         cut = scratch[U_CUTS + term]
-        if cut == 0.0:
-            continue
         here = grid + width + term * width
-        left = hints[side]
-        if side & U1 == U0:
-            if not (values[here + left] < cut and values[here + left + U1] >= cut):
-                left = find_rising(values, here, rules[peaks + term], points, cut)
-        elif not (values[here + left] >= cut and values[here + left + U1] < cut):
-            left = find_falling(values, here, rules[peaks + term], points, cut)
-        if left == points:
+        peak = rules[peaks + term]
+        if cut == 0.0 or values[here + peak] < cut:
             continue
-        hints[side] = left
+        if side & U1 == U0:
+            left = rising(values, here, peak, top, cut) - U1
+            if left >= peak:  # the first point has reached the cut already
+                continue
+        else:
+            left = falling(values, here, peak, points, top, cut)
+            if left + U1 == points:
+                continue
         fraction = (cut - values[here + left]) / (values[here + left + U1] - values[here + left])
         xl, yl = values[grid + left], scratch[U_HEIGHTS + left]
         xr, yr = values[grid + left + U1], scratch[U_HEIGHTS + left + U1]
@@ -446,48 +459,46 @@ def height_between(
     return y
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def find_rising(values: Floats, here: np.uint64, peak: np.uint64, points: np.uint64, cut: float) -> np.uint64:
-    """Return the point after which a unimodal function reaches the cut, or `points` where it never does."""
-    if values[here + peak] < cut or values[here] >= cut:
-        return points
-    low, high = U0, peak
-    while high - low > U1:
-        middle = (low + high) >> U1
-        if values[here + middle] >= cut:
-            high = middle
-        else:
-            low = middle
-    return low
+# Both searches halve a step without a branch that depends on values, which a processor could not foresee.
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def rising(values: Floats, here: np.uint64, peak: np.uint64, top: np.uint64, cut: float) -> np.uint64:
+    """Return how many points before the peak lie below the cut."""
+    count = U0
+    step = top
+    while step > U0:
+        is_below = (count + step <= peak) & (values[here + count + step - U1] < cut)
+        count += step * np.uint64(is_below)
+        step >>= U1
+    return count
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def find_falling(
-    values: Floats, here: np.uint64, peak: np.uint64, points: np.uint64, cut: float
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def falling(
+    values: Floats, here: np.uint64, peak: np.uint64, points: np.uint64, top: np.uint64, cut: float
 ) -> np.uint64:
-    """Return the last point at which a unimodal function reaches the cut, or `points` where it stays above."""
-    if values[here + peak] < cut or values[here + points - U1] >= cut:
-        return points
-    low, high = peak, points - U1
-    while high - low > U1:
-        middle = (low + high) >> U1
-        if values[here + middle] >= cut:
-            low = middle
-        else:
-            high = middle
-    return low
+    """Return the last point that reaches the cut; the peak does."""
+    last = peak
+    step = top
+    while step > U0:
+        reaches = (last + step < points) & (values[here + last + step] >= cut)
+        last += step * np.uint64(reaches)
+        step >>= U1
+    return last
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def strengths(values: Floats, layout: Indices, inputs: Floats, scratch: Floats, out: Floats) -> None:
+def strengths(
+    values: Floats, layout: Indices, index: np.uint64, inputs: Floats, scratch: Floats, out: Floats
+) -> None:
     """Write the firing strength of every rule of one full-table system, in the order of the table."""
+    system = index * U_LAYOUT_WIDTH
     start = U0
-    for place in range(layout[U0]):
-        start = fuzzify(values, layout, place, inputs[place], scratch, start)
+    for place in range(layout[system]):
+        start = fuzzify(values, layout, system, place, inputs[place], scratch, start)
     out[0] = 1.0
     filled, first = 1, 0
-    for place in range(layout[U0]):
-        terms = np.int64(layout[U_INPUT_0 + U3 * place])
+    for place in range(layout[system]):
+        terms = np.int64(layout[system + U_INPUT_0 + U3 * place])
         # backwards, so that each partial conjunction is read before it is overwritten
         for cell in range(filled - 1, -1, -1):
             partial = out[cell]
@@ -499,17 +510,24 @@ def strengths(values: Floats, layout: Indices, inputs: Floats, scratch: Floats, 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _evaluate(
-    values: Floats, rules: Indices, layout: Indices, inputs: Floats, scratch: Floats, out: Floats
+    values: Floats,
+    rules: Indices,
+    layout: Indices,
+    index: np.uint64,
+    inputs: Floats,
+    scratch: Floats,
+    out: Floats,
 ) -> None:
-    hints = np.zeros(2 * MAX_TERMS, dtype=np.uint64)
     for sample in range(len(inputs)):
-        out[sample] = infer(values, rules, layout, inputs[sample], hints, scratch)
+        out[sample] = infer(values, rules, layout, index, inputs[sample], scratch)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _strengths(values: Floats, layout: Indices, inputs: Floats, scratch: Floats, out: Floats) -> None:
+def _strengths(
+    values: Floats, layout: Indices, index: np.uint64, inputs: Floats, scratch: Floats, out: Floats
+) -> None:
     for sample in range(len(inputs)):
-        strengths(values, layout, inputs[sample], scratch, out[sample])
+        strengths(values, layout, index, inputs[sample], scratch, out[sample])
 
 
 def scratch_for(packed: Packed) -> Floats:
@@ -540,7 +558,8 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     """
     rows = _checked(packed, inputs, system)
     out = np.empty(len(rows))
-    _evaluate(packed.values[0], packed.rules[0], packed.layout[system], rows, scratch_for(packed), out)
+    layout, index, scratch = packed.layout.ravel(), np.uint64(system), scratch_for(packed)
+    _evaluate(packed.values[0], packed.rules[0], layout, index, rows, scratch, out)
     return out
 
 
@@ -551,7 +570,8 @@ def firing_strengths(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     """
     rows = _checked(packed, inputs, system)
     out = np.empty((len(rows), packed.num_rules[system]))
-    _strengths(packed.values[0], packed.layout[system], rows, scratch_for(packed), out)
+    layout, index, scratch = packed.layout.ravel(), np.uint64(system), scratch_for(packed)
+    _strengths(packed.values[0], layout, index, rows, scratch, out)
     return out
 
 

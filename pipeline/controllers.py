@@ -1,0 +1,181 @@
+"""Which fuzzy system senses which signal and drives which axis: where both vocabularies meet.
+
+An input of a fuzzy system is named after the signal that it senses, its output after the force component that
+it commands; the controller's attribute ``force_axes`` says whether components are the deputy's body axes or
+Hill's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.kernel import Packed, layout_of, pack
+from fis_tools.model import FuzzyController, FuzzySystem
+from pipeline import episode
+from pipeline.episode import Law
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Something that a controller may sense."""
+
+    index: int
+    unit: str
+    description: str
+
+
+SIGNALS = {
+    "distance": Signal(episode.DISTANCE, "m", "distance from the chief's centre, |r|"),
+    "velocity_body_x": Signal(
+        episode.VELOCITY_BODY,
+        "m/s",
+        "velocity relative to Hill along the deputy's x axis; the camera looks along -x",
+    ),
+    "velocity_body_y": Signal(episode.VELOCITY_BODY + 1, "m/s", "the same along the deputy's y axis"),
+    "velocity_body_z": Signal(episode.VELOCITY_BODY + 2, "m/s", "the same along the deputy's z axis"),
+    "lambda_u": Signal(
+        episode.LAMBDA_U,
+        "rad",
+        "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi",
+    ),
+    "eta_u": Signal(
+        episode.ETA_U, "rad", "angle from the deputy to the target in the i-k plane, from -pi to pi"
+    ),
+    "position_radial": Signal(episode.POSITION_HILL, "m", "position along Hill i, away from the Earth"),
+    "position_along_track": Signal(
+        episode.POSITION_HILL + 1, "m", "position along Hill j, the way the chief flies"
+    ),
+    "position_cross_track": Signal(episode.POSITION_HILL + 2, "m", "position along Hill k, the orbit normal"),
+    "velocity_radial": Signal(episode.VELOCITY_HILL, "m/s", "velocity relative to Hill along i"),
+    "velocity_along_track": Signal(episode.VELOCITY_HILL + 1, "m/s", "velocity relative to Hill along j"),
+    "velocity_cross_track": Signal(episode.VELOCITY_HILL + 2, "m/s", "velocity relative to Hill along k"),
+}
+
+AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
+FORCE_AXES = {"hill": episode.HILL, "body": episode.BODY}
+
+
+class ControllerError(ValueError):
+    """A controller that cannot fly; the text says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What decides the force: fuzzy systems, or a plan of forces made beforehand.
+
+    Parameters
+    ----------
+    name : str
+    systems : tuple of FuzzySystem
+        At most three; none for a plan.
+    force_axes : str
+        ``body`` or ``hill``, the axes of the systems' outputs.
+    plan : (K, 3) array, optional
+        Forces in Hill axes, N, one row a control period; periods beyond the last row are flown without force.
+    fuzzy : FuzzyController, optional
+        What the systems came from, for files and reports.
+    """
+
+    name: str
+    systems: tuple[FuzzySystem, ...]
+    force_axes: str = "body"
+    plan: Floats | None = None
+    fuzzy: FuzzyController | None = None
+
+
+def from_fuzzy(fuzzy: FuzzyController) -> Controller:
+    """Read who senses and drives what from a fuzzy controller.
+
+    Raises
+    ------
+    ControllerError
+        If a system senses or drives something unknown, or an attribute is missing.
+    """
+    attributes = dict(fuzzy.attributes)
+    force_axes = attributes.get("force_axes", "")
+    if force_axes not in FORCE_AXES:
+        raise ControllerError(
+            f"controller {fuzzy.name!r} has force_axes {force_axes!r}; set the attribute to body or hill"
+        )
+    if not fuzzy.systems:
+        raise ControllerError(f"controller {fuzzy.name!r} has no system; give one to three")
+    driven: dict[str, str] = {}
+    for system in fuzzy.systems:
+        for variable in system.inputs:
+            if variable.name not in SIGNALS:
+                raise ControllerError(
+                    f"system {system.name!r} senses {variable.name!r}, which is no signal; "
+                    f"the signals are {', '.join(SIGNALS)}"
+                )
+            if variable.unit != SIGNALS[variable.name].unit:
+                raise ControllerError(
+                    f"system {system.name!r} takes {variable.name!r} in {variable.unit!r}; "
+                    f"this signal comes in {SIGNALS[variable.name].unit!r}"
+                )
+        names = [variable.name for variable in system.outputs]
+        if len(names) != 1 or names[0] not in AXES:
+            raise ControllerError(
+                f"system {system.name!r} drives {', '.join(names) or 'nothing'}; "
+                f"each system drives one of {', '.join(AXES)}"
+            )
+        if names[0] in driven:
+            raise ControllerError(
+                f"systems {driven[names[0]]!r} and {system.name!r} both drive {names[0]}; one axis, one system"
+            )
+        if system.outputs[0].unit != "N":
+            raise ControllerError(
+                f"output {names[0]!r} of {system.name!r} is in {system.outputs[0].unit!r}; use N"
+            )
+        driven[names[0]] = system.name
+    return Controller(fuzzy.name, fuzzy.systems, force_axes, fuzzy=fuzzy)
+
+
+def coast() -> Controller:
+    """Return the controller that never fires."""
+    return Controller("coast", (), "hill", plan=np.zeros((0, 3)))
+
+
+def open_loop(name: str, plan: Floats) -> Controller:
+    """Return the controller that plays forces of shape (K, 3), Hill axes, N."""
+    return Controller(name, (), "hill", plan=np.asarray(plan, dtype=np.float64))
+
+
+def law_of(controller: Controller, num_controls: int) -> Law:
+    """Return what the compiled episode needs to know of a controller besides its numbers.
+
+    Raises
+    ------
+    ControllerError
+        If a plan is longer than the flight.
+    """
+    if controller.plan is not None and len(controller.plan) > num_controls:
+        raise ControllerError(
+            f"the plan of {controller.name!r} has {len(controller.plan)} forces, the flight {num_controls} "
+            "control periods; shorten the plan or lengthen duration_s"
+        )
+    plan = np.zeros((num_controls if controller.plan is not None else 0, 3))
+    if controller.plan is not None:
+        plan[: len(controller.plan)] = controller.plan
+    signals = np.zeros((len(controller.systems), 3), dtype=np.int64)
+    for row, system in zip(signals, controller.systems, strict=True):
+        indices = [SIGNALS[variable.name].index for variable in system.inputs]
+        row[:] = (indices + [indices[-1]] * 3)[:3]
+    return Law(
+        axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
+        signals=signals,
+        num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
+        layout=layout_of(controller.systems)[0].ravel(),
+        force_axes=FORCE_AXES[controller.force_axes],
+        has_plan=controller.plan is not None,
+        plan=plan,
+    )
+
+
+def packed(controller: Controller) -> Packed:
+    """Return the numbers of a controller's systems; a plan has none."""
+    if controller.systems:
+        return pack(*controller.systems)
+    return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.uint64), ())

@@ -1,0 +1,107 @@
+"""What a flight is worth: the terms of the fitness, and the statistics of an evaluation.
+
+Pure functions of outcomes. The fitness of a controller is the mean over its flights of delta-v plus
+
+``zeta = c_d [outside] (1 + metres outside) + c_95 max(0, needed - points) + c_99 (all - points)``
+
+with `needed` the points that make a success: 95 of 99 at a threshold of 95 %
+(Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from pipeline.settings import Penalty
+from pipeline.simulation import Outcomes
+
+Floats = NDArray[np.float64]
+
+
+def points_needed(num_points: int, threshold_percent: float) -> int:
+    """Return the least number of inspected points whose rate reaches the threshold."""
+    return math.ceil(num_points * threshold_percent / 100.0 - 1e-9)
+
+
+def fitness_parts(outcomes: Outcomes, penalty: Penalty, num_points: int, threshold_percent: float) -> dict[str, Floats]:
+    """Judge a population.
+
+    Parameters
+    ----------
+    outcomes : Outcomes
+        Arrays of shape (n, m): n controllers, m flights each.
+    penalty : Penalty
+    num_points : int
+        All points.
+    threshold_percent : float
+
+    Returns
+    -------
+    dict of (n,) arrays
+        ``fitness``, and what it is made of: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that left
+        the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
+    """
+    needed = points_needed(num_points, threshold_percent)
+    points = outcomes.inspected_count
+    zeta = (
+        penalty.c_d * outcomes.is_violated * (1.0 + outcomes.outside_m)
+        + penalty.c_95 * np.maximum(0, needed - points)
+        + penalty.c_99 * (num_points - points)
+    )
+    return {
+        "fitness": (outcomes.delta_v_m_s + zeta).mean(axis=-1),
+        "delta_v_m_s": outcomes.delta_v_m_s.mean(axis=-1),
+        "points": points.mean(axis=-1),
+        "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
+        "outside_m": outcomes.outside_m.mean(axis=-1),
+        "short": (points < needed).sum(axis=-1).astype(np.float64),
+    }
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A mean with its spread: standard deviation (ddof = 1) and confidence interval of the mean."""
+
+    mean: float
+    standard_deviation: float
+    minimum: float
+    maximum: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """A share of cases with its Wilson interval."""
+
+    count: int
+    fraction: float
+    low: float
+    high: float
+
+
+def statistic(values: Floats, confidence_percent: float) -> Statistic:
+    """Describe a sample of at least one value; the interval of the mean is normal."""
+    values = np.asarray(values, dtype=np.float64)
+    spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+    mean = float(values.mean())
+    reach = _z(confidence_percent) * spread / math.sqrt(len(values))
+    return Statistic(mean, spread, float(values.min()), float(values.max()), mean - reach, mean + reach)
+
+
+def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
+    """Describe how often something happens, with the interval of Wilson (J. Am. Stat. Assoc. 22, 1927)."""
+    count, number = int(np.sum(is_so)), len(is_so)
+    z = _z(confidence_percent)
+    share = count / number
+    scale = 1.0 + z * z / number
+    middle = (share + z * z / (2 * number)) / scale
+    reach = z / scale * math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number * number))
+    return Fraction(count, share, max(0.0, middle - reach), min(1.0, middle + reach))
+
+
+def _z(confidence_percent: float) -> float:
+    return float(norm.ppf(0.5 + confidence_percent / 200.0))

@@ -1,0 +1,58 @@
+"""Starts of flights, drawn case by case so that a case does not depend on how many others there are.
+
+Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
+Sun's angle, whether or not the angle is used. The same seed therefore gives the same positions whatever the Sun
+does.
+"""
+
+from itertools import product
+
+import numpy as np
+
+from pipeline.flight import Scenario
+from pipeline.settings import MonteCarlo, Starts, Sun
+
+#: first part of the spawn key: evaluation, and training round r as ``TRAINING + r``
+EVALUATION, TRAINING = 0, 1
+
+OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
+
+
+def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun) -> Scenario:
+    """Draw one start: isotropic direction, distance uniform in the shell, at rest.
+
+    Parameters
+    ----------
+    seed, stage, case : int
+        Together they say what is drawn.
+    shell_m : (float, float)
+        Least and greatest distance.
+    sun : Sun
+        Fixed, random, or by turns: even cases fixed, odd ones random.
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
+    direction = generator.standard_normal(3)
+    direction /= np.linalg.norm(direction)
+    distance = generator.uniform(*shell_m)
+    angle = generator.uniform(0.0, 2.0 * np.pi)
+    is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
+    return Scenario(distance * direction, np.zeros(3), float(np.radians(sun.angle_deg)) if is_fixed else angle)
+
+
+def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
+    """Return the starts of a round of training; without `starts.redraw` all rounds have the first one's."""
+    stage = TRAINING + (round_index if starts.redraw else 0)
+    shell = (starts.min_distance_m, starts.max_distance_m)
+    drawn = [draw(seed, stage, case, shell, sun) for case in range(starts.num_cases)]
+    if starts.kind == "random":
+        return drawn
+    return [
+        Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad)
+        for direction, case in zip(OCTANTS, drawn, strict=True)
+    ]
+
+
+def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
+    """Return the starts of an evaluation."""
+    shell = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
+    return [draw(seed, EVALUATION, case, shell, sun) for case in range(monte_carlo.num_cases)]

@@ -1,0 +1,291 @@
+"""Flights as a friend would ask for them: missions, starts and controllers in; outcomes and logs out."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.kernel import Packed, padded, scratch_for
+from pipeline import episode
+from pipeline.controllers import Controller, law_of, packed
+from pipeline.episode import LANES, NUM_OUTCOMES, NUM_SIGNALS, Law, Log, Workspace, World, fly, fly_many
+from pipeline.flight import FlightLog, Scenario
+from pipeline.guidance import num_clusters
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
+from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.rigid_body import tumbling_step
+from pipeline.settings import Mission
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """How flights ended, one entry a flight; controllers by scenarios where there are several controllers.
+
+    Parameters
+    ----------
+    delta_v_m_s : array of float
+    inspected_count : array of int
+    mean_distance_m, min_distance_m, max_distance_m : array of float
+        Over samples 0 … K.
+    outside_m : array of float
+        How far samples 1 … K were outside the distance limits at worst; zero inside.
+    """
+
+    delta_v_m_s: Floats
+    inspected_count: NDArray[np.int64]
+    mean_distance_m: Floats
+    min_distance_m: Floats
+    max_distance_m: Floats
+    outside_m: Floats
+
+    @property
+    def is_violated(self) -> NDArray[np.bool_]:
+        """Whether a sample 1 … K was outside the distance limits."""
+        return self.outside_m > 0.0
+
+
+def inspection_points(mission: Mission) -> Floats:
+    """Return the points of a mission in chief axes, shape (P, 3), m."""
+    chief = mission.chief
+    place = regular_placement if chief.placement == "deserno" else fibonacci_placement
+    return np.asarray(place(chief.num_points, chief.inspection_radius_m), dtype=np.float64)
+
+
+def chief_attitudes(mission: Mission) -> Floats:
+    """Return the chief's attitude at every sample, Hill to chief, scalar last, shape (K+1, 4)."""
+    attitudes = np.zeros((mission.num_controls + 1, 4))
+    attitudes[:, 3] = 1.0
+    rate = mission.chief.initial_angular_velocity_rad_s
+    if rate is None:
+        return attitudes
+    inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
+    inverse = np.linalg.inv(inertia)
+    quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
+    steps = max(1, int(np.ceil(mission.control_period_s)))
+    for k in range(1, len(attitudes)):
+        for _ in range(steps):
+            quaternion, rate_c = tumbling_step(
+                quaternion,
+                rate_c,
+                inertia,
+                inverse,
+                mission.orbit.mean_motion_rad_s,
+                mission.control_period_s / steps,
+            )
+        attitudes[k] = quaternion
+    return attitudes
+
+
+def pack_world(mission: Mission) -> World:
+    """Turn a mission into the numbers that the compiled episode reads."""
+    n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
+    lanes = -(-mission.num_attitude_steps // LANES) * LANES
+    instants = np.minimum(np.arange(lanes), mission.num_attitude_steps - 1) * mission.attitude_period_s
+    points = inspection_points(mission)
+    placed = np.zeros((1, 3, padded(len(points))))
+    if mission.chief.initial_angular_velocity_rad_s is None:
+        placed[0, :, : len(points)] = points.T
+    else:
+        attitudes = chief_attitudes(mission)
+        placed = np.zeros((len(attitudes), 3, padded(len(points))))
+        for k, quaternion in enumerate(attitudes):
+            placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
+    inertia = np.array(mission.deputy.inertia_kg_m2, dtype=np.float64)
+    radius = mission.chief.inspection_radius_m
+    return World(
+        num_controls=mission.num_controls,
+        num_attitude_steps=mission.num_attitude_steps,
+        mean_motion=n,
+        control_period=mission.control_period_s,
+        attitude_period=mission.attitude_period_s,
+        acceleration_per_force=1.0 / mass,
+        transition=state_transition(n, mission.control_period_s),
+        control=input_matrix(n, mission.control_period_s, mass),
+        instant_transition=np.ascontiguousarray(
+            np.stack([state_transition(n, t) for t in instants], axis=-1)
+        ),
+        instant_control=np.ascontiguousarray(np.stack([input_matrix(n, t, mass) for t in instants], axis=-1)),
+        points=placed,
+        num_points=len(points),
+        sun_threshold=radius * radius / ASTRONOMICAL_UNIT_M,
+        horizon=radius * radius,
+        cos_half_angle_squared=float(np.cos(np.radians(mission.sensor.half_angle_deg)) ** 2),
+        boresight=np.array(mission.sensor.boresight, dtype=np.float64),
+        is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
+        inertia=inertia,
+        inverse_inertia=np.linalg.inv(inertia),
+        proportional_gain=mission.attitude.proportional_gain * inertia,
+        derivative_gain=mission.attitude.derivative_gain * inertia,
+        max_torque=mission.deputy.max_torque_n_m,
+        max_force=mission.deputy.max_force_n,
+        min_distance=mission.deputy.min_distance_m,
+        max_distance=mission.deputy.max_distance_m,
+        is_attitude_ideal=mission.attitude.mode == "ideal",
+        has_pole_blending=mission.attitude.pole_blending,
+        has_clusters=mission.guidance.kind == "clusters",
+        coasts_when_complete=mission.coast_when_complete,
+    )
+
+
+def make_workspace(world: World, numbers: Packed) -> Workspace:
+    """Allocate what one thread flies in."""
+    points, width = world.num_points, world.points.shape[2]
+    clusters = num_clusters(points)
+    has_systems = len(numbers.layout) > 0
+    return Workspace(
+        unseen=np.zeros(width),
+        candidate=np.zeros(width),
+        aims=np.zeros((4, world.instant_transition.shape[2])),
+        signals=np.zeros(NUM_SIGNALS),
+        inputs=np.zeros(3),
+        scratch=scratch_for(numbers) if has_systems else np.zeros(0),
+        candidates=np.zeros((3, points)),
+        centres=np.zeros((clusters, 3)),
+        labels=np.zeros((2, points), dtype=np.int64),
+        distances=np.zeros(points),
+        sums=np.zeros((clusters, 4)),
+    )
+
+
+def _make_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> Log:
+    samples = num_controls + 1 if num_points else 0
+    return Log(
+        position=np.zeros((samples, 3)),
+        velocity=np.zeros((samples, 3)),
+        quaternion=np.zeros((samples, 4)),
+        angular_velocity=np.zeros((samples, 3)),
+        attitude_quaternion=np.zeros((num_controls, num_attitude_steps, 4)),
+        attitude_rate=np.zeros((num_controls, num_attitude_steps, 3)),
+        torque=np.zeros((num_controls, num_attitude_steps, 3)),
+        force_body=np.zeros((num_controls, 3)),
+        force_hill=np.zeros((num_controls, 3)),
+        num_candidates=np.zeros(samples, dtype=np.int64),
+        target=np.zeros((samples, 3)),
+        lambda_u=np.zeros(samples),
+        eta_u=np.zeros(samples),
+        fis_input=np.zeros((num_controls, num_systems, 3)),
+        fis_output=np.zeros((num_controls, num_systems)),
+        is_decided=np.zeros(num_controls, dtype=np.bool_),
+        sun_angle=np.zeros(samples),
+        is_inspected=np.zeros((samples, num_points), dtype=np.bool_),
+        delta_v=np.zeros(samples),
+    )
+
+
+def stack_starts(scenarios: list[Scenario]) -> tuple[Floats, Floats]:
+    """Return the starts of some scenarios, shape (n, 6), and their Sun angles, shape (n,)."""
+    starts = np.array([[*s.position_m, *s.velocity_m_s] for s in scenarios], dtype=np.float64).reshape(-1, 6)
+    return starts, np.array([s.sun_angle_rad for s in scenarios], dtype=np.float64)
+
+
+def fly_population(
+    world: World, law: Law, numbers: Packed, starts: Floats, sun_angles: Floats, workers: int | None = None
+) -> Outcomes:
+    """Fly every controller of a population from every start.
+
+    Parameters
+    ----------
+    world : World
+    law : Law
+        Of the structure that the population shares.
+    numbers : Packed
+        n controllers.
+    starts : (m, 6), sun_angles : (m,)
+    workers : int, optional
+        Threads; one for each processor unless given. The result does not depend on it.
+
+    Returns
+    -------
+    Outcomes
+        Arrays of shape (n, m).
+    """
+    num_pairs = len(numbers.values) * len(starts)
+    outcomes = np.empty((num_pairs, NUM_OUTCOMES))
+    workers = workers or os.cpu_count() or 1
+    # four shares a thread, so that a slow share does not hold up the end
+    bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
+    silent = _make_log(0, 0, 0, 0)
+
+    def fly_share(first: int, last: int) -> None:
+        work = make_workspace(world, numbers)
+        fly_many(
+            world, law, numbers.values, numbers.rules, starts, sun_angles, work, silent, first, last, outcomes
+        )
+
+    shares = list(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True))
+    if len(shares) == 1:
+        fly_share(*shares[0])
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            for done in [pool.submit(fly_share, first, last) for first, last in shares]:
+                done.result()
+    return _outcomes(outcomes.reshape(len(numbers.values), len(starts), NUM_OUTCOMES))
+
+
+def _outcomes(rows: Floats) -> Outcomes:
+    return Outcomes(
+        delta_v_m_s=rows[..., episode.DELTA_V],
+        inspected_count=np.rint(rows[..., episode.INSPECTED]).astype(np.int64),
+        mean_distance_m=rows[..., episode.MEAN_DISTANCE],
+        min_distance_m=rows[..., episode.MIN_DISTANCE],
+        max_distance_m=rows[..., episode.MAX_DISTANCE],
+        outside_m=rows[..., episode.OUTSIDE],
+    )
+
+
+def fly_all(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None = None
+) -> Outcomes:
+    """Fly one controller from many starts; arrays of shape (m,)."""
+    starts, sun_angles = stack_starts(scenarios)
+    world = pack_world(mission)
+    law, numbers = law_of(controller, mission.num_controls), packed(controller)
+    many = fly_population(world, law, numbers, starts, sun_angles, workers)
+    return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    """Fly one episode and keep everything that happened."""
+    world = pack_world(mission)
+    law, numbers = law_of(controller, mission.num_controls), packed(controller)
+    log = _make_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
+    start = np.concatenate([scenario.position_m, scenario.velocity_m_s]).astype(np.float64)
+    fly(
+        world,
+        law,
+        numbers.values[0],
+        numbers.rules[0],
+        start,
+        float(scenario.sun_angle_rad),
+        make_workspace(world, numbers),
+        log,
+        np.empty(NUM_OUTCOMES),
+    )
+    return FlightLog(
+        position_m=log.position,
+        velocity_m_s=log.velocity,
+        quaternion_b_from_h=log.quaternion,
+        angular_velocity_b_rad_s=log.angular_velocity,
+        quaternion_c_from_h=chief_attitudes(mission),
+        attitude_quaternion=log.attitude_quaternion,
+        attitude_rate_b_rad_s=log.attitude_rate,
+        torque_b_n_m=log.torque,
+        force_body_n=log.force_body,
+        force_hill_n=log.force_hill,
+        num_candidates=log.num_candidates,
+        target_m=log.target,
+        lambda_u_rad=log.lambda_u,
+        eta_u_rad=log.eta_u,
+        fis_input=log.fis_input,
+        fis_output_n=log.fis_output,
+        is_decided=log.is_decided,
+        sun_angle_rad=log.sun_angle,
+        is_inspected=log.is_inspected,
+        delta_v_m_s=log.delta_v,
+    )
