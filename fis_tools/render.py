@@ -276,6 +276,13 @@ def system_figures(system: FuzzySystem) -> Iterator[tuple[str, Figure]]:
             yield name, _surface_figure(system, output)
 
 
+def one_panel(title: str) -> tuple[Figure, Axes]:
+    """Make a figure with one pair of axes."""
+    figure = Figure(figsize=(5.6, 4.2), layout="constrained")
+    figure.suptitle(title)
+    return figure, figure.subplots()
+
+
 def _outer_terms(system: FuzzySystem) -> list[dict[str, Term]]:
     """Return every combination of terms of the inputs before the last two."""
     outer = system.inputs[:-2]

@@ -48,17 +48,17 @@ def load(path: Path | str) -> FuzzyController:
         If the file is missing, too large, cut short, of another schema, hostile or wrong in itself.
     """
     path = Path(path)
-    kind = _KINDS.get(path.suffix.lower())
-    if kind is None:
-        raise ControllerFileError(
-            f"{path}: a controller file ends in .json, .yaml or .yml; rename it if it is one"
-        )
     try:
         with path.open("rb") as file:
             content = file.read(MAX_FILE_BYTES + 1)
     except OSError as error:
         reason = (error.strerror or "unreadable").lower()
         raise ControllerFileError(f"{path}: cannot be read ({reason}); check the path") from error
+    kind = _KINDS.get(path.suffix.lower())
+    if kind is None:
+        raise ControllerFileError(
+            f"{path}: a controller file ends in .json, .yaml or .yml; rename it if it is one"
+        )
     if len(content) > MAX_FILE_BYTES:
         raise ControllerFileError(f"{path}: larger than {MAX_FILE_BYTES} bytes; a controller is much smaller")
     try:

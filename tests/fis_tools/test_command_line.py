@@ -1,0 +1,201 @@
+"""The command line: what each command prints, and that mistakes end in one sentence."""
+
+import csv
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from controllers import force_x_system, general_controller, paper_like_controller
+from test_flights import log_flight
+
+from fis_tools.__main__ import main
+from fis_tools.formats import markdown, text
+from fis_tools.inference import infer
+from fis_tools.serialize import dump_json, dump_yaml, load
+
+
+@pytest.fixture
+def controller_path(tmp_path: Path) -> Path:
+    path = tmp_path / "paper.yaml"
+    path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
+    return path
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_show_reads_a_file_a_run_and_a_flight(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "champion.json").write_text(dump_json(paper_like_controller()), encoding="utf-8")
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    expected = text.describe(paper_like_controller())
+    for source in (controller_path, tmp_path / "run", flight):
+        assert run(capsys, "show", source) == (0, expected, "")
+
+
+def test_show_can_be_limited_to_one_system(controller_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, shown, _ = run(capsys, "show", controller_path, "--system", "force_z")
+    assert "rules for force_z" in shown
+    assert "rules for force_x" not in shown
+
+
+@pytest.mark.parametrize("form", ["png", "svg"])
+def test_plot_writes_pictures(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    folder = tmp_path / "new" / "figures"
+    status, printed, _ = run(
+        capsys, "plot", controller_path, "-o", folder, "--format", form, "--system", "force_x"
+    )
+    assert status == 0
+    names = [f"force_x-{name}.{form}" for name in ("memberships", "rules", "surface")]
+    assert printed.split() == [str(folder / name) for name in names]
+    start = {"png": b"\x89PNG", "svg": b"<?xml"}[form]
+    assert all((folder / name).read_bytes().startswith(start) for name in names)
+
+
+def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "c.json"
+    path.write_text(dump_json(general_controller()).replace('"room"', '"../a b"'), encoding="utf-8")
+    status, printed, _ = run(capsys, "plot", path, "-o", tmp_path / "out")
+    assert status == 0
+    assert {Path(line).parent for line in printed.splitlines()} == {tmp_path / "out"}
+
+
+def test_surface_prints_numbers_or_draws(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("surface", controller_path, "--system", "force_x", "--points", "3")
+    status, printed, _ = run(capsys, *words)
+    assert status == 0
+    header, *rows = csv.reader(io.StringIO(printed))
+    assert header == ["distance", "velocity_body_x", "force_x"]
+    assert len(rows) == 9
+    for row in (rows[1], rows[5]):
+        x, y, value = map(float, row)
+        assert value == pytest.approx(infer(force_x_system(), [x, y]).values[0], abs=1e-13)  # type: ignore[arg-type]
+    assert run(capsys, *words, "-o", tmp_path / "surface.png")[0] == 0
+    assert (tmp_path / "surface.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_export_writes_every_form(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, "export", controller_path, "--format", "markdown")[1] == markdown.write(
+        paper_like_controller()
+    )
+    for form in ("json", "yaml"):
+        path = tmp_path / f"copy.{form}"
+        assert run(capsys, "export", controller_path, "--format", form, "-o", path) == (0, "", "")
+        assert load(path) == paper_like_controller()
+    for form in ("csv", "text"):
+        assert "very near" in run(capsys, "export", controller_path, "--format", form)[1]
+
+
+def test_explain_tells_each_system_whose_inputs_are_given(
+    controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, told, _ = run(capsys, "explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2")
+    assert status == 0
+    assert told.startswith("force_x: 25 rules")
+    assert "velocity_body_x = 0.05 m/s" in told
+    assert "force_z" not in told
+
+
+def test_explain_takes_the_inputs_of_a_logged_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    status, told, _ = run(capsys, "explain", flight, "--time", "15", "--system", "force_z")
+    assert status == 0
+    _, at_sample, _ = run(capsys, "explain", flight, "--time", "10", "--system", "force_z")
+    _, later, _ = run(capsys, "explain", flight, "--time", "20", "--system", "force_z")
+    assert told == at_sample != later
+
+
+def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
+    status, printed, _ = run(capsys, "firing", *flights)
+    assert status == 0
+    assert "force_x: 8 inferences; " in printed
+    block = printed.split("\n\n")[1].splitlines()
+    assert len(block) == 2 + 45
+    shares = [float(line.split("%")[0]) for line in block[2:]]
+    assert shares == sorted(shares, reverse=True)
+    silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
+    assert "never decided anything" in run(capsys, "firing", silent)[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["show", "missing.yaml"], "cannot be read (no such file or directory)"),
+        (["show", "missing"], "cannot be read (no such file or directory)"),
+        (["show", "FOLDER"], "folder without champion.json"),
+        (["show", "missing.mcap"], "cannot be opened"),
+        (["show", "PAPER", "--system", "force"], "did you mean 'force_"),
+        (["surface", "PAPER"], "several systems; add --system, one of force_x, force_z"),
+        (["surface", "PAPER", "--system", "force_x", "--x", "distanse"], "did you mean 'distance'?"),
+        (["surface", "PAPER", "--system", "force_x", "--points", "1"], "no whole number from 2 to 1000"),
+        (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1"], "no input 'a'"),
+        (["surface", "PAPER", "--system", "force_z", "--fixed", "eta_u=inf"], "finite"),
+        (["explain", "PAPER"], "force_x needs distance, velocity_body_x"),
+        (["explain", "PAPER", "--inputs", "distance=1"], "add --inputs"),
+        (["explain", "PAPER", "--inputs", "distanse=1"], "did you mean 'distance'?"),
+        (["explain", "PAPER", "--inputs", "distance"], "write NAME=NUMBER"),
+        (["explain", "PAPER", "--inputs", "distance=nan"], "write NAME=NUMBER"),
+        (["explain", "PAPER", "--time", "1"], "--time is for logged flights"),
+        (["explain", "FLIGHT", "--time", "-1"], "decided nothing up to -1 s"),
+        (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
+        (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
+        (["export", "PAPER", "--format", "word"], "invalid choice"),
+        (["firing", "PAPER"], "not an MCAP file"),
+        (["fly"], "invalid choice"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence(
+    tmp_path: Path,
+    controller_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    sentence: str,
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    places = {
+        "PAPER": controller_path,
+        "FLIGHT": flight,
+        "PAPER/x.csv": controller_path / "x.csv",
+        "FOLDER": tmp_path,
+    }
+    status, _, told = run(capsys, *(places.get(word, word) for word in words))
+    assert status == 2
+    assert sentence in told
+    assert "Traceback" not in told
+
+
+def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    status, printed, _ = run(capsys)
+    assert status == 2
+    assert "explain" in printed
+
+
+def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> None:
+    command = [sys.executable, "-m", "fis_tools", "show", str(controller_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
