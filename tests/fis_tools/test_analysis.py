@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from controllers import force_x_system, force_z_system, general_controller
+from sample_controllers import force_x_system, force_z_system, general_controller
 from scipy.special import erf
 
 from fis_tools.analysis import coverage, distinguishability, evaluate, firing, rule_usage, surface

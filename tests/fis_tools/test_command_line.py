@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from controllers import force_x_system, general_controller, paper_like_controller
+from sample_controllers import force_x_system, general_controller, paper_like_controller
 from test_flights import log_flight
 
 from fis_tools.__main__ import main

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controllers import force_x_system, force_z_system, general_controller, paper_like_controller
+from sample_controllers import force_x_system, force_z_system, general_controller, paper_like_controller
 
 from fis_tools.analysis import rule_usage
 from fis_tools.flights import read_controller, read_flight, usage_along

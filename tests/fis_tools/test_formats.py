@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from controllers import force_x_system, force_z_system, general_controller, paper_like_controller
+from sample_controllers import force_x_system, force_z_system, general_controller, paper_like_controller
 
 from fis_tools.formats import csv as csv_format
 from fis_tools.formats import markdown, text

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from controllers import force_x_system, force_z_system, general_controller
 from matplotlib.figure import Figure
+from sample_controllers import force_x_system, force_z_system, general_controller
 
 from fis_tools.inference import infer
 from fis_tools.membership import sample_terms

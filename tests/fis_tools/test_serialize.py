@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 import yaml
-from controllers import force_x_system, general_controller, paper_like_controller
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from sample_controllers import force_x_system, general_controller, paper_like_controller
 
 from fis_tools.model import (
     And,

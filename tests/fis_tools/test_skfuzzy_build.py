@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import skfuzzy
-from controllers import force_x_system, general_controller
+from sample_controllers import force_x_system, general_controller
 from skfuzzy import control
 
 from fis_tools import skfuzzy_build

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from controllers import force, force_x_system, general_controller, paper_like_controller
+from sample_controllers import force, force_x_system, general_controller, paper_like_controller
 
 from fis_tools.model import (
     And,
