@@ -258,21 +258,32 @@ def aim(
 
 
 @njit(cache=True, error_model="numpy")
-def aim_at_pole(
-    world: World, aims: Floats, state: Floats, force: Floats, y_before: Floats, is_first: bool
+def aim_plainly(
+    world: World,
+    aims: Floats,
+    state: Floats,
+    force: Floats,
+    y_before: Floats,
+    first: int,
+    last: int,
+    is_start: bool,
 ) -> None:
-    """Write the desired attitudes one after the other, by the rule for poles; `y_before` is carried along."""
-    for j in range(world.num_attitude_steps):
+    """Write the desired attitudes of instants `first` to `last - 1` one by one, by the rules for poles.
+
+    Slower than `aim`, for where that does not hold; `y_before` is carried along.
+    """
+    for j in range(first, last):
         r = np.zeros(3)
         for i in range(3):
             for k in range(6):
                 r[i] += world.instant_transition[i, k, j] * state[k]
             for k in range(3):
                 r[i] += world.instant_control[i, k, j] * force[k]
-        if world.has_pole_blending and not (is_first and j == 0):
+        if world.has_pole_blending and not is_start:
             y = blended_y(r, y_before, world.attitude_period)
         else:
             y = desired_y(r, y_before)
+        is_start = False
         y_before[:] = y
         aims[:, j] = from_dcm(desired_dcm(r, y))
 
@@ -432,7 +443,9 @@ def fly(
     sun_angle: float,
     work: Workspace,
     log: Log,
-    outcome: Floats,
+    tracks: NDArray[np.float32],
+    flight: int,
+    outcomes: Floats,
 ) -> None:
     """Fly one episode and write its outcome.
 
@@ -444,9 +457,12 @@ def fly(
     sun_angle : rad, at k = 0
     work : Workspace
     log : Log, whose arrays are filled unless they are empty
-    outcome : (NUM_OUTCOMES,), overwritten
+    tracks : (n, K+1, 3) float32, row `flight` is filled with positions unless it is empty
+    flight : which row
+    outcomes : (n, NUM_OUTCOMES), row `flight` is filled
     """
     is_logged = len(log.position) > 0
+    is_tracked = len(tracks) > 0
     n = world.mean_motion
     rx, ry, rz, vx, vy, vz = start[0], start[1], start[2], start[3], start[4], start[5]
     q1, q2, q3, q4 = 0.0, 0.0, 0.0, 1.0
@@ -479,8 +495,8 @@ def fly(
         if k > 0:
             outside = max(outside, world.min_distance - distance, distance - world.max_distance)
         if world.is_attitude_ideal:
-            ideal_state = np.array([rx, ry, rz, vx, vy, vz])
-            aim_at_pole(world, work.aims, ideal_state, np.zeros(3), y_before, k == 0)
+            state = np.array([rx, ry, rz, vx, vy, vz])
+            aim_plainly(world, work.aims, state, np.zeros(3), y_before, 0, 1, k == 0)
             q1, q2, q3, q4 = work.aims[0, 0], work.aims[1, 0], work.aims[2, 0], work.aims[3, 0]
 
         c11, c12, c13 = (
@@ -537,6 +553,8 @@ def fly(
             lambda_u = relative_angle(tx, ty, rx, ry)
             eta_u = relative_angle(tx, tz, rx, rz)
 
+        if is_tracked:
+            tracks[flight, k, 0], tracks[flight, k, 1], tracks[flight, k, 2] = rx, ry, rz
         if is_logged:
             log.position[k, 0], log.position[k, 1], log.position[k, 2] = rx, ry, rz
             log.velocity[k, 0], log.velocity[k, 1], log.velocity[k, 2] = vx, vy, vz
@@ -605,36 +623,36 @@ def fly(
             log.force_hill[k, 0], log.force_hill[k, 1], log.force_hill[k, 2] = fx, fy, fz
         delta_v += (abs(fx) + abs(fy) + abs(fz)) * world.control_period * world.acceleration_per_force
 
+        # aim
+        num_poles = aim(
+            work.aims,
+            world.instant_transition,
+            world.instant_control,
+            rx,
+            ry,
+            rz,
+            vx,
+            vy,
+            vz,
+            fx,
+            fy,
+            fz,
+        )
+        last = world.num_attitude_steps - 1
+        if num_poles > 0.0 or world.has_pole_blending:
+            state, force_h = np.array([rx, ry, rz, vx, vy, vz]), np.array([fx, fy, fz])
+            done = 1 if world.is_attitude_ideal else 0
+            aim_plainly(world, work.aims, state, force_h, y_before, done, last + 1, k + done == 0)
+            if world.is_attitude_ideal:
+                work.aims[0, 0], work.aims[1, 0], work.aims[2, 0], work.aims[3, 0] = q1, q2, q3, q4
+        else:
+            a1, a2, a3, a4 = work.aims[0, last], work.aims[1, last], work.aims[2, last], work.aims[3, last]
+            y_before[0] = 2 * (a1 * a2 - a3 * a4)
+            y_before[1] = -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
+            y_before[2] = 0.0
+
         # turn
         if not world.is_attitude_ideal:
-            num_poles = aim(
-                work.aims,
-                world.instant_transition,
-                world.instant_control,
-                rx,
-                ry,
-                rz,
-                vx,
-                vy,
-                vz,
-                fx,
-                fy,
-                fz,
-            )
-            if num_poles > 0.0 or world.has_pole_blending:
-                state, force_h = np.array([rx, ry, rz, vx, vy, vz]), np.array([fx, fy, fz])
-                aim_at_pole(world, work.aims, state, force_h, y_before, k == 0)
-            else:
-                last = world.num_attitude_steps - 1
-                a1, a2, a3, a4 = (
-                    work.aims[0, last],
-                    work.aims[1, last],
-                    work.aims[2, last],
-                    work.aims[3, last],
-                )
-                y_before[0] = 2 * (a1 * a2 - a3 * a4)
-                y_before[1] = -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
-                y_before[2] = 0.0
             for j in range(world.num_attitude_steps):
                 a1, a2, a3, a4 = work.aims[0, j], work.aims[1, j], work.aims[2, j], work.aims[3, j]
                 ux = wx - n * 2 * (q1 * q3 - q2 * q4)
@@ -680,8 +698,9 @@ def fly(
             scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
             q1, q2, q3, q4 = q1 * scale, q2 * scale, q3 * scale, q4 * scale
         elif is_logged:
-            log.attitude_quaternion[k, :, 0], log.attitude_quaternion[k, :, 1] = q1, q2
-            log.attitude_quaternion[k, :, 2], log.attitude_quaternion[k, :, 3] = q3, q4
+            for j in range(world.num_attitude_steps):
+                for component in range(4):
+                    log.attitude_quaternion[k, j, component] = work.aims[component, j]
 
         # move
         phi, gamma = world.transition, world.control
@@ -694,12 +713,12 @@ def fly(
         rx, ry, rz, vx, vy = nx, ny, nz, ux, uy
         base_cos, base_sin = sx * tick_cos + sy * tick_sin, sy * tick_cos - sx * tick_sin
 
-    outcome[DELTA_V] = delta_v
-    outcome[INSPECTED] = world.num_points - left
-    outcome[MEAN_DISTANCE] = total_distance / (world.num_controls + 1)
-    outcome[MIN_DISTANCE] = nearest
-    outcome[MAX_DISTANCE] = farthest
-    outcome[OUTSIDE] = outside
+    outcomes[flight, DELTA_V] = delta_v
+    outcomes[flight, INSPECTED] = world.num_points - left
+    outcomes[flight, MEAN_DISTANCE] = total_distance / (world.num_controls + 1)
+    outcomes[flight, MIN_DISTANCE] = nearest
+    outcomes[flight, MAX_DISTANCE] = farthest
+    outcomes[flight, OUTSIDE] = outside
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -712,12 +731,25 @@ def fly_many(
     sun_angles: Floats,
     work: Workspace,
     log: Log,
+    tracks: NDArray[np.float32],
     first: int,
     last: int,
     outcomes: Floats,
 ) -> None:
-    """Fly every start with every controller of a population, pairs `first` to `last - 1`, scenarios fastest."""
+    """Fly every start with every controller of a population, flights `first` to `last - 1`, starts fastest."""
     num_starts = len(starts)
-    for pair in range(first, last):
-        row, start = pair // num_starts, pair % num_starts
-        fly(world, law, values[row], rules[row], starts[start], sun_angles[start], work, log, outcomes[pair])
+    for flight in range(first, last):
+        row, start = flight // num_starts, flight % num_starts
+        fly(
+            world,
+            law,
+            values[row],
+            rules[row],
+            starts[start],
+            sun_angles[start],
+            work,
+            log,
+            tracks,
+            flight,
+            outcomes,
+        )

@@ -26,7 +26,9 @@ def points_needed(num_points: int, threshold_percent: float) -> int:
     return math.ceil(num_points * threshold_percent / 100.0 - 1e-9)
 
 
-def fitness_parts(outcomes: Outcomes, penalty: Penalty, num_points: int, threshold_percent: float) -> dict[str, Floats]:
+def fitness_parts(
+    outcomes: Outcomes, penalty: Penalty, num_points: int, threshold_percent: float
+) -> dict[str, Floats]:
     """Judge a population.
 
     Parameters

@@ -36,7 +36,9 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
     distance = generator.uniform(*shell_m)
     angle = generator.uniform(0.0, 2.0 * np.pi)
     is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
-    return Scenario(distance * direction, np.zeros(3), float(np.radians(sun.angle_deg)) if is_fixed else angle)
+    return Scenario(
+        distance * direction, np.zeros(3), float(np.radians(sun.angle_deg)) if is_fixed else angle
+    )
 
 
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.kernel import Packed, padded, scratch_for
+from fis_tools.kernel import Packed, evaluate, padded, scratch_for
 from pipeline import episode
 from pipeline.controllers import Controller, law_of, packed
 from pipeline.episode import LANES, NUM_OUTCOMES, NUM_SIGNALS, Law, Log, Workspace, World, fly, fly_many
@@ -185,7 +185,13 @@ def stack_starts(scenarios: list[Scenario]) -> tuple[Floats, Floats]:
 
 
 def fly_population(
-    world: World, law: Law, numbers: Packed, starts: Floats, sun_angles: Floats, workers: int | None = None
+    world: World,
+    law: Law,
+    numbers: Packed,
+    starts: Floats,
+    sun_angles: Floats,
+    workers: int | None = None,
+    tracks: NDArray[np.float32] | None = None,
 ) -> Outcomes:
     """Fly every controller of a population from every start.
 
@@ -199,6 +205,8 @@ def fly_population(
     starts : (m, 6), sun_angles : (m,)
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
+    tracks : (n * m, K+1, 3) float32, optional
+        Filled with positions, m, Hill axes.
 
     Returns
     -------
@@ -211,11 +219,23 @@ def fly_population(
     # four shares a thread, so that a slow share does not hold up the end
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
     silent = _make_log(0, 0, 0, 0)
+    tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
         work = make_workspace(world, numbers)
         fly_many(
-            world, law, numbers.values, numbers.rules, starts, sun_angles, work, silent, first, last, outcomes
+            world,
+            law,
+            numbers.values,
+            numbers.rules,
+            starts,
+            sun_angles,
+            work,
+            silent,
+            tracks,
+            first,
+            last,
+            outcomes,
         )
 
     shares = list(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True))
@@ -240,18 +260,69 @@ def _outcomes(rows: Floats) -> Outcomes:
 
 
 def fly_all(
-    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None = None
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None = None,
+    tracks: NDArray[np.float32] | None = None,
 ) -> Outcomes:
-    """Fly one controller from many starts; arrays of shape (m,)."""
+    """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest."""
+    if is_by_the_reference(mission):
+        return _outcomes_of_logs(mission, controller, scenarios, tracks)
     starts, sun_angles = stack_starts(scenarios)
     world = pack_world(mission)
     law, numbers = law_of(controller, mission.num_controls), packed(controller)
-    many = fly_population(world, law, numbers, starts, sun_angles, workers)
+    many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def is_by_the_reference(mission: Mission) -> bool:
+    """Tell whether a mission asks for scikit-learn's clusters, which only the readable reference flies with."""
+    return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
+
+
+def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    from pipeline import reference  # noqa: PLC0415 - plain Python, and only here
+    from pipeline.reference_channels import channels_of  # noqa: PLC0415
+
+    numbers = packed(controller)
+
+    def infer(system: int, inputs: Floats) -> float:
+        row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
+        return float(evaluate(numbers, row, system)[0])
+
+    plan = law_of(controller, mission.num_controls).plan
+    channels = channels_of(controller.systems, controller.force_axes, plan if len(plan) else None)
+    return reference.fly(mission, scenario, channels, infer)
+
+
+def _outcomes_of_logs(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    tracks: NDArray[np.float32] | None,
+) -> Outcomes:
+    rows = np.empty((len(scenarios), NUM_OUTCOMES))
+    limits = mission.deputy
+    for case, scenario in enumerate(scenarios):
+        log = fly_logged(mission, controller, scenario)
+        if tracks is not None:
+            tracks[case] = log.position_m
+        distance = np.linalg.norm(log.position_m, axis=1)
+        outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
+        rows[case, episode.DELTA_V] = log.delta_v_m_s[-1]
+        rows[case, episode.INSPECTED] = log.is_inspected[-1].sum()
+        rows[case, episode.MEAN_DISTANCE] = distance.mean()
+        rows[case, episode.MIN_DISTANCE] = distance.min()
+        rows[case, episode.MAX_DISTANCE] = distance.max()
+        rows[case, episode.OUTSIDE] = max(0.0, float(outside.max()))
+    return _outcomes(rows)
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
     """Fly one episode and keep everything that happened."""
+    if is_by_the_reference(mission):
+        return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
     law, numbers = law_of(controller, mission.num_controls), packed(controller)
     log = _make_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
@@ -265,7 +336,9 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         float(scenario.sun_angle_rad),
         make_workspace(world, numbers),
         log,
-        np.empty(NUM_OUTCOMES),
+        np.empty((0, 0, 3), dtype=np.float32),
+        0,
+        np.empty((1, NUM_OUTCOMES)),
     )
     return FlightLog(
         position_m=log.position,

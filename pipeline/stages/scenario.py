@@ -1,0 +1,34 @@
+"""Write down where every flight of the experiment starts: scenarios.csv."""
+
+import csv
+import io
+from pathlib import Path
+
+from pipeline import artifacts
+from pipeline.flight import Scenario
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
+from pipeline.settings import Experiment
+
+COLUMNS = "set,case,position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,sun_angle_rad"
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Draw the starts and write them, those of each round of training and those of the evaluation."""
+    rounds = experiment.optimizer.rounds if experiment.starts.redraw else 1
+    sets: dict[str, list[Scenario]] = {}
+    if "train" in experiment.stages or experiment.telemetry.record_training:
+        for index in range(rounds):
+            sets[f"training-{index}"] = training_scenarios(
+                experiment.starts, experiment.sun, experiment.seed, index
+            )
+    if "evaluate" in experiment.stages:
+        sets["evaluation"] = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS.split(","))
+    for name, scenarios in sets.items():
+        for case, start in enumerate(scenarios):
+            writer.writerow(
+                [name, case, *start.position_m.tolist(), *start.velocity_m_s.tolist(), start.sun_angle_rad]
+            )
+    artifacts.write_atomically(folder / artifacts.SCENARIOS, text.getvalue())
