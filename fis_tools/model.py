@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from math import prod
 from typing import Literal
 
 import numpy as np
@@ -255,15 +256,15 @@ def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Seque
     ValueError
         If the number of consequents is not the number of cells.
     """
-    cells = list(table_antecedents(inputs))
-    if len(cells) != len(consequents):
+    num_cells = prod(len(variable.terms) for variable in inputs)
+    if num_cells != len(consequents):
         raise ValueError(
-            f"a full table over {len(inputs)} inputs has {len(cells)} rules, but {len(consequents)} "
+            f"a full table over {len(inputs)} inputs has {num_cells} rules, but {len(consequents)} "
             "consequents are given; give one output term for each combination of input terms"
         )
     return tuple(
         Rule(antecedent, (Consequent(output.name, term),))
-        for antecedent, term in zip(cells, consequents, strict=True)
+        for antecedent, term in zip(table_antecedents(inputs), consequents, strict=True)
     )
 
 
@@ -281,15 +282,16 @@ def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
     if len(system.outputs) != 1:
         return None
     output = system.outputs[0]
-    cells = list(table_antecedents(system.inputs))
-    if len(cells) != len(system.rules):
+    if prod(len(variable.terms) for variable in system.inputs) != len(system.rules):
         return None
-    table = np.empty(len(cells), dtype=np.int64)
+    table = np.empty(len(system.rules), dtype=np.int64)
+    cells = table_antecedents(system.inputs)
+    term_indices = {term.name: index for index, term in enumerate(output.terms)}
     for index, (cell, rule) in enumerate(zip(cells, system.rules, strict=True)):
         if rule.antecedent != cell or len(rule.consequents) != 1:
             return None
         consequent = rule.consequents[0]
         if consequent.variable != output.name or consequent.weight != 1.0:
             return None
-        table[index] = output.term_index(consequent.term)
+        table[index] = term_indices[consequent.term]
     return table

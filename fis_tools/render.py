@@ -11,9 +11,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from fis_tools.analysis import surface
+from fis_tools.analysis import Surface, surface
 from fis_tools.formats.text import number, with_unit
 from fis_tools.membership import sample, sample_terms
 from fis_tools.model import FuzzySystem, Term, Variable, rule_table
@@ -137,11 +138,12 @@ def rule_matrix(system: FuzzySystem, ax: Axes, fixed: Mapping[str, str] | None =
     terms = system.outputs[0].terms
     colours = _term_colours(len(terms))
     ax.imshow(colours[cells], origin="lower", aspect="auto", interpolation="nearest")
-    longest = max(len(term.name) for term in terms)
+    words = _wrapped(terms)
+    longest = max(len(line) for word in words for line in word.split("\n"))
     size = np.clip(72 * _inches(ax)[0] / len(last.terms) / (0.65 * longest), 5.0, 10.0)
     for (row, column), term in np.ndenumerate(cells):
         colour = _readable_on(colours[term])
-        ax.text(column, row, terms[term].name, ha="center", va="center", color=colour, fontsize=size)
+        ax.text(column, row, words[term], ha="center", va="center", color=colour, fontsize=size)
     ax.set_xticks(range(len(last.terms)), _wrapped(last.terms))
     ax.set_xlabel(last.name)
     ax.set_yticks(range(len(cells)), _wrapped(rows.terms) if rows else [""])
@@ -192,9 +194,8 @@ def surface_map(
     fixed: Mapping[str, float] | None = None,
     output: str | None = None,
     num_points: int = 81,
-    has_colour_bar: bool = True,
 ) -> Axes:
-    """Draw an output over two inputs, as brightness with labelled contours; the zero contour is thick.
+    """Evaluate an output over two inputs and draw it, see `draw_surface`.
 
     Parameters
     ----------
@@ -203,11 +204,9 @@ def surface_map(
     ax : Axes
         Where to draw.
     x, y : str, optional
-        The inputs along the axes; by default the last and the last but one, as in `rule_matrix`.
+        The inputs along the axes; by default the last free one and the one before it, as in `rule_matrix`.
     fixed, output, num_points
         As in `fis_tools.analysis.surface`.
-    has_colour_bar : bool
-        Whether to put a colour bar beside the axes.
 
     Raises
     ------
@@ -217,8 +216,26 @@ def surface_map(
     if x is None and y is None:
         free = [variable.name for variable in system.inputs if variable.name not in (fixed or {})]
         x, y = (free[-1], free[-2]) if len(free) > 1 else (None, None)
-    result = surface(system, x, y, fixed=fixed, output=output, num_points=num_points)
-    low, high = result.output.minimum, result.output.maximum
+    return draw_surface(surface(system, x, y, fixed=fixed, output=output, num_points=num_points), ax)
+
+
+def draw_surface(
+    result: Surface, ax: Axes, limits: tuple[float, float] | None = None, *, has_colour_bar: bool = True
+) -> Axes:
+    """Draw an output over two inputs, as brightness with labelled contours; the zero contour is thick.
+
+    Parameters
+    ----------
+    result : Surface
+        What `fis_tools.analysis.surface` returns.
+    ax : Axes
+        Where to draw.
+    limits : (float, float), optional
+        Outputs drawn darkest and brightest; by default the least and the greatest there is.
+    has_colour_bar : bool
+        Whether to put a colour bar beside the axes.
+    """
+    low, high = limits or _limits([result])
     image = ax.imshow(
         result.values,
         origin="lower",
@@ -229,18 +246,16 @@ def surface_map(
         vmax=high,
         interpolation="bilinear",
     )
-    if np.ptp(result.values) > 1e-9 * (high - low):
-        levels = [
-            level for level in np.linspace(low, high, 9) if result.values.min() < level < result.values.max()
-        ]
-        zero = np.isclose(levels, 0.0, atol=1e-9 * (high - low))
+    levels = MaxNLocator(8).tick_values(low, high)
+    levels = levels[(levels > result.values.min()) & (levels < result.values.max())]
+    if len(levels):
         lines = ax.contour(
             result.x,
             result.y,
             result.values,
             levels,
-            colors=["white" if level < 0.5 * (low + high) - 1e-12 else "black" for level in levels],
-            linewidths=np.where(zero, 2.0, 0.8),
+            colors=["white" if level < 0.5 * (low + high) else "black" for level in levels],
+            linewidths=np.where(np.abs(levels) < 1e-9 * (high - low), 2.0, 0.8),
             linestyles="solid",
         )
         ax.clabel(lines, fmt=number, fontsize=7)
@@ -249,6 +264,15 @@ def surface_map(
     if has_colour_bar and figure is not None:
         figure.colorbar(image, ax=ax, label=with_unit(result.output))
     return ax
+
+
+def _limits(results: list[Surface]) -> tuple[float, float]:
+    """Return the least and the greatest output of some surfaces; the universe's ends where all are one."""
+    low = min(float(result.values.min()) for result in results)
+    high = max(float(result.values.max()) for result in results)
+    output = results[0].output
+    is_flat = high - low < 1e-9 * (output.maximum - output.minimum)
+    return (output.minimum, output.maximum) if is_flat else (low, high)
 
 
 def system_figures(system: FuzzySystem) -> Iterator[tuple[str, Figure]]:
@@ -305,14 +329,20 @@ def _rules_figure(system: FuzzySystem) -> Figure:
 
 def _surface_figure(system: FuzzySystem, output: Variable) -> Figure:
     combinations = _outer_terms(system)
-    figure, axes = _panels(len(combinations), 3.8, 3.3, output.name)
-    for terms, ax in zip(combinations, axes, strict=True):
+    results = []
+    for terms in combinations:
         fixed = {}
         for name, term in terms.items():
             variable = system.variable(name)
             fixed[name] = _peak(variable.universe, sample(variable, term))
-        surface_map(system, ax, fixed=fixed, output=output.name, has_colour_bar=False)
-        ax.set_title(", ".join(f"{name} = {number(v)}" for name, v in fixed.items()), fontsize="medium")
+        x, y = system.inputs[-1].name, system.inputs[-2].name
+        results.append(surface(system, x, y, fixed=fixed, output=output.name, num_points=81))
+    limits = _limits(results)
+    figure, axes = _panels(len(combinations), 3.8, 3.3, output.name)
+    for result, ax in zip(results, axes, strict=True):
+        draw_surface(result, ax, limits, has_colour_bar=False)
+        words = (f"{name} = {number(value)}" for name, value in result.fixed.items())
+        ax.set_title(", ".join(words), fontsize="medium")
     figure.colorbar(axes[0].images[0], ax=axes, label=with_unit(output), fraction=0.05, pad=0.02)
     return figure
 

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import get_args
 
 import numpy as np
@@ -29,6 +29,11 @@ from fis_tools.model import (
     Variable,
 )
 
+#: The terms of each variable, in order.
+Vocabulary = dict[str, dict[str, None]]
+
+#: Names that a suggestion looks at.
+MOST_NAMES = 50
 #: How deep and, or and not may be nested in one antecedent.
 MAX_NESTING = 20
 
@@ -209,23 +214,26 @@ def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
         yield "no rules; give at least one"
     labels = (rule.label for rule in system.rules if rule.label)
     yield from _duplicates("the rule base", "rules", labels)
+    inputs, outputs = _vocabulary(system.inputs), _vocabulary(system.outputs)
     for number, rule in enumerate(system.rules, start=1):
         where = f"rule {number}"
         if rule.label and not rule.label.isprintable():
             yield f"{where}: the label {rule.label!r} is not printable; drop the control characters"
-        yield from (f"{where}: {p}" for p in _expression_problems(system.inputs, rule.antecedent, 0))
+        yield from (f"{where}: {problem}" for problem in _expression_problems(inputs, rule.antecedent, 0))
         if not rule.consequents:
             yield f"{where} concludes nothing; give it at least one consequent"
         for consequent in rule.consequents:
-            yield from (
-                f"{where}: {p}"
-                for p in _reference_problems(system.outputs, "output", consequent.variable, consequent.term)
-            )
+            found = _reference_problems(outputs, "output", consequent.variable, consequent.term)
+            yield from (f"{where}: {problem}" for problem in found)
             if not 0.0 <= consequent.weight <= 1.0:
                 yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
 
 
-def _expression_problems(inputs: tuple[Variable, ...], expression: Expression, depth: int) -> Iterator[str]:
+def _vocabulary(variables: tuple[Variable, ...]) -> Vocabulary:
+    return {variable.name: {term.name: None for term in variable.terms} for variable in variables}
+
+
+def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int) -> Iterator[str]:
     if depth > MAX_NESTING:
         yield f"and, or and not are nested more than {MAX_NESTING} deep; split the rule"
         return
@@ -242,21 +250,16 @@ def _expression_problems(inputs: tuple[Variable, ...], expression: Expression, d
                 yield from _expression_problems(inputs, operand, depth + 1)
 
 
-def _reference_problems(
-    variables: tuple[Variable, ...], kind: str, variable_name: str, term_name: str
-) -> Iterator[str]:
-    by_name = {variable.name: variable for variable in variables}
-    if variable_name not in by_name:
-        yield f"{kind} {variable_name!r} does not exist; {nearest(variable_name, by_name)}"
-        return
-    terms = [term.name for term in by_name[variable_name].terms]
-    if term_name not in terms:
-        yield f"{kind} {variable_name!r} has no term {term_name!r}; {nearest(term_name, terms)}"
+def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:
+    if variable not in known:
+        yield f"{kind} {variable!r} does not exist; {nearest(variable, known)}"
+    elif term not in known[variable]:
+        yield f"{kind} {variable!r} has no term {term!r}; {nearest(term, known[variable])}"
 
 
 def nearest(wrong: str, known: Iterable[str]) -> str:
-    """Suggest the nearest of the known names, or list them all."""
-    names = list(known)
+    """Suggest the nearest of the known names, or list them; of very many names only the first count."""
+    names = list(islice(known, MOST_NAMES))
     matches = get_close_matches(wrong, names, n=1)
     if matches:
         return f"did you mean {matches[0]!r}?"

@@ -11,7 +11,6 @@ then: [...]}`` with ``is``, ``and``, ``or``, ``not`` nested.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from fis_tools.formats.plain import MAX_FILE_BYTES
 from fis_tools.model import (
     And,
     Consequent,
@@ -43,6 +42,8 @@ from fis_tools.validate import (
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1
 
+#: Points of a universe.
+MOST_POINTS = 10_001
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
 
@@ -218,8 +219,8 @@ def _number(value: Any, where: str) -> float:
 def _count(value: Any, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a whole number")
-    if value > MAX_FILE_BYTES:
-        raise ControllerFileError(f"{where} is too large; 101 is usual")
+    if value > MOST_POINTS:
+        raise ControllerFileError(f"{where} is more than {MOST_POINTS}; 101 is usual")
     return value
 
 

@@ -29,6 +29,7 @@ from fis_tools.model import (
     Trapezoidal,
     Triangular,
     Variable,
+    rule_table,
     table_rules,
 )
 from fis_tools.serialize import (
@@ -271,7 +272,7 @@ TERM = (*INPUT, "terms", 0)
         (_edit(*INPUT, "range", to=[0, 1, 2]), ["3 numbers", "[lowest, highest]"]),
         (_edit(*INPUT, "range", to=[5, 1]), ["empty", "swap"]),
         (_edit(*INPUT, "points", to=101.0), ["points is 101.0", "whole number"]),
-        (_edit(*INPUT, "points", to=10**9), ["points is too large"]),
+        (_edit(*INPUT, "points", to=10**9), ["points is more than 10001"]),
         (_edit(*INPUT, "points", to=1), ["at least 2"]),
         (_edit(*INPUT, "universe", to=[0, 1]), ["unknown key 'range'"]),
         (_edit(*INPUT, "default", to=1), ["unknown key 'default'"]),
@@ -303,6 +304,19 @@ def test_wrong_content_is_refused_with_a_sentence(
 def test_what_is_no_mapping_is_no_controller(nonsense: Any) -> None:
     with pytest.raises(ControllerFileError, match="not a fuzzy controller"):
         from_mapping(nonsense)
+
+
+def test_a_table_of_billions_of_cells_is_counted_not_built() -> None:
+    mapping = to_mapping(paper_like_controller())
+    system = mapping["systems"][1]
+    for variable in system["inputs"]:
+        variable["terms"] = [{"name": f"t{k}", "mean": 0.0, "standard_deviation": 1.0} for k in range(2000)]
+    with pytest.raises(ControllerFileError, match="has 8000000000 rules, but 45"):
+        from_mapping(mapping)
+    system["rules"] = [{"if": {"is": ["eta_u", "t0"]}, "then": [{"variable": "force_z", "term": "ZE"}]}]
+    controller = from_mapping(mapping)
+    assert rule_table(controller.systems[1]) is None
+    assert loads(dump_json(controller), "json") == controller
 
 
 def test_too_many_problems_are_counted_not_listed() -> None:
