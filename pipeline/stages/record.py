@@ -1,0 +1,164 @@
+"""Fly the telling flights again, logged, and record each as a file: episodes/*.mcap."""
+
+import math
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import artifacts, tables
+from pipeline.champion import controller_of_run
+from pipeline.compile_notice import announce_compilation
+from pipeline.flight import FlightLog, Scenario
+from pipeline.recording import FlightRecorder
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
+from pipeline.settings import Experiment
+from pipeline.simulation import fly_logged
+from telemetry import RecordingError
+
+Columns = Mapping[str, NDArray[Any]]
+
+#: of many random training scenarios only the first are recorded
+MOST_TRAINING_FLIGHTS: Final = 8
+#: the files that this stage writes, and no other
+OWN_FILES: Final = re.compile(r"(training-\d+|(worst|median|best)-case-\d+|start)\.mcap(\.partial)?")
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flight to record.
+
+    Parameters
+    ----------
+    name : str
+        Of its file, without the ending.
+    scenario_id : str
+    scenario : Scenario
+    expected : tuple of (int, float), optional
+        Inspected points and delta-v (m/s) that its evaluation gave.
+    """
+
+    name: str
+    scenario_id: str
+    scenario: Scenario
+    expected: tuple[int, float] | None = None
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Record what `telemetry.record_*` asks for; recordings of an earlier run of this stage go.
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If the evaluation is missing or of other flights, or a file cannot be written.
+    """
+    flights = flights_of(experiment, folder)
+    recordings = folder / artifacts.RECORDINGS
+    recordings.mkdir(parents=True, exist_ok=True)
+    if flights:
+        announce_compilation()
+        _record(experiment, folder, flights)
+    else:
+        sys.stderr.write("  nothing to record: telemetry.record_training, _ranked and _start are all false\n")
+    written = {f"{flight.name}.mcap" for flight in flights}
+    for path in recordings.iterdir():
+        if OWN_FILES.fullmatch(path.name) and path.name not in written:
+            path.unlink()
+
+
+def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
+    """Return the flights to record: of the training, of the evaluation, from the given start."""
+    flights: list[Flight] = []
+    if experiment.telemetry.record_training:
+        scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
+        for case, scenario in enumerate(scenarios[:MOST_TRAINING_FLIGHTS]):
+            flights.append(Flight(f"training-{case}", f"training-{case}", scenario))
+    if experiment.telemetry.record_ranked:
+        flights += _ranked_flights(experiment, tables.read_parquet(folder, artifacts.EPISODES))
+    if experiment.telemetry.record_start:
+        deputy = experiment.mission.deputy
+        position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
+        start = Scenario(position, velocity, math.radians(experiment.sun.angle_deg))
+        flights.append(Flight("start", "start", start))
+    return flights
+
+
+def rank(episodes: Columns) -> NDArray[np.int64]:
+    """Order the rows of an evaluation from the worst to the best.
+
+    A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.
+    Equal ones stay in order.
+    """
+    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
+    order: NDArray[np.int64] = np.lexsort(keys)
+    return order
+
+
+def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[Flight]:
+    """Return the worst, the median and the best flight of an evaluation."""
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    order = rank(episodes)
+    chosen = {"worst": order[0], "median": order[len(order) // 2], "best": order[-1]}
+    return [_evaluated_flight(name, episodes, int(row), scenarios) for name, row in chosen.items()]
+
+
+def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> Flight:
+    """Return the flight of a row of an evaluation, once it is sure that this run's case started there."""
+    case = int(episodes["case"][row])
+    start = [float(episodes[column][row]) for column in (*_POSITION, "sun_angle_rad")]
+    drawn = scenarios[case] if case < len(scenarios) else None
+    if drawn is None or start != [*drawn.position_m.tolist(), drawn.sun_angle_rad]:
+        raise artifacts.ArtifactError(
+            f"case {case} of {artifacts.EPISODES} did not start where this configuration's does; repeat the "
+            "stage evaluate"
+        )
+    expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])
+    return Flight(f"{name}-case-{case}", f"case-{case}", drawn, expected)
+
+
+_POSITION = ("position_x_m", "position_y_m", "position_z_m")
+
+
+def _record(experiment: Experiment, folder: Path, flights: list[Flight]) -> None:
+    """Fly and record, with a line a flight."""
+    controller = controller_of_run(experiment, folder)
+    recorder = FlightRecorder(
+        experiment.mission,
+        controller,
+        seed=experiment.seed,
+        config=artifacts.read_config(folder),
+        near_limit_m=experiment.telemetry.near_limit_m,
+    )
+    for flight in flights:
+        log = fly_logged(experiment.mission, controller, flight.scenario)
+        _check_repeated(flight, log)
+        path = folder / artifacts.RECORDINGS / f"{flight.name}.mcap"
+        try:
+            recorder.record(path, flight.scenario, log, flight.scenario_id)
+        except RecordingError as error:
+            raise artifacts.ArtifactError(str(error)) from error
+        count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
+        sys.stderr.write(
+            f"  {path.relative_to(folder).as_posix()}: {count} of {num_points} points, "
+            f"{log.delta_v_m_s[-1]:.3f} m/s\n"
+        )
+
+
+def _check_repeated(flight: Flight, log: FlightLog) -> None:
+    """Refuse to call a flight the worst, median or best of an evaluation that it does not repeat."""
+    if flight.expected is None:
+        return
+    count, delta_v = flight.expected
+    flown = int(log.is_inspected[-1].sum()), float(log.delta_v_m_s[-1])
+    # another processor may round the last digits another way
+    if flown[0] != count or not math.isclose(flown[1], delta_v, rel_tol=1e-9, abs_tol=1e-12):
+        raise artifacts.ArtifactError(
+            f"{flight.scenario_id} now inspects {flown[0]} points for {flown[1]:.6f} m/s, but "
+            f"{artifacts.EPISODES} says {count} points for {delta_v:.6f} m/s; the controller or the program "
+            "has changed since: repeat the stage evaluate"
+        )
