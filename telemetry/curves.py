@@ -137,13 +137,14 @@ def fis_plots(recording: Recording) -> list[Plot]:
         words = recording.fis_description(name)
         colour = (SIGNAL_COLOURS[len(outputs) % len(SIGNAL_COLOURS)],)
         answer = _floats(topic["output_n"])[:, None]
-        outputs.append(Curves(name, topic.time_s, answer, (words.output_name,), colour, True))
+        system = f"system_{len(outputs)}"
+        outputs.append(Curves(system, topic.time_s, answer, (words.output_name,), colour, True))
         told = _floats(topic["inputs"])
         for index, (signal, unit) in enumerate(zip(words.input_names, words.input_units, strict=True)):
             same = inputs.setdefault(unit, [])
             colour = (SIGNAL_COLOURS[len(same) % len(SIGNAL_COLOURS)],)
             label = (f"{signal} ({name})",)
-            same.append(Curves(f"{name}_{index}", topic.time_s, told[:, index, None], label, colour))
+            same.append(Curves(f"{system}_input_{index}", topic.time_s, told[:, index, None], label, colour))
     if not outputs:
         return []
     plots = [Plot("fis_outputs", "Fuzzy outputs (N)", tuple(outputs))]
@@ -184,7 +185,10 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
         reach = 1.1 * max(largest, 1e-3 * limit)
         return Plot(key, title, (curves,), -reach, reach)
     end_s = float(curves.time_s[-1])
-    levels = (_level(f"limit_{sign}", end_s, float(f"{sign}{limit}"), LIMIT_COLOUR) for sign in "+-")
+    levels = (
+        _level(name, end_s, level, LIMIT_COLOUR)
+        for name, level in (("limit", limit), ("lower_limit", -limit))
+    )
     return Plot(key, title, (curves, *levels), -1.1 * limit, 1.1 * limit)
 
 

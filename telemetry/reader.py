@@ -1,6 +1,8 @@
 """Reads a recording, or a part of it, into typed columns."""
 
+import os
 import struct
+import zlib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -13,8 +15,9 @@ import numpy as np
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Schema
+from mcap.reader import FOOTER_SIZE, SeekingReader
+from mcap.records import Channel, Footer, Schema
+from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
@@ -23,6 +26,7 @@ from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
 from telemetry.metadata import EpisodeDescription, FisDescription
 
+CHECKSUM_SIZE: Final = 4
 #: what the mcap library raises on bytes that are not what they should be
 DAMAGE: Final = (
     McapError,
@@ -33,6 +37,7 @@ DAMAGE: Final = (
     KeyError,
     OverflowError,
     MemoryError,
+    OSError,
 )
 
 
@@ -104,8 +109,25 @@ class Recording:
         return EpisodeDescription.from_metadata(self.metadata.get(topics.EPISODE_METADATA, {}))
 
     def fis_description(self, name: str) -> FisDescription:
-        """Return what the numbers of the fuzzy system called `name` mean."""
-        return FisDescription.from_metadata(self.metadata[topics.FIS_METADATA_PREFIX + name])
+        """Return what the numbers of the fuzzy system called `name` mean.
+
+        Raises
+        ------
+        RecordingError
+            If the metadata does not fit what was recorded.
+        """
+        description = FisDescription.from_metadata(self.metadata[topics.FIS_METADATA_PREFIX + name])
+        topic = self.topics.get(topics.fis_topic(name))
+        if topic is not None and len(topic):
+            told = (len(description.input_names), len(description.rules))
+            recorded = (topic["inputs"].shape[1], topic["firing_strengths"].shape[1])
+            if told != recorded or len(description.input_units) != told[0]:
+                raise RecordingError(
+                    f"{self.path}: metadata fis.{name} tells of {told[0]} inputs and {told[1]} rules, but "
+                    f"{recorded[0]} and {recorded[1]} are recorded; record the flight again, with metadata "
+                    "and inferences of the same fuzzy system"
+                )
+        return description
 
 
 def read(
@@ -122,7 +144,7 @@ def read(
     ----------
     path : Path or str
     topics : str or iterable of str, optional
-        Topics to read, ``*`` standing for any part of a name (``/fis/*``); all by default.
+        Topics to read, ``*`` standing for any part of a name (``/fis/*``, which may be none); all by default.
     start_s, end_s : float, optional
         The first and the last simulation time to read, both included.
 
@@ -133,11 +155,12 @@ def read(
     Raises
     ------
     RecordingError
-        If the file is missing, is no MCAP file, is cut short or damaged, or has none of the topics asked for.
+        If the file is missing, is no MCAP file, is cut short or damaged, or lacks a topic asked for.
     """
     path = Path(path)
     wanted = [topics] if isinstance(topics, str) else None if topics is None else list(topics)
     with _opened(path) as stream, damage_explained(path):
+        _check_summary(stream)
         reader = SeekingReader(stream, validate_crcs=True)
         chosen = _chosen_channels(path, reader, wanted)
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
@@ -187,23 +210,35 @@ def check_is_whole(path: Path, stream: BinaryIO) -> None:
     RecordingError
         If it does not; the text tells a cut recording from a file of another kind.
     """
-    head = stream.read(len(MCAP0_MAGIC))
+    head = stream.read(MAGIC_SIZE)
     if not head or not MCAP0_MAGIC.startswith(head):
         what = "is empty" if not head else "is not an MCAP file"
         raise RecordingError(
             f"{path} {what}, but a recording is an MCAP file that telemetry.EpisodeWriter wrote; "
             "give the path of a .mcap file"
         )
-    stream.seek(0, 2)
-    size = stream.tell()
-    stream.seek(max(size - len(MCAP0_MAGIC), 0))
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(max(size - MAGIC_SIZE, 0))
     tail = stream.read()
     stream.seek(0)
-    if size < 2 * len(MCAP0_MAGIC) or tail != MCAP0_MAGIC:
+    if size < 2 * MAGIC_SIZE or tail != MCAP0_MAGIC:
         raise RecordingError(
             f"{path} is cut short, but a recording must be whole to be read; "
             f"rescue every flushed step with `python -m telemetry recover {path}`"
         )
+
+
+def _check_summary(stream: BinaryIO) -> None:
+    """Check the index against its checksum, which the library does not do."""
+    stream.seek(-(FOOTER_SIZE + MAGIC_SIZE), os.SEEK_END)
+    footer = next(StreamReader(stream, skip_magic=True).records)
+    if not isinstance(footer, Footer):
+        raise McapError("it has no footer")
+    end = stream.seek(-(MAGIC_SIZE + CHECKSUM_SIZE), os.SEEK_END)
+    stream.seek(footer.summary_start)
+    if zlib.crc32(stream.read(end - footer.summary_start)) != footer.summary_crc:
+        raise McapError("its index does not agree with its checksum")
+    stream.seek(0)
 
 
 def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None) -> dict[str, str]:
@@ -221,7 +256,7 @@ def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None
     if wanted is None:
         return available
     for pattern in wanted:
-        if not any(fnmatchcase(topic, pattern) for topic in available):
+        if "*" not in pattern and pattern not in available:
             raise RecordingError(
                 f"{path} has no topic {pattern!r}; choose from {', '.join(sorted(available)) or 'none'}"
             )

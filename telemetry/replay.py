@@ -1,9 +1,11 @@
 """Shows recordings in rerun, in our layout."""
 
+import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -70,11 +72,9 @@ def save(paths: Sequence[Path], output: Path) -> None:
         boresight=recordings[0].episode.boresight or DEFAULT_BORESIGHT,
         trails=[blueprint.trail_path(index) for index in range(len(recordings))],
     )
-    stream = rr.RecordingStream(APPLICATION, recording_id=f"{APPLICATION}-{paths[0].stem}")
-    try:
-        stream.save(output, default_blueprint=layout)
-    except (OSError, RuntimeError) as error:
-        raise RecordingError(f"{output} cannot be written: {error}; choose a folder that exists") from error
+    _check_writable(output)
+    stream = rr.RecordingStream(APPLICATION)
+    stream.save(output, default_blueprint=layout)
     stream.send_recording_name(" + ".join(path.stem for path in paths))
     _send_scene(stream, recordings[0])
     _send_plots(stream, (*mission, *effort, *fis))
@@ -83,14 +83,12 @@ def save(paths: Sequence[Path], output: Path) -> None:
     for index, name in enumerate(curves.flight_names(recordings)):
         _send_trail(stream, recordings[index], blueprint.trail_path(index), colours[index])
         if index > 0:
-            _send_marker(
-                stream, recordings[index], f"{blueprint.SCENE}/flights/{index}/deputy", name, colours[index]
-            )
+            _send_marker(stream, recordings[index], index, name, colours[index])
     stream.flush()
     stream.disconnect()
 
 
-def show(paths: Sequence[Path], *, in_browser: bool) -> int:
+def show(paths: Sequence[Path], *, in_browser: bool) -> None:
     """Open recordings in rerun, in a window or in a browser, until the user ends it.
 
     Parameters
@@ -100,11 +98,16 @@ def show(paths: Sequence[Path], *, in_browser: bool) -> int:
     in_browser : bool
         Serve a page to this machine alone, instead of a window.
 
-    Returns
-    -------
-    int
-        The viewer's exit code.
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be read or shown, or the viewer cannot open.
     """
+    if not in_browser and not _has_display():
+        raise RecordingError(
+            "this machine has no display to open the viewer on; "
+            "look at the flight in a browser with --web, or write it to a file with --save FILE.rrd"
+        )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"{paths[0].stem}.rrd"
         save(paths, file)
@@ -112,19 +115,40 @@ def show(paths: Sequence[Path], *, in_browser: bool) -> int:
         command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(file)]
         if in_browser:
             command.append("--web-viewer")
-        try:
-            return subprocess.call(command)  # noqa: S603 - our own interpreter, and a file of ours
-        except KeyboardInterrupt:
-            return 0
+        with suppress(KeyboardInterrupt):
+            code = subprocess.call(command)  # noqa: S603 - our own interpreter, and a file of ours
+            if code != 0:
+                raise RecordingError(
+                    f"the viewer ended with exit code {code} and says why above; "
+                    "write the flight to a file with --save FILE.rrd and open that elsewhere"
+                )
+
+
+def _has_display() -> bool:
+    is_x11_or_wayland = sys.platform.startswith(("linux", "freebsd"))
+    return not is_x11_or_wayland or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _check_writable(output: Path) -> None:
+    # the library only finds out once it holds data, which it then drops with a warning
+    try:
+        output.open("wb").close()
+    except OSError as error:
+        raise RecordingError(
+            f"{output} cannot be written: {error.strerror or error}; choose a folder that exists"
+        ) from error
 
 
 def _showable(recording: Recording) -> Recording:
-    for topic in (topics.DEPUTY_STATE, topics.MISSION):
-        if topic not in recording.topics or not len(recording[topic]):
-            raise RecordingError(
-                f"{recording.path} holds nothing on {topic}, without which there is no flight to show; "
-                "give a recording that telemetry.EpisodeWriter wrote"
-            )
+    missing = [topic for topic in topics.FIXED_TOPICS if topic not in recording.topics]
+    missing += [
+        t for t in (topics.DEPUTY_STATE, topics.MISSION) if t not in missing and not len(recording[t])
+    ]
+    if missing:
+        raise RecordingError(
+            f"{recording.path} holds nothing on {', '.join(missing)}, without which there is no flight to "
+            "show; give a recording that telemetry.EpisodeWriter wrote"
+        )
     return recording
 
 
@@ -319,8 +343,9 @@ def _send_words(stream: rr.RecordingStream, recording: Recording) -> None:
 
 
 def _send_marker(
-    stream: rr.RecordingStream, recording: Recording, entity: str, name: str, colour: Colour
+    stream: rr.RecordingStream, recording: Recording, index: int, name: str, colour: Colour
 ) -> None:
+    entity = f"{blueprint.SCENE}/flights/{index}/deputy"
     state = recording[topics.DEPUTY_STATE]
     stream.log(entity, rr.Points3D.from_fields(radii=[1.6], colors=[colour], labels=[name]), static=True)
     _send(stream, entity, state.time_s, rr.Points3D.columns(positions=state["position_m"]))

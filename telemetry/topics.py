@@ -14,6 +14,18 @@ DEPUTY_CONTROL: Final = "/deputy/control"
 GUIDANCE: Final = "/guidance"
 MISSION: Final = "/mission"
 LOG: Final = "/log"
+#: topics of every recording; one for each fuzzy system comes besides
+FIXED_TOPICS: Final = (
+    TRANSFORMS,
+    DEPUTY_POSE,
+    CHIEF_POINTS,
+    DEPUTY_STATE,
+    DEPUTY_ATTITUDE,
+    DEPUTY_CONTROL,
+    GUIDANCE,
+    MISSION,
+    LOG,
+)
 FIS_PREFIX: Final = "/fis/"
 
 #: rerun's default 3D view looks at the frame of its root entity, which it calls by this name
@@ -61,9 +73,19 @@ def fis_topic(name: str) -> str:
     return FIS_PREFIX + name
 
 
+def split_unit(field: str) -> tuple[str, str]:
+    """Split a field's name before the suffix that tells its unit; the suffix is empty where there is none."""
+    for suffix, _unit in _UNIT_OF_SUFFIX:
+        if field.endswith(suffix):
+            return field.removesuffix(suffix), suffix
+    return field, ""
+
+
 def unit_of(field: str) -> str:
     """Return the unit that a field's name ends in, or the empty string where it has none."""
-    for suffix, unit in _UNIT_OF_SUFFIX:
-        if field.endswith(suffix):
-            return unit
-    return ""
+    return dict(_UNIT_OF_SUFFIX).get(split_unit(field)[1], "")
+
+
+def suffix_of(unit: str) -> str:
+    """Return the suffix by which a field's name tells a unit; empty for a unit that no field has."""
+    return {known: suffix for suffix, known in _UNIT_OF_SUFFIX}.get(unit, "")

@@ -1,0 +1,8 @@
+"""The way in: ``python -m telemetry``."""
+
+import sys
+
+from telemetry.commands import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,166 @@
+"""The commands of ``python -m telemetry``: arguments in, sentences out."""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from telemetry import topics
+from telemetry.errors import RecordingError
+from telemetry.reader import Recording, read
+from telemetry.recover import recover
+from telemetry.tables import export
+
+DESCRIPTION = """\
+Look at recorded inspection flights (MCAP files).
+
+A flight made by `python -m pipeline +experiment=fly` lies in its run folder as episodes/*.mcap.
+Any MCAP tool reads it too: drop it on Foxglove, or run `rerun FILE.mcap`."""
+
+EXAMPLES = """\
+examples:
+  python -m telemetry replay flight.mcap                  a window with scene, curves and rules
+  python -m telemetry replay flight.mcap --web            the same in a browser
+  python -m telemetry replay a.mcap b.mcap                b laid over a
+  python -m telemetry replay flight.mcap --save x.rrd     a file to send; opens with `rerun x.rrd`
+  python -m telemetry info flight.mcap                    what it was, how it went, what is recorded
+  python -m telemetry recover flight.mcap.partial         rescue a flight whose process was killed
+  python -m telemetry export flight.mcap --format csv     tables, one file a topic"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        By default those of the process.
+
+    Returns
+    -------
+    int
+        0, or 2 after a user's mistake, which has been explained on the standard error stream.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except RecordingError as error:
+        print(f"telemetry: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(
+        prog="python -m telemetry", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=raw
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    command = commands.add_parser("replay", help="show flights in rerun, in our layout")
+    command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="flights; the first one in full")
+    target = command.add_mutually_exclusive_group()
+    target.add_argument("--save", type=Path, metavar="OUT.rrd", help="write a rerun file instead of a window")
+    target.add_argument("--web", action="store_true", help="serve a page to this machine's browser")
+    command.set_defaults(run=_replay)
+
+    command = commands.add_parser("info", help="say what a flight was and what its file holds")
+    command.add_argument("file", type=Path, metavar="FILE")
+    command.set_defaults(run=_info)
+
+    command = commands.add_parser(
+        "recover", help="rescue every flushed step of a cut or damaged file into a new one"
+    )
+    command.add_argument("file", type=Path, metavar="FILE", help="also one that still ends in .mcap.partial")
+    command.add_argument(
+        "-o", "--output", type=Path, metavar="OUT", help="default: NAME.recovered.mcap beside FILE"
+    )
+    command.set_defaults(run=_recover)
+
+    command = commands.add_parser("export", help="write tables: one file a topic, units in the column names")
+    command.add_argument("file", type=Path, metavar="FILE")
+    command.add_argument("--format", choices=("csv", "parquet"), default="csv", help="default: csv")
+    command.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="default: a folder named after FILE and the format"
+    )
+    command.set_defaults(run=_export)
+    return parser
+
+
+def _replay(options: argparse.Namespace) -> None:
+    # rerun takes half a second to import, which no other command should pay
+    from telemetry import replay  # noqa: PLC0415
+
+    if options.save is None:
+        replay.show(options.files, in_browser=options.web)
+        return
+    replay.save(options.files, options.save)
+    print(f"{options.save} is written; look at it with `rerun {options.save}`")
+
+
+def _info(options: argparse.Namespace) -> None:
+    print("\n".join(_description(read(options.file))))
+
+
+def _recover(options: argparse.Namespace) -> None:
+    recovery = recover(options.file, options.output)
+    if recovery.output is None:
+        print(f"{options.file} is whole, with {recovery.num_messages} messages: there is nothing to rescue")
+        return
+    reach = "" if recovery.end_s is None else f", up to {recovery.end_s:g} s"
+    print(
+        f"{recovery.output} holds {recovery.num_messages} messages{reach}; left behind were "
+        f"{recovery.num_damaged_records} damaged records and {recovery.num_bytes_lost} bytes at the end"
+    )
+
+
+def _export(options: argparse.Namespace) -> None:
+    folder = options.output
+    if folder is None:
+        folder = options.file.with_name(f"{options.file.stem}-{options.format}")
+    for path in export(read(options.file), folder, options.format):
+        print(path)
+
+
+def _description(recording: Recording) -> list[str]:
+    times = np.concatenate([topic.time_s for topic in recording.topics.values()])
+    span = f"{times.min():g} to {times.max():g} s" if times.size else "no messages"
+    lines = [f"{recording.path}: {recording.path.stat().st_size / 1024:.0f} KiB, {span}"]
+    if topics.RECOVERY_METADATA in recording.metadata:
+        lines.append("rescued from a cut or damaged file: the flight may have gone on")
+    lines += ["", "episode", *_indented(recording.metadata.get(topics.EPISODE_METADATA, {}))]
+    lines += ["", "outcome", *_indented(_outcome(recording))]
+    lines += ["", "fuzzy systems", *([] if recording.fis_names else ["  none"])]
+    for name in recording.fis_names:
+        words = recording.fis_description(name)
+        inputs = ", ".join(
+            f"{signal} ({unit})" if unit else signal
+            for signal, unit in zip(words.input_names, words.input_units, strict=True)
+        )
+        lines.append(
+            f"  {name}: {inputs} -> {words.output_name} ({words.output_unit}), {len(words.rules)} rules"
+        )
+    counts = {name: f"{len(topic):5d} x {topic.schema}" for name, topic in recording.topics.items()}
+    lines += ["", "topics", *_indented(counts)]
+    sizes = {name: f"{len(content)} bytes" for name, content in recording.attachments.items()}
+    return [*lines, "", "attachments", *_indented(sizes)]
+
+
+def _outcome(recording: Recording) -> dict[str, str]:
+    mission = recording.topics.get(topics.MISSION)
+    if mission is None or not len(mission):
+        return {}
+    distance = mission["distance_m"].astype(np.float64)
+    return {
+        "points inspected": f"{mission['inspected_count'][-1]} of {mission['inspected_mask'].shape[1]}",
+        "inspection rate": f"{mission['inspection_rate_percent'][-1]:.2f} %",
+        "delta-v": f"{mission['delta_v_m_s'][-1]:.4f} m/s",
+        "distance": f"{distance.min():.1f} to {distance.max():.1f} m",
+    }
+
+
+def _indented(entries: Mapping[str, str]) -> list[str]:
+    width = max(map(len, entries), default=0)
+    return [f"  {key:<{width}}  {value}" for key, value in entries.items()] or ["  none"]
