@@ -110,6 +110,11 @@ def rotate_to_body(quaternion: Floats, vector: Floats) -> Floats:
     return vector + scalar * twice + np.cross(axis, twice)
 
 
+def relative_angle(target: Floats, position: Floats, axis: int) -> Floats:
+    """Angle of the target minus that of the position in the plane of the i axis and another, wrapped."""
+    return np.angle((target[:, 0] + 1j * target[:, axis]) * (position[:, 0] - 1j * position[:, axis]))
+
+
 def inspect(
     position: Floats, points: Floats, sun_angle: Floats
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -149,12 +154,8 @@ def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
     centroid = is_candidate @ points
     length = np.linalg.norm(centroid, axis=1, keepdims=True)
     target = np.divide(centroid, length, out=np.zeros_like(centroid), where=length > 0.0)
-    lambda_u = np.angle(
-        np.exp(1j * (np.arctan2(target[:, 1], target[:, 0]) - np.arctan2(position[:, 1], position[:, 0])))
-    )
-    eta_u = np.angle(
-        np.exp(1j * (np.arctan2(target[:, 2], target[:, 0]) - np.arctan2(position[:, 2], position[:, 0])))
-    )
+    lambda_u = relative_angle(target, position, 1)
+    eta_u = relative_angle(target, position, 2)
     force_body = rotate_to_body(quaternion[:-1], force)
     signals = np.stack((np.linalg.norm(position, axis=1) / 200.0, lambda_u / np.pi, eta_u / np.pi))
     rates = rotate_to_body(quaternion, velocity).T
@@ -241,6 +242,33 @@ def record(flight: SyntheticFlight, path: Path) -> Path:
 
 
 def write_sample(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
+    write_state(writer, flight, k)
+    time_s = flight.time_s[k]
+    if k < flight.num_controls:
+        writer.attitude_history(
+            time_s,
+            ATTITUDE_OFFSETS,
+            flight.attitude_quaternion[k],
+            flight.attitude_rate_rad_s[k],
+            flight.torque_n_m[k],
+        )
+        writer.control(time_s, flight.force_body_n[k], flight.force_hill_n[k])
+        for index, name in enumerate(FIS_NAMES):
+            writer.fis(
+                time_s,
+                name,
+                flight.fis_inputs[index, k],
+                flight.firing_strengths[index, k],
+                flight.fis_output_n[index, k],
+            )
+    for threshold in (50, 95):
+        before = flight.inspected[k - 1].sum() if k else 0
+        if before < threshold <= flight.inspected[k].sum():
+            writer.log(time_s, "info", f"{threshold} of {NUM_POINTS} points inspected")
+
+
+def write_state(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
+    """Write what every sample has, whoever flies."""
     time_s = flight.time_s[k]
     position = flight.position_m[k]
     writer.poses(time_s, position, flight.quaternion[k], flight.chief_quaternion[k])
@@ -266,24 +294,3 @@ def write_sample(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None
         inspected_mask=flight.inspected[k],
         delta_v_m_s=flight.delta_v_m_s[k],
     )
-    if k < flight.num_controls:
-        writer.attitude_history(
-            time_s,
-            ATTITUDE_OFFSETS,
-            flight.attitude_quaternion[k],
-            flight.attitude_rate_rad_s[k],
-            flight.torque_n_m[k],
-        )
-        writer.control(time_s, flight.force_body_n[k], flight.force_hill_n[k])
-        for index, name in enumerate(FIS_NAMES):
-            writer.fis(
-                time_s,
-                name,
-                flight.fis_inputs[index, k],
-                flight.firing_strengths[index, k],
-                flight.fis_output_n[index, k],
-            )
-    for threshold in (50, 95):
-        before = flight.inspected[k - 1].sum() if k else 0
-        if before < threshold <= flight.inspected[k].sum():
-            writer.log(time_s, "info", f"{threshold} of {NUM_POINTS} points inspected")

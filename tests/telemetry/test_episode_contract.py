@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
+from rerun.chunk import McapReader
 from synthetic_flight import SyntheticFlight
 
 SCHEMA_OF_TOPIC = {
@@ -196,3 +197,32 @@ def test_the_same_flight_gives_the_same_bytes(
 
 def test_a_full_flight_stays_small(flight_file: Path) -> None:
     assert flight_file.stat().st_size < 500 * 1024
+
+
+def test_plain_rerun_sees_points_pose_and_transforms(flight: SyntheticFlight, flight_file: Path) -> None:
+    columns: dict[tuple[str, str], list[Any]] = defaultdict(list)
+    for chunk in McapReader(str(flight_file)).stream():
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            if name.split(":")[0] in {
+                "Points3D",
+                "InstancePoses3D",
+                "Transform3D",
+                "TextLog",
+                "CoordinateFrame",
+            }:
+                columns[chunk.entity_path, name] += batch.column(name).to_pylist()
+    assert len(columns["/chief/points", "Points3D:colors"]) == 361
+    positions = np.array(columns["/chief/points", "Points3D:positions"][100])
+    np.testing.assert_array_equal(positions, flight.points_m.astype(np.float32))
+    assert set(map(tuple, columns["/chief/points", "CoordinateFrame:frame"])) == {("chief",)}
+    pose = np.array(columns["/deputy/pose", "InstancePoses3D:translations"])[:, 0]
+    np.testing.assert_allclose(pose, flight.position_m, atol=1e-4)
+    parents = [parent for (parent,) in columns["/tf", "Transform3D:parent_frame"]]
+    children = [child for (child,) in columns["/tf", "Transform3D:child_frame"]]
+    assert Counter(zip(parents, children, strict=True)) == {
+        ("tf#/", "hill"): 1,
+        ("hill", "deputy"): 361,
+        ("hill", "chief"): 361,
+    }
+    assert len(columns["/log", "TextLog:text"]) == 2

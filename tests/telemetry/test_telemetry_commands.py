@@ -1,0 +1,104 @@
+"""The commands: what they print, what they make, and one clear sentence on a mistake."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import telemetry
+from telemetry.commands import main
+
+
+def test_info_tells_what_it_was_and_how_it_went(
+    flight_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", str(flight_file)]) == 0
+    text = capsys.readouterr().out
+    for expected in (
+        r"KiB, 0 to 3600 s",
+        r"scenario_id +circle-0",
+        r"points inspected +97 of 99",
+        r"inspection rate +97\.98 %",
+        r"distance +75\.0 to 75\.0 m",
+        r"f_y: lambda_u \(rad\), velocity_body_y \(m/s\) -> f_y \(N\), 25 rules",
+        r"/tf +723 x foxglove\.FrameTransform",
+        r"/fis/f_z +360 x inspection\.FisActivation",
+        r"controller\.json +19 bytes",
+    ):
+        assert re.search(expected, text), expected
+
+
+def test_recover_rescues_a_cut_file(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut.mcap.partial"
+    path.write_bytes(short_file.read_bytes()[:80_000])
+    assert main(["recover", str(path)]) == 0
+    assert "cut.recovered.mcap holds " in capsys.readouterr().out
+    assert len(telemetry.read(tmp_path / "cut.recovered.mcap")["/deputy/state"]) == 60
+    assert main(["info", str(tmp_path / "cut.recovered.mcap")]) == 0
+    assert "the flight may have gone on" in capsys.readouterr().out
+
+
+def test_recover_says_that_a_whole_file_needs_none(
+    short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["recover", str(short_file)]) == 0
+    assert "there is nothing to rescue" in capsys.readouterr().out
+
+
+def test_export_makes_a_folder_beside_the_file(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(short_file.read_bytes())
+    assert main(["export", str(path), "--format", "csv"]) == 0
+    printed = capsys.readouterr().out.split()
+    assert str(tmp_path / "flight-csv" / "mission.csv") in printed
+    assert all(Path(name).is_file() for name in printed)
+
+
+def test_replay_saves_a_file(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "short.rrd"
+    assert main(["replay", str(short_file), "--save", str(output)]) == 0
+    assert output.read_bytes()[:3] == b"RRF"
+    assert f"rerun {output}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["info", "replay", "recover", "export"])
+def test_a_mistake_is_one_sentence_and_exit_code_two(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("not a recording")
+    arguments = [command, str(path), *(["--save", str(tmp_path / "x.rrd")] if command == "replay" else [])]
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("telemetry: ")
+    assert "is not an MCAP file" in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_a_cut_file_is_sent_to_recover(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(short_file.read_bytes()[:70_000])
+    assert main(["info", str(path)]) == 2
+    assert f"`python -m telemetry recover {path}`" in capsys.readouterr().err
+
+
+def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as leave:
+        main(["--help"])
+    assert leave.value.code == 0
+    text = capsys.readouterr().out
+    for command in ("replay", "info", "recover", "export"):
+        assert f"python -m telemetry {command} flight.mcap" in text
+
+
+def test_a_command_is_needed() -> None:
+    with pytest.raises(SystemExit) as leave:
+        main([])
+    assert leave.value.code == 2

@@ -1,0 +1,63 @@
+"""The README names every topic and every field, with its unit."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import telemetry
+from telemetry import topics
+from telemetry.metadata import EpisodeDescription, FisDescription
+from telemetry.schema import inspection_pb2
+
+README = (Path(telemetry.__file__).parent / "README.md").read_text(encoding="utf-8")
+
+MESSAGE_OF_TOPIC = {
+    topics.DEPUTY_STATE: "DeputyState",
+    topics.DEPUTY_ATTITUDE: "AttitudeHistory",
+    topics.DEPUTY_CONTROL: "Control",
+    topics.GUIDANCE: "Guidance",
+    "/fis/<name>": "FisActivation",
+    topics.MISSION: "MissionStatus",
+}
+
+
+def section(topic: str) -> str:
+    """The part of the README under a topic's heading."""
+    match = re.search(rf"^### `{re.escape(topic)}` · `[\w.]+`$(.*?)(?=^##)", README, re.DOTALL | re.MULTILINE)
+    assert match is not None, topic
+    return match.group(0)
+
+
+@pytest.mark.parametrize("topic", [*topics.FIXED_TOPICS, "/fis/<name>"])
+def test_every_topic_has_a_section(topic: str) -> None:
+    assert "| field |" in section(topic)
+
+
+def test_every_message_of_ours_has_a_topic() -> None:
+    assert set(MESSAGE_OF_TOPIC.values()) == set(inspection_pb2.DESCRIPTOR.message_types_by_name)
+
+
+@pytest.mark.parametrize("topic", MESSAGE_OF_TOPIC)
+def test_every_field_has_a_line_with_its_unit(topic: str) -> None:
+    text = section(topic)
+    message = MESSAGE_OF_TOPIC[topic]
+    assert f"`inspection.{message}`" in text
+    for field in inspection_pb2.DESCRIPTOR.message_types_by_name[message].fields:
+        line = re.search(rf"^\| `{field.name}` \| ([^|]*)\|", text, re.MULTILINE)
+        assert line is not None, field.name
+        expected = "metadata" if field.name == "inputs" else topics.unit_of(field.name)
+        assert line.group(1).strip() == expected, field.name
+
+
+def test_every_colour_is_named() -> None:
+    text = section(topics.CHIEF_POINTS)
+    for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA.tolist(), strict=True):
+        words = state.name.lower().replace("_", " ")
+        assert re.search(rf"{int(state)} {words} \({', '.join(map(str, colour[:3]))}\)", text)
+
+
+def test_every_key_of_the_metadata_is_named() -> None:
+    for description in (EpisodeDescription, FisDescription):
+        for key in description.__dataclass_fields__:
+            assert f"`{key}`" in README, key
