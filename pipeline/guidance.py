@@ -13,8 +13,9 @@ Compiled functions take candidates as an array of shape (3, P), one row an axis,
 `num_candidates` columns count; they allocate nothing but what they return.
 """
 
+from functools import cache
 from math import atan2, hypot, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -389,12 +390,20 @@ def choose_cluster(
     return target
 
 
+@cache
+def _kmeans() -> tuple[Any, Any]:
+    """Return scikit-learn's KMeans and what keeps it to one thread; a second to import, and only here."""
+    from sklearn.cluster import KMeans  # noqa: PLC0415
+    from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # noqa: PLC0415
+
+    return KMeans, ThreadpoolController()
+
+
 def choose_cluster_sklearn(
     candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
 ) -> Floats:
     """Return what `choose_cluster` does, by scikit-learn's KMeans; plain Python."""
-    from sklearn.cluster import KMeans  # noqa: PLC0415  (a second to import, and only here)
-
+    kmeans, threads = _kmeans()
     wanted = start_centres(
         candidates,
         num_candidates,
@@ -404,14 +413,16 @@ def choose_cluster_sklearn(
         memory.labels[0],
         memory.distances,
     )
-    fitted = KMeans(
-        n_clusters=wanted,
-        init=memory.centres[:wanted],
-        n_init=1,
-        max_iter=MAX_ITERATIONS,
-        tol=0,
-        algorithm="lloyd",
-    ).fit(candidates[:, :num_candidates].T)
+    # So few points are clustered by one thread; others would only wait for each other.
+    with threads.limit(limits=1, user_api="openmp"):
+        fitted = kmeans(
+            n_clusters=wanted,
+            init=memory.centres[:wanted],
+            n_init=1,
+            max_iter=MAX_ITERATIONS,
+            tol=0,
+            algorithm="lloyd",
+        ).fit(candidates[:, :num_candidates].T)
     memory.centres[:wanted] = fitted.cluster_centers_
     memory.num_centres[0] = wanted
     target: Floats = memory.centres[nearest_centre(memory.centres, wanted, position_h)].copy()

@@ -20,6 +20,7 @@ from missions import (
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from sklearn.cluster import KMeans
+from threadpoolctl import ThreadpoolController
 
 from fis_tools import inference
 from pipeline.flight import Scenario
@@ -30,6 +31,7 @@ from pipeline.reference_inference import pack
 
 ASTRONOMICAL_UNIT = 149597870700.0
 POINTS = regular_placement(100, 10.0)
+THREADS = ThreadpoolController()
 TUMBLING_INERTIA = ((900.0, 30.0, -50.0), (30.0, 1200.0, 20.0), (-50.0, 20.0, 700.0))
 
 
@@ -88,7 +90,8 @@ def nearest_cluster(candidates, position, carried):
             chosen = candidates[np.linalg.norm(candidates - position, axis=1).argmin()]
         centres.append(chosen + 0.5 * (position - chosen) / np.linalg.norm(position - chosen))
     fitted = KMeans(number, init=np.array(centres), n_init=1, max_iter=50, tol=0, algorithm="lloyd")
-    centres = fitted.fit(candidates).cluster_centers_
+    with THREADS.limit(limits=1, user_api="openmp"):
+        centres = fitted.fit(candidates).cluster_centers_
     return centres[np.linalg.norm(centres - position, axis=1).argmin()], centres
 
 
