@@ -55,7 +55,7 @@ def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
         yield Event(
             sample,
             "info",
-            f"{threshold:g} % reached: {count[sample]} of {num_points} points inspected for "
+            f"{threshold:g} % reached: {count[sample]} of {num_points} points inspected, delta-v "
             f"{log.delta_v_m_s[sample]:.3f} m/s",
         )
     complete = np.flatnonzero(count == num_points)
@@ -103,7 +103,7 @@ def _summary(mission: Mission, log: FlightLog) -> Event:
     return Event(
         len(distance) - 1,
         "info" if is_success and not num_outside else "warning",
-        f"end: {count} of {num_points} points inspected ({100.0 * count / num_points:.2f} %) for "
+        f"end: {count} of {num_points} points inspected ({100.0 * count / num_points:.2f} %), delta-v "
         f"{log.delta_v_m_s[-1]:.3f} m/s, {reach}, {inside}",
     )
 
