@@ -116,6 +116,16 @@ def test_a_wrong_byte_never_gives_a_wrong_number(short_file: Path, tmp_path: Pat
     assert num_refused > 40
 
 
+def test_a_wrong_byte_in_the_index_is_noticed(short_file: Path, tmp_path: Path) -> None:
+    """The index at the end repeats the names of the topics."""
+    content = bytearray(short_file.read_bytes())
+    content[content.rindex(b"/deputy/state") + 1] ^= 1
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="index does not agree with its checksum"):
+        telemetry.read(path)
+
+
 def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path: Path) -> None:
     flight = synthetic_flight.fly(3)
     recording = telemetry.read(synthetic_flight.record(flight, tmp_path / "flight.mcap"))

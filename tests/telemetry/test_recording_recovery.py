@@ -1,10 +1,12 @@
 """A cut or damaged file: every flushed step comes back, and never a wrong one."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 import telemetry
 from telemetry import RecordingError
@@ -34,6 +36,24 @@ def chunks(short_file: Path) -> list[tuple[int, int]]:
     rows = messages_of(short_file)
     last = [*starts[1:], rows[-1][2] + 1]
     return [(end, sum(row[2] < before for row in rows)) for end, before in zip(ends, last, strict=True)]
+
+
+def uncompressed(source: Path, folder: Path) -> Path:
+    """The same messages in one chunk that is not compressed."""
+    path = folder / "plain.mcap"
+    with source.open("rb") as stream, path.open("wb") as output:
+        writer = Writer(output, compression=CompressionType.NONE, chunk_size=2**30)
+        writer.start()
+        channels: dict[str, int] = {}
+        for schema, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.topic not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.add_metadata("episode", {"scenario_id": "plain"})
+        writer.finish()
+    return path
 
 
 def cut(source: Path, num_bytes: int, folder: Path) -> Path:
@@ -108,6 +128,28 @@ def test_a_wrong_byte_never_gives_a_wrong_message(short_file: Path, tmp_path: Pa
     assert max(num_rescued) > 1000
 
 
+def test_without_compression_the_checksum_alone_tells_a_wrong_byte(short_file: Path, tmp_path: Path) -> None:
+    plain = uncompressed(short_file, tmp_path)
+    content = bytearray(plain.read_bytes())
+    # the number 75.0 of the first sample's distance becomes another one
+    position = content.index(struct.pack("<d", 75.0))
+    content[position + 6] ^= 1
+    plain.write_bytes(content)
+    recovery = recover(plain, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    assert recovery.num_messages == 0
+
+
+def test_a_damaged_attachment_does_not_come_back(short_file: Path, tmp_path: Path) -> None:
+    content = short_file.read_bytes()
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content.replace(b'{"name": "circle"}', b'{"name": "square"}'))
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    assert telemetry.read(tmp_path / "rescued.mcap").attachments == {"config.yaml": b"seed: 7\n"}
+    assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
+
+
 def test_a_damaged_chunk_costs_that_chunk_alone(
     short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
 ) -> None:
@@ -121,6 +163,19 @@ def test_a_damaged_chunk_costs_that_chunk_alone(
     recovery = recover(path, tmp_path / "rescued.mcap")
     assert recovery.num_damaged_records == 1
     assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)[chunks[0][1] :]
+
+
+def test_messages_that_nothing_explains_stay_behind(
+    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    """Without its first chunk and its end, nothing in a file says what its channels are."""
+    content = bytearray(short_file.read_bytes()[: chunks[1][0]])
+    content[chunks[0][0] - 500] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert (recovery.num_messages, recovery.end_s) == (0, None)
+    assert "episode" in telemetry.read(tmp_path / "rescued.mcap").metadata
 
 
 def test_a_whole_file_needs_no_rescue(short_file: Path, tmp_path: Path) -> None:
