@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from telemetry.curves import Plot
-from telemetry.drawing import MAP_HEIGHT, MAP_WIDTH
+from telemetry.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
 
 TIMELINE: Final = "time"
 #: an hour of flight in a minute
@@ -84,7 +84,7 @@ def layout(
     if fis:
         tabs = rrb.Tabs(*(_plot(plot, end_s) for plot in fis), active_tab=0)
         rows.append(rrb.Horizontal(_plot(delta_v, end_s), tabs))
-        rows.append(rrb.Horizontal(_rule_map(), rrb.Tabs(events, flight), column_shares=[68, 32]))
+        rows.append(rrb.Horizontal(_rule_map(), rrb.Tabs(events, flight), column_shares=[64, 36]))
         words: rrb.Container | rrb.View = rrb.TextDocumentView(
             origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
         )
@@ -163,6 +163,7 @@ def _rule_map() -> rrb.View:
         name="Rules fired over the flight: one row each, rule 1 on top",
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-_MAP_MARGIN, MAP_WIDTH + _MAP_MARGIN], y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN]
+            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN],
+            y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN],
         ),
     )

@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 #: the heat map's size in pixels; a 2D view keeps the ratio
 MAP_WIDTH: Final = 1440
 MAP_HEIGHT: Final = 450
+#: room for the names of the systems, to the left of the map
+MAP_NAME_WIDTH: Final = 220
 MAP_GAP: Final = 9
 
 COLOURS_IN_WORDS: Final = "Points: grey dark · yellow lit · pink in view but dark · green inspected"
@@ -36,15 +38,15 @@ class ActivationMap:
         255 where a rule fires fully; one band of rows a system, its first rule on top, gaps between bands.
     band_names : tuple of str
         The systems, from top to bottom.
-    band_tops : tuple of float
-        Where each band begins, in pixels from the top.
+    band_middles : tuple of float
+        In pixels from the top.
     start_s, end_s : float
         Simulation time at the left and the right edge.
     """
 
     image: NDArray[np.uint8]
     band_names: tuple[str, ...]
-    band_tops: tuple[float, ...]
+    band_middles: tuple[float, ...]
     start_s: float
     end_s: float
 
@@ -89,9 +91,8 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
     tops = [index * (height + MAP_GAP) for index in range(len(names))]
     for top, band in zip(tops, bands, strict=True):
         image[top : top + height] = band
-    return ActivationMap(
-        image, names, tuple(map(float, tops)), float(sample_time_s[0]), float(sample_time_s[-1])
-    )
+    middles = tuple(top + height / 2 for top in tops)
+    return ActivationMap(image, names, middles, float(sample_time_s[0]), float(sample_time_s[-1]))
 
 
 def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:

@@ -312,7 +312,7 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     image = rr.DepthImage(picture.image, colormap="inferno", depth_range=(0.0, 255.0), meter=255.0)
     stream.log(f"{blueprint.RULE_MAP}/strengths", image, static=True)
     names = rr.Points2D(
-        [(4.0, top + 14.0) for top in picture.band_tops],
+        [(-drawing.MAP_NAME_WIDTH / 2, middle) for middle in picture.band_middles],
         labels=list(picture.band_names),
         colors=[PLAIN_COLOUR],
         radii=0.5,
