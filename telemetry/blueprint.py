@@ -68,14 +68,6 @@ def layout(
     """
     distance, rate, delta_v = mission
     end_s = max(float(curves.time_s[-1]) for curves in distance.curves)
-    events = rrb.TextLogView(
-        origin=EVENTS,
-        name="Events",
-        columns=rrb.TextLogColumns(
-            timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
-            text_log_columns=["Body"],
-        ),
-    )
     flight = rrb.TextDocumentView(origin=FLIGHT_IN_WORDS, name="Flight")
     rows: list[rrb.Container | rrb.View] = [
         rrb.Horizontal(_plot(distance, end_s), _plot(rate, end_s)),
@@ -84,29 +76,40 @@ def layout(
     if fis:
         tabs = rrb.Tabs(*(_plot(plot, end_s) for plot in fis), active_tab=0)
         rows.append(rrb.Horizontal(_plot(delta_v, end_s), tabs))
-        rows.append(rrb.Horizontal(_rule_map(), rrb.Tabs(events, flight), column_shares=[64, 36]))
+        rows.append(rrb.Horizontal(_rule_map(), rrb.Tabs(_events(), flight), column_shares=[64, 36]))
         words: rrb.Container | rrb.View = rrb.TextDocumentView(
             origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
         )
     else:
         rows.append(_plot(delta_v, end_s))
-        words = rrb.Horizontal(flight, events)
+        words = rrb.Horizontal(flight, _events())
     scene = rrb.Horizontal(_scene(farthest_m, trails), _camera_view(boresight), column_shares=[60, 40])
     left = rrb.Vertical(scene, words, row_shares=[55, 45])
     return rrb.Blueprint(
         rrb.Horizontal(left, rrb.Vertical(*rows), column_shares=[46, 54]),
-        rrb.TimePanel(
-            state="collapsed",
-            timeline=TIMELINE,
-            playback_speed=PLAYBACK_SPEED,
-            play_state="playing",
-            loop_mode="all",
-        ),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
+        *_panels(),
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _panels() -> list[rrb.TimePanel | rrb.SelectionPanel | rrb.BlueprintPanel]:
+    time = rrb.TimePanel(
+        state="collapsed",
+        timeline=TIMELINE,
+        playback_speed=PLAYBACK_SPEED,
+        play_state="playing",
+        loop_mode="all",
+    )
+    return [time, rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")]
+
+
+def _events() -> rrb.View:
+    columns = rrb.TextLogColumns(
+        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
+        text_log_columns=["Body"],
+    )
+    return rrb.TextLogView(origin=EVENTS, name="Events", columns=columns)
 
 
 def _scene(farthest_m: float, trails: Sequence[str]) -> rrb.View:
