@@ -7,13 +7,15 @@ source file of the packages that take part: any change of any of them starts an 
 
 import hashlib
 import os
+import shutil
 import sys
+import time
 from pathlib import Path
 
 import numba
 
 CACHE_NAME = "fuzzy-spacecraft-inspection"
-KEPT_CACHES = 6
+KEPT_DAYS = 30
 
 
 def source_hash(packages: tuple[Path, ...]) -> str:
@@ -70,12 +72,11 @@ def is_cold() -> bool:
 
 
 def drop_old_caches() -> None:
-    """Remove all but the newest caches, so that edits do not fill the disk."""
+    """Remove caches that nothing was added to for a month, so that edits do not fill the disk."""
     root = cache_root()
     if not root.is_dir():
         return
-    folders = sorted((p for p in root.iterdir() if p.is_dir()), key=lambda p: p.stat().st_mtime)
-    for folder in folders[:-KEPT_CACHES]:
-        for path in sorted(folder.rglob("*"), reverse=True):
-            path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
-        folder.rmdir()
+    oldest = time.time() - KEPT_DAYS * 86400.0
+    for folder in (path for path in root.iterdir() if path.is_dir()):
+        if max(path.stat().st_mtime for path in (folder, *folder.rglob("*"))) < oldest:
+            shutil.rmtree(folder, ignore_errors=True)

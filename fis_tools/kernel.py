@@ -30,8 +30,13 @@ MAX_INPUTS = 3
 MAX_TERMS = 16
 VECTOR = 8
 
-# Sections of the working space: memberships of all inputs, cuts, (segment, x, y) of each crossing, heights.
-CUTS = MAX_INPUTS * MAX_TERMS
+#: samples that are inferred side by side: a constant, so that the compiler does so
+LANES = 16
+
+# Sections of the working space: memberships of all inputs and cuts of all lanes (lanes fastest), then for the lane
+# at hand its cuts, (segment, x, y) of each crossing, heights.
+LANE_CUTS = MAX_INPUTS * MAX_TERMS * LANES
+CUTS = LANE_CUTS + MAX_TERMS * LANES
 CROSSINGS = CUTS + MAX_TERMS
 HEIGHTS = CROSSINGS + 3 * 2 * MAX_TERMS
 
@@ -216,7 +221,8 @@ def fill_rules(rules: Indices, row: Indices, tables: NDArray[np.int64]) -> None:
 U0, U1, U2, U3, U4, U5 = map(np.uint64, range(6))
 U_INPUT_0, U_OUTPUT, U_RULES, U_HEADER = map(np.uint64, (INPUT_0, OUTPUT, RULES, HEADER))
 U_LAYOUT_WIDTH = np.uint64(LAYOUT_WIDTH)
-U_CUTS, U_CROSSINGS, U_HEIGHTS = map(np.uint64, (CUTS, CROSSINGS, HEIGHTS))
+U_LANE_CUTS, U_CUTS, U_CROSSINGS, U_HEIGHTS = map(np.uint64, (LANE_CUTS, CUTS, CROSSINGS, HEIGHTS))
+U_LANES = np.uint64(LANES)
 U_VECTOR = np.uint64(VECTOR)
 
 
@@ -226,54 +232,56 @@ def fuzzify(
     layout: Indices,
     system: np.uint64,
     place: np.uint64,
-    x: float,
+    inputs: Floats,
     scratch: Floats,
     start: np.uint64,
 ) -> np.uint64:
-    """Write the memberships of a value in all terms of one input, linear between the points of its universe.
+    """Write the memberships of all lanes in all terms of one input, linear between points of its universe.
 
-    Returns the position after the last one written.
+    Returns the number of terms after the last one written.
     """
     terms = layout[system + U_INPUT_0 + U3 * place]
     points = layout[system + U_INPUT_0 + U3 * place + U1]
     at = layout[system + U_INPUT_0 + U3 * place + U2]
-    minimum = values[at]
-    maximum = values[at + U1]
-    x = x if x > minimum else minimum
-    x = x if x < maximum else maximum
-    left = np.uint64(np.int64((x - minimum) * values[at + U3]))
-    left = left if left < points - U2 else points - U2
-    fraction = (x - (minimum + np.int64(left) * values[at + U2])) * values[at + U3]
-    here = at + U_HEADER + left * terms
-    for term in range(terms):
-        mu = values[here + term]
-        scratch[start + term] = mu + fraction * (values[here + terms + term] - mu)
+    minimum, maximum, step, inverse_step = values[at], values[at + U1], values[at + U2], values[at + U3]
+    for lane in range(U_LANES):
+        x = inputs[place * U_LANES + lane]
+        x = x if x > minimum else minimum
+        x = x if x < maximum else maximum
+        left = np.uint64(np.int64((x - minimum) * inverse_step))
+        left = left if left < points - U2 else points - U2
+        fraction = (x - (minimum + np.int64(left) * step)) * inverse_step
+        here = at + U_HEADER + left * terms
+        for term in range(terms):
+            mu = values[here + term]
+            scratch[(start + term) * U_LANES + lane] = mu + fraction * (values[here + terms + term] - mu)
     return start + terms
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
 def cut_terms(rules: Indices, layout: Indices, system: np.uint64, scratch: Floats) -> None:
-    """Write the height at which each output term is cut: the strongest of its rules."""
+    """Write the height at which each output term is cut in each lane: the strongest of its rules."""
     inputs = layout[system]
     terms = layout[system + U_OUTPUT]
     bounds = layout[system + U_RULES] + terms
     cells = bounds + terms + U1
     for term in range(terms):
-        cut = 0.0
-        if inputs == U2:
-            for rule in range(rules[bounds + term], rules[bounds + term + U1]):
-                a = scratch[rules[cells + U2 * rule]]
-                b = scratch[rules[cells + U2 * rule + U1]]
-                strength = a if a < b else b
-                cut = strength if strength > cut else cut
-        else:
-            for rule in range(rules[bounds + term], rules[bounds + term + U1]):
-                strength = scratch[rules[cells + inputs * rule]]
-                for place in range(U1, inputs):
-                    other = scratch[rules[cells + inputs * rule + place]]
-                    strength = other if other < strength else strength
-                cut = strength if strength > cut else cut
-        scratch[U_CUTS + term] = cut
+        cut = U_LANE_CUTS + term * U_LANES
+        for lane in range(U_LANES):
+            scratch[cut + lane] = 0.0
+        for rule in range(rules[bounds + term], rules[bounds + term + U1]):
+            cell = cells + inputs * rule
+            first = rules[cell] * U_LANES
+            second = rules[cell + U1] * U_LANES if inputs > U1 else first
+            third = rules[cell + U2] * U_LANES if inputs > U2 else second
+            for lane in range(U_LANES):
+                strength = scratch[first + lane]
+                other = scratch[second + lane]
+                strength = other if other < strength else strength
+                other = scratch[third + lane]
+                strength = other if other < strength else strength
+                highest = scratch[cut + lane]
+                scratch[cut + lane] = strength if strength > highest else highest
 
 
 # The sums may be taken in any order: that is what lets them run on vector units.
@@ -328,30 +336,38 @@ def infer(
     index: np.uint64,
     inputs: Floats,
     scratch: Floats,
-) -> float:
-    """Infer the output of one system.
+    num_lanes: np.uint64,
+    outputs: Floats,
+) -> None:
+    """Infer the outputs of one system for up to `LANES` samples side by side.
 
     Parameters
     ----------
     values, rules : rows of `Packed.values` and `Packed.rules`
     layout : `Packed.layout`, flat
     index : which of the systems
-    inputs : (MAX_INPUTS,) float
-        Finite; clipped to the universes here.
+    inputs : (MAX_INPUTS * LANES,) float
+        Lanes fastest; finite, in unused lanes too; clipped to the universes here.
     scratch : (HEIGHTS + padded points of the output,) float
         Working space of any content, see `scratch_for`.
-
-    Returns
-    -------
-    float
-        The centroid, or the system's default where no rule fires.
+    num_lanes : lanes that count
+    outputs : (LANES,) float
+        Written: the centroid, or the system's default where no rule fires.
     """
     system = index * U_LAYOUT_WIDTH
     start = U0
     for place in range(layout[system]):
-        start = fuzzify(values, layout, system, place, inputs[place], scratch, start)
+        start = fuzzify(values, layout, system, place, inputs, scratch, start)
     cut_terms(rules, layout, system, scratch)
+    for lane in range(num_lanes):
+        for term in range(layout[system + U_OUTPUT]):
+            scratch[U_CUTS + term] = scratch[U_LANE_CUTS + term * U_LANES + lane]
+        outputs[lane] = centroid(values, rules, layout, system, scratch)
 
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def centroid(values: Floats, rules: Indices, layout: Indices, system: np.uint64, scratch: Floats) -> float:
+    """Return the centroid of the output's terms, cut and aggregated, or the default where all cuts are zero."""
     terms = layout[system + U_OUTPUT]
     points = layout[system + U_OUTPUT + U1]
     at = layout[system + U_OUTPUT + U2]
@@ -402,9 +418,10 @@ def crossing_triangles(
         if cut == 0.0 or values[here + peak] < cut:
             continue
         if side & U1 == U0:
-            left = rising(values, here, peak, top, cut) - U1
-            if left >= peak:  # the first point has reached the cut already
+            below = rising(values, here, peak, top, cut)
+            if below == U0:
                 continue
+            left = below - U1
         else:
             left = falling(values, here, peak, points, top, cut)
             if left + U1 == points:
@@ -487,28 +504,6 @@ def falling(
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def strengths(
-    values: Floats, layout: Indices, index: np.uint64, inputs: Floats, scratch: Floats, out: Floats
-) -> None:
-    """Write the firing strength of every rule of one full-table system, in the order of the table."""
-    system = index * U_LAYOUT_WIDTH
-    start = U0
-    for place in range(layout[system]):
-        start = fuzzify(values, layout, system, place, inputs[place], scratch, start)
-    out[0] = 1.0
-    filled, first = 1, 0
-    for place in range(layout[system]):
-        terms = np.int64(layout[system + U_INPUT_0 + U3 * place])
-        # backwards, so that each partial conjunction is read before it is overwritten
-        for cell in range(filled - 1, -1, -1):
-            partial = out[cell]
-            for term in range(terms - 1, -1, -1):
-                out[cell * terms + term] = min(partial, scratch[first + term])
-        filled *= terms
-        first += terms
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _evaluate(
     values: Floats,
     rules: Indices,
@@ -518,16 +513,40 @@ def _evaluate(
     scratch: Floats,
     out: Floats,
 ) -> None:
-    for sample in range(len(inputs)):
-        out[sample] = infer(values, rules, layout, index, inputs[sample], scratch)
+    side_by_side = np.zeros(MAX_INPUTS * LANES)
+    outputs = np.zeros(LANES)
+    for first in range(0, len(inputs), LANES):
+        num_lanes = min(LANES, len(inputs) - first)
+        for lane in range(num_lanes):
+            for place in range(inputs.shape[1]):
+                side_by_side[place * LANES + lane] = inputs[first + lane, place]
+        infer(values, rules, layout, index, side_by_side, scratch, np.uint64(num_lanes), outputs)
+        for lane in range(num_lanes):
+            out[first + lane] = outputs[lane]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _strengths(
     values: Floats, layout: Indices, index: np.uint64, inputs: Floats, scratch: Floats, out: Floats
 ) -> None:
+    system = index * U_LAYOUT_WIDTH
+    row = np.zeros(MAX_INPUTS * LANES)
     for sample in range(len(inputs)):
-        strengths(values, layout, index, inputs[sample], scratch, out[sample])
+        start = U0
+        for place in range(layout[system]):
+            row[place * U_LANES] = inputs[sample, place]
+            start = fuzzify(values, layout, system, place, row, scratch, start)
+        out[sample, 0] = 1.0
+        filled, first = 1, 0
+        for place in range(layout[system]):
+            terms = np.int64(layout[system + U_INPUT_0 + U3 * place])
+            # backwards, so that each partial conjunction is read before it is overwritten
+            for cell in range(filled - 1, -1, -1):
+                partial = out[sample, cell]
+                for term in range(terms - 1, -1, -1):
+                    out[sample, cell * terms + term] = min(partial, scratch[(first + term) * LANES])
+            filled *= terms
+            first += terms
 
 
 def scratch_for(packed: Packed) -> Floats:

@@ -18,6 +18,9 @@ desired attitude
     sin a/2 cos e/2, cos a/2 cos e/2)``, half angles from square roots.
 sight
     All points at once, without branches.
+lanes
+    Up to `LANES` flights of one controller run side by side, so that vector units work on all of them; every
+    flight comes out the same in any company.
 
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, t torque.
 """
@@ -29,10 +32,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fis_tools.kernel import infer
+from fis_tools.kernel import LANES, infer
 from pipeline.guidance import MIN_PROJECTION_M, cluster_centres, nearest_centre
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
-from pipeline.physics.quaternion import from_dcm
+from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint64]
@@ -44,13 +47,13 @@ DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL, NUM_SIGN
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE, NUM_OUTCOMES = 0, 1, 2, 3, 4, 5, 6
 
-#: instants of the attitude clock that are computed side by side: a constant, so that the compiler does so
-LANES = 16
-
 #: longest step of the attitude integrator, s
 LONGEST_STEP_S = 1.0
 #: a body that turns faster takes half steps, unless its inertia is spherical, rad/s
 FAST_RATE = 0.25
+
+#: square of the largest turn in one step that the series of half angles is for
+LARGEST_SQUARE = 0.25
 
 HILL, BODY = 0, 1
 
@@ -66,8 +69,8 @@ class World(NamedTuple):
     acceleration_per_force: float
     transition: Floats  # (6, 6) over a control period
     control: Floats  # (6, 3)
-    instant_transition: Floats  # (6, 6, L): over 0, 1, … attitude periods, padded to whole vectors
-    instant_control: Floats  # (6, 3, L)
+    instant_transition: Floats  # (6, 6, S): over 0, 1, … attitude periods
+    instant_control: Floats  # (6, 3, S)
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
     num_points: int
     sun_threshold: float  # a point is lit where p . s exceeds it, m
@@ -102,19 +105,33 @@ class Law(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays that a flight works in; any content is right."""
+    """Arrays that flights work in; any content is right."""
 
-    unseen: Floats  # (P padded,) 1 where a point is not inspected
+    lanes: Floats  # (NUM_ROWS * LANES,) rows of what each lane carries
+    aims: Floats  # (S * 4 * LANES,) desired attitudes at the instants of a control period
+    unseen: Floats  # (LANES, P padded) 1 where a point is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
-    aims: Floats  # (4, L) desired attitudes at the instants of a control period
-    signals: Floats  # (NUM_SIGNALS,)
-    inputs: Floats  # (3,)
+    signals: Floats  # (NUM_SIGNALS * LANES,)
+    inputs: Floats  # (3 * LANES,)
+    outputs: Floats  # (LANES,)
     scratch: Floats
+    y_before: Floats  # (LANES, 3)
+    is_general: NDArray[np.bool_]  # (LANES,) whether a lane's attitude is integrated the general way
+    turned: Floats  # (LANES, 7) their attitudes and rates
     candidates: Floats  # (3, P) those of this sample, packed
-    centres: Floats  # (C, 3)
+    centres: Floats  # (LANES, C, 3)
+    num_centres: Integers  # (LANES,)
     labels: Integers  # (2, P)
     distances: Floats  # (P,)
     sums: Floats  # (C, 4)
+
+
+# Rows of `Workspace.lanes`, as offsets: position, velocity, attitude, inertial rate, force as commanded, force as
+# applied, what has been spent and seen so far.
+RX, RY, RZ, VX, VY, VZ, Q1, Q2, Q3, Q4, WX, WY, WZ = (LANES * row for row in range(13))
+GX, GY, GZ, FX, FY, FZ = (LANES * row for row in range(13, 19))
+SPENT, TRAVELLED, NEAREST, FARTHEST, LEFT, POLES, BEYOND = (LANES * row for row in range(19, 26))
+NUM_ROWS = 26
 
 
 class Log(NamedTuple):
@@ -147,6 +164,7 @@ def look(
     points: Floats,
     sample: int,
     unseen: Floats,
+    lane: int,
     candidate: Floats,
     rx: float,
     ry: float,
@@ -165,19 +183,19 @@ def look(
     Returns the number of points not inspected yet, of candidates, and the sum of the candidates' positions.
     """
     unseen_count, count, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(len(unseen)):
+    for j in range(len(candidate)):
         px, py, pz = points[sample, 0, j], points[sample, 1, j], points[sample, 2, j]
         dx, dy, dz = px - rx, py - ry, pz - rz
         towards = dx * bx + dy * by + dz * bz
         squared = dx * dx + dy * dy + dz * dz
-        lit = unseen[j] if px * sx + py * sy > sun_threshold else 0.0
+        lit = unseen[lane, j] if px * sx + py * sy > sun_threshold else 0.0
         seen = lit if px * rx + py * ry + pz * rz >= horizon else 0.0
         seen = seen if towards > 0.0 else 0.0
         seen = seen if towards * towards >= cos2 * squared else 0.0
-        unseen[j] -= seen
+        unseen[lane, j] -= seen
         left = lit - seen
         candidate[j] = left
-        unseen_count += unseen[j]
+        unseen_count += unseen[lane, j]
         count += left
         cx += left * px
         cy += left * py
@@ -200,39 +218,25 @@ def relative_angle(target_a: float, target_b: float, position_a: float, position
     return pi if angle == -pi else angle
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def aim(
-    aims: Floats,
-    phi: Floats,
-    gamma: Floats,
-    rx: float,
-    ry: float,
-    rz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    fx: float,
-    fy: float,
-    fz: float,
-) -> float:
-    """Write the desired attitudes at all instants of a control period.
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: int) -> None:
+    """Write the desired attitudes of all lanes at all instants of a control period.
 
-    Returns how many of them are so near a pole that the position does not define y*.
+    Counts in each lane the instants so near a pole that the position does not define y*.
     """
-    num_poles = 0.0
-    for chunk in range(aims.shape[1] // LANES):
+    for lane in range(LANES):
+        lanes[POLES + lane] = 0.0
+    for j in range(num_instants):
+        xx, xu, xv, xf, xg = phi[0, 0, j], phi[0, 3, j], phi[0, 4, j], gamma[0, 0, j], gamma[0, 1, j]
+        yx, yu, yv, yf, yg = phi[1, 0, j], phi[1, 3, j], phi[1, 4, j], gamma[1, 0, j], gamma[1, 1, j]
+        zz, zw, zf = phi[2, 2, j], phi[2, 5, j], gamma[2, 2, j]
+        at = 4 * LANES * j
         for lane in range(LANES):
-            j = LANES * chunk + lane
-            x = (
-                phi[0, 0, j] * rx
-                + phi[0, 3, j] * vx
-                + phi[0, 4, j] * vy
-                + gamma[0, 0, j] * fx
-                + gamma[0, 1, j] * fy
-            )
-            y = phi[1, 0, j] * rx + ry + phi[1, 3, j] * vx + phi[1, 4, j] * vy
-            y += gamma[1, 0, j] * fx + gamma[1, 1, j] * fy
-            z = phi[2, 2, j] * rz + phi[2, 5, j] * vz + gamma[2, 2, j] * fz
+            rx, vx, vy = lanes[RX + lane], lanes[VX + lane], lanes[VY + lane]
+            fx, fy = lanes[FX + lane], lanes[FY + lane]
+            x = xx * rx + xu * vx + xv * vy + xf * fx + xg * fy
+            y = yx * rx + lanes[RY + lane] + yu * vx + yv * vy + yf * fx + yg * fy
+            z = zz * lanes[RZ + lane] + zw * lanes[VZ + lane] + zf * lanes[FZ + lane]
             flat2 = x * x + y * y
             square = flat2 + z * z
             flat2 = flat2 if flat2 > 1e-200 else 1e-200
@@ -249,26 +253,16 @@ def aim(
             # the larger of |cos a/2| and |sin a/2| by a root, the other by a division, so that neither cancels
             half_cos_a = larger if cos_a >= 0.0 else smaller
             half_sin_a = smaller if cos_a >= 0.0 else larger
-            aims[0, j] = half_sin_a * half_sin_e
-            aims[1, j] = -half_cos_a * half_sin_e
-            aims[2, j] = half_sin_a * half_cos_e
-            aims[3, j] = half_cos_a * half_cos_e
-            num_poles += 1.0 if flat2 < POLE * POLE * square else 0.0
-    return num_poles
+            aims[at + lane] = half_sin_a * half_sin_e
+            aims[at + LANES + lane] = -half_cos_a * half_sin_e
+            aims[at + 2 * LANES + lane] = half_sin_a * half_cos_e
+            aims[at + 3 * LANES + lane] = half_cos_a * half_cos_e
+            lanes[POLES + lane] += 1.0 if flat2 < POLE * POLE * square else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def aim_plainly(
-    world: World,
-    aims: Floats,
-    state: Floats,
-    force: Floats,
-    y_before: Floats,
-    first: int,
-    last: int,
-    is_start: bool,
-) -> None:
-    """Write the desired attitudes of instants `first` to `last - 1` one by one, by the rules for poles.
+def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int, is_start: bool) -> None:
+    """Write one lane's desired attitudes of instants `first` to `last - 1` one by one, by the rules for poles.
 
     Slower than `aim`, for where that does not hold; `y_before` is carried along.
     """
@@ -276,16 +270,29 @@ def aim_plainly(
         r = np.zeros(3)
         for i in range(3):
             for k in range(6):
-                r[i] += world.instant_transition[i, k, j] * state[k]
+                r[i] += world.instant_transition[i, k, j] * work.lanes[RX + LANES * k + lane]
             for k in range(3):
-                r[i] += world.instant_control[i, k, j] * force[k]
+                r[i] += world.instant_control[i, k, j] * work.lanes[FX + LANES * k + lane]
         if world.has_pole_blending and not is_start:
-            y = blended_y(r, y_before, world.attitude_period)
+            y = blended_y(r, work.y_before[lane], world.attitude_period)
         else:
-            y = desired_y(r, y_before)
+            y = desired_y(r, work.y_before[lane])
         is_start = False
-        y_before[:] = y
-        aims[:, j] = from_dcm(desired_dcm(r, y))
+        work.y_before[lane] = y
+        quaternion = from_dcm(desired_dcm(r, y))
+        for i in range(4):
+            work.aims[(4 * j + i) * LANES + lane] = quaternion[i]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def half_angle_series(square: float) -> tuple[float, float]:
+    """Return ``sin(x/2)/x`` and ``cos(x/2)`` to rounding, for a square of x up to `LARGEST_SQUARE`."""
+    fourth = square * square
+    s = (0.5 - square * (1 / 48)) + fourth * ((1 / 3840 - square * (1 / 645120)) + fourth * (1 / 185794560))
+    c = (1.0 - square * (1 / 8)) + fourth * (
+        (1 / 384 - square * (1 / 46080)) + fourth * (1 / 10321920 - square * (1 / 3715891200))
+    )
+    return s, c
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -297,26 +304,16 @@ def turn(
     ax: float,
     ay: float,
     az: float,
+    s: float,
+    c: float,
     hill_sin: float,
     hill_cos: float,
 ) -> tuple[float, float, float, float]:
-    """Turn an attitude by a rotation vector in body axes while the Hill frame turns about k.
+    """Turn an attitude by a rotation vector a in body axes while the Hill frame turns about k.
 
-    Written so that the two products do not wait for the series: this function is the longest chain of
-    operations that depend on one another in a flight.
+    s and c are ``sin(|a|/2)/|a|`` and ``cos(|a|/2)``. Written so that the products do not wait for them: this is
+    the longest chain of operations that depend on one another in a flight.
     """
-    square = ax * ax + ay * ay + az * az
-    fourth = square * square
-    if square < 0.25:  # sin(x/2)/x and cos(x/2), x^2 = square
-        s = (0.5 - square * (1 / 48)) + fourth * (
-            (1 / 3840 - square * (1 / 645120)) + fourth * (1 / 185794560)
-        )
-        c = (1.0 - square * (1 / 8)) + fourth * (
-            (1 / 384 - square * (1 / 46080)) + fourth * (1 / 10321920 - square * (1 / 3715891200))
-        )
-    else:
-        angle = sqrt(square)
-        s, c = sin(0.5 * angle) / angle, cos(0.5 * angle)
     p1 = hill_cos * q1 + hill_sin * q2
     p2 = hill_cos * q2 - hill_sin * q1
     p3 = hill_cos * q3 - hill_sin * q4
@@ -399,105 +396,316 @@ def turn_body(
     wx: float,
     wy: float,
     wz: float,
-    tx: float,
-    ty: float,
-    tz: float,
+    mx: float,
+    my: float,
+    mz: float,
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Fly the attitude of a body of any inertia over one attitude period; rates are inertial, in body axes."""
+    """Turn a body of any inertia under a held torque for one attitude period."""
     steps = int(np.ceil(world.attitude_period / LONGEST_STEP_S - 1e-9))
     if wx * wx + wy * wy + wz * wz > FAST_RATE * FAST_RATE:
         steps *= 2
     h = world.attitude_period / steps
     hill_sin, hill_cos = sin(0.5 * world.mean_motion * h), cos(0.5 * world.mean_motion * h)
     for _ in range(steps):
-        wx, wy, wz, ax, ay, az = spin(world.inertia, world.inverse_inertia, wx, wy, wz, tx, ty, tz, h)
-        q1, q2, q3, q4 = turn(q1, q2, q3, q4, ax, ay, az, hill_sin, hill_cos)
+        wx, wy, wz, ax, ay, az = spin(world.inertia, world.inverse_inertia, wx, wy, wz, mx, my, mz, h)
+        square = ax * ax + ay * ay + az * az
+        sine, cosine = half_angle_series(square)
+        if square > LARGEST_SQUARE:
+            angle = sqrt(square)
+            sine, cosine = sin(0.5 * angle) / angle, cos(0.5 * angle)
+        q1, q2, q3, q4 = turn(q1, q2, q3, q4, ax, ay, az, sine, cosine, hill_sin, hill_cos)
     return q1, q2, q3, q4, wx, wy, wz
 
 
-@njit(cache=True, error_model="numpy")
-def choose_cluster(world: World, work: Workspace, sample: int, count: int, before: int, r: Floats) -> int:
-    """Cluster the candidates of a sample; the chosen centre is left in `r`. Returns the number of centres."""
-    filled = 0
-    for j in range(world.num_points):
-        if work.candidate[j] != 0.0:
-            for axis in range(3):
-                work.candidates[axis, filled] = world.points[sample, axis, j]
-            filled += 1
-    number = cluster_centres(
-        work.candidates, count, r, work.centres, before, work.labels, work.distances, work.sums
-    )
-    chosen = nearest_centre(work.centres, number, r)
-    for axis in range(3):
-        r[axis] = work.centres[chosen, axis]
-    return number
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def turn_ball(
+    q1: float,
+    q2: float,
+    q3: float,
+    q4: float,
+    wx: float,
+    wy: float,
+    wz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    h: float,
+    inverse_inertia: float,
+    hill_sin: float,
+    hill_cos: float,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Turn a body of spherical inertia under a held torque in one small step: its rate is linear in time."""
+    step = h * inverse_inertia
+    half, twelfth = 0.5 * h * step, h * h * step / 12.0
+    ax = h * wx + half * mx + twelfth * (wy * mz - wz * my)
+    ay = h * wy + half * my + twelfth * (wz * mx - wx * mz)
+    az = h * wz + half * mz + twelfth * (wx * my - wy * mx)
+    sine, cosine = half_angle_series(ax * ax + ay * ay + az * az)
+    q1, q2, q3, q4 = turn(q1, q2, q3, q4, ax, ay, az, sine, cosine, hill_sin, hill_cos)
+    return q1, q2, q3, q4, wx + step * mx, wy + step * my, wz + step * mz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def error_and_rate(
+    q1: float,
+    q2: float,
+    q3: float,
+    q4: float,
+    a1: float,
+    a2: float,
+    a3: float,
+    a4: float,
+    wx: float,
+    wy: float,
+    wz: float,
+    n: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Return the attitude's error from the desired one, and the rate relative to Hill, both in body axes."""
+    sign = a4 * q4 + (a1 * q1 + a2 * q2 + a3 * q3)
+    sign = 1.0 if sign >= 0.0 else -1.0
+    e1 = sign * (a4 * q1 - q4 * a1 - (a2 * q3 - a3 * q2))
+    e2 = sign * (a4 * q2 - q4 * a2 - (a3 * q1 - a1 * q3))
+    e3 = sign * (a4 * q3 - q4 * a3 - (a1 * q2 - a2 * q1))
+    ux = wx - n * 2 * (q1 * q3 - q2 * q4)
+    uy = wy - n * 2 * (q2 * q3 + q1 * q4)
+    uz = wz - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+    return e1, e2, e3, ux, uy, uz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def torque(
+    e1: float, e2: float, e3: float, ux: float, uy: float, uz: float, kp: Floats, kd: Floats, limit: float
+) -> tuple[float, float, float]:
+    """Return ``-Kp e - Kd u``, each axis clipped."""
+    px, py, pz = times3(kp, e1, e2, e3)
+    dx, dy, dz = times3(kd, ux, uy, uz)
+    return clip(-px - dx, limit), clip(-py - dy, limit), clip(-pz - dz, limit)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def fly(
-    world: World,
-    law: Law,
-    values: Floats,
-    rules: Indices,
-    start: Floats,
-    sun_angle: float,
-    work: Workspace,
-    log: Log,
-    tracks: NDArray[np.float32],
-    flight: int,
-    outcomes: Floats,
+def turn_lanes(
+    lanes: Floats,
+    aims: Floats,
+    instant: int,
+    n: float,
+    h: float,
+    kp: Floats,
+    kd: Floats,
+    limit: float,
+    inverse_inertia: float,
+    hill_sin: float,
+    hill_cos: float,
 ) -> None:
-    """Fly one episode and write its outcome.
+    """Fly the attitude of all lanes for one period of the attitude clock, for a body of spherical inertia."""
+    at = 4 * LANES * instant
+    for i in range(LANES):
+        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
+        wx, wy, wz = lanes[WX + i], lanes[WY + i], lanes[WZ + i]
+        a1, a2, a3, a4 = (
+            aims[at + i],
+            aims[at + LANES + i],
+            aims[at + 2 * LANES + i],
+            aims[at + 3 * LANES + i],
+        )
+        e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, n)
+        mx, my, mz = torque(e1, e2, e3, ux, uy, uz, kp, kd, limit)
+        q1, q2, q3, q4, wx, wy, wz = turn_ball(
+            q1, q2, q3, q4, wx, wy, wz, mx, my, mz, h, inverse_inertia, hill_sin, hill_cos
+        )
+        lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i] = q1, q2, q3, q4
+        lanes[WX + i], lanes[WY + i], lanes[WZ + i] = wx, wy, wz
 
-    Parameters
-    ----------
-    world, law : what is flown
-    values, rules : rows of `fis_tools.kernel.Packed`
-    start : (6,) position (m) and velocity (m/s), Hill axes
-    sun_angle : rad, at k = 0
-    work : Workspace
-    log : Log, whose arrays are filled unless they are empty
-    tracks : (n, K+1, 3) float32, row `flight` is filled with positions unless it is empty
-    flight : which row
-    outcomes : (n, NUM_OUTCOMES), row `flight` is filled
-    """
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def turn_lane(lanes: Floats, aims: Floats, instant: int, i: int, world: World) -> None:
+    """Fly the attitude of one lane for one period of the attitude clock, for any inertia."""
+    at = 4 * LANES * instant + i
+    q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
+    wx, wy, wz = lanes[WX + i], lanes[WY + i], lanes[WZ + i]
+    a1, a2, a3, a4 = aims[at], aims[at + LANES], aims[at + 2 * LANES], aims[at + 3 * LANES]
+    e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, world.mean_motion)
+    mx, my, mz = torque(
+        e1, e2, e3, ux, uy, uz, world.proportional_gain, world.derivative_gain, world.max_torque
+    )
+    q1, q2, q3, q4, wx, wy, wz = turn_body(world, q1, q2, q3, q4, wx, wy, wz, mx, my, mz)
+    lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i] = q1, q2, q3, q4
+    lanes[WX + i], lanes[WY + i], lanes[WZ + i] = wx, wy, wz
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: Log, k: int) -> None:
+    """Log attitude, rate and torque of lane 0 at an instant of the attitude clock."""
+    at = 4 * LANES * instant
+    q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
+    wx, wy, wz = lanes[WX], lanes[WY], lanes[WZ]
+    a1, a2, a3, a4 = aims[at], aims[at + LANES], aims[at + 2 * LANES], aims[at + 3 * LANES]
+    e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, world.mean_motion)
+    mx, my, mz = torque(
+        e1, e2, e3, ux, uy, uz, world.proportional_gain, world.derivative_gain, world.max_torque
+    )
+    log.attitude_quaternion[k, instant, 0], log.attitude_quaternion[k, instant, 1] = q1, q2
+    log.attitude_quaternion[k, instant, 2], log.attitude_quaternion[k, instant, 3] = q3, q4
+    log.attitude_rate[k, instant, 0], log.attitude_rate[k, instant, 1] = ux, uy
+    log.attitude_rate[k, instant, 2] = uz
+    log.torque[k, instant, 0], log.torque[k, instant, 1], log.torque[k, instant, 2] = mx, my, mz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def turn_deputies(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
+    """Aim and turn over the control period that follows sample k."""
+    lanes, last = work.lanes, world.num_attitude_steps - 1
+    aim(work.aims, lanes, world.instant_transition, world.instant_control, world.num_attitude_steps)
+    for i in range(num_lanes):
+        if lanes[POLES + i] > 0.0 or world.has_pole_blending:
+            done = 1 if world.is_attitude_ideal else 0
+            aim_plainly(world, work, i, done, last + 1, k + done == 0)
+            if world.is_attitude_ideal:
+                for component in range(4):
+                    work.aims[component * LANES + i] = lanes[Q1 + LANES * component + i]
+        else:
+            at = 4 * LANES * last + i
+            a1, a2 = work.aims[at], work.aims[at + LANES]
+            a3, a4 = work.aims[at + 2 * LANES], work.aims[at + 3 * LANES]
+            work.y_before[i, 0] = 2 * (a1 * a2 - a3 * a4)
+            work.y_before[i, 1] = -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
+            work.y_before[i, 2] = 0.0
     is_logged = len(log.position) > 0
-    is_tracked = len(tracks) > 0
-    n = world.mean_motion
-    rx, ry, rz, vx, vy, vz = start[0], start[1], start[2], start[3], start[4], start[5]
-    q1, q2, q3, q4 = 0.0, 0.0, 0.0, 1.0
-    wx, wy, wz = 0.0, 0.0, 2.0 * n  # inertial: n relative to Hill, and Hill's own
-    fx, fy, fz = 0.0, 0.0, 0.0
-    y_before = np.array([0.0, 1.0, 0.0])
-    needs_angles = is_logged
-    for system in range(len(law.axes)):
-        for place in range(3):
-            needs_angles |= law.signals[system, place] == LAMBDA_U or law.signals[system, place] == ETA_U
-    work.unseen[:] = 0.0
-    work.unseen[: world.num_points] = 1.0
-    left = world.num_points
-    num_centres, count_before = 0, -1.0
-    target = np.zeros(3)
-    h = world.attitude_period
-    takes_one_step = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
+    if world.is_attitude_ideal:
+        for j in range(world.num_attitude_steps if is_logged else 0):
+            for component in range(4):
+                log.attitude_quaternion[k, j, component] = work.aims[(4 * j + component) * LANES]
+        return
+    n, h = world.mean_motion, world.attitude_period
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
-    kp, kd = world.proportional_gain[0, 0], world.derivative_gain[0, 0]
-    angular_acceleration = world.inverse_inertia[0, 0]
-    delta_v, total_distance, nearest, farthest, outside = 0.0, 0.0, np.inf, 0.0, 0.0
-    base_cos, base_sin = cos(sun_angle), sin(sun_angle)
-    tick_cos, tick_sin = cos(n * world.control_period), sin(n * world.control_period)
+    is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
+    # a lane that might turn too far for the series within this period goes the general way
+    gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
+    num_general = 0
+    for i in range(num_lanes):
+        wx, wy, wz = lanes[WX + i], lanes[WY + i], lanes[WZ + i]
+        is_slow = h * (sqrt(wx * wx + wy * wy + wz * wz) + gained) < sqrt(LARGEST_SQUARE)
+        work.is_general[i] = not (is_one_step_of_a_ball and is_slow)
+        if work.is_general[i]:
+            num_general += 1
+            for j in range(world.num_attitude_steps):
+                if is_logged:
+                    write_instant(lanes, work.aims, j, world, log, k)
+                turn_lane(lanes, work.aims, j, i, world)
+            for component in range(7):
+                work.turned[i, component] = lanes[Q1 + LANES * component + i]
+    if num_general < num_lanes:
+        for j in range(world.num_attitude_steps):
+            if is_logged:
+                write_instant(lanes, work.aims, j, world, log, k)
+            turn_lanes(
+                lanes,
+                work.aims,
+                j,
+                n,
+                h,
+                world.proportional_gain,
+                world.derivative_gain,
+                world.max_torque,
+                world.inverse_inertia[0, 0],
+                hill_sin,
+                hill_cos,
+            )
+    for i in range(num_lanes if num_general > 0 else 0):
+        if work.is_general[i]:
+            for component in range(7):
+                lanes[Q1 + LANES * component + i] = work.turned[i, component]
+    for i in range(LANES):  # exponentials keep the norm but for rounding
+        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
+        scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
+        lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i] = (
+            q1 * scale,
+            q2 * scale,
+            q3 * scale,
+            q4 * scale,
+        )
 
-    for k in range(world.num_controls + 1):
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def move(world: World, lanes: Floats) -> None:
+    """Move all lanes by a control period and add up what they spend."""
+    phi, gamma = world.transition, world.control
+    spent_per_force = world.control_period * world.acceleration_per_force
+    for i in range(LANES):
+        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
+        vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
+        fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
+        lanes[SPENT + i] += (abs(fx) + abs(fy) + abs(fz)) * spent_per_force
+        lanes[RX + i] = phi[0, 0] * rx + phi[0, 3] * vx + phi[0, 4] * vy + gamma[0, 0] * fx + gamma[0, 1] * fy
+        lanes[RY + i] = (
+            phi[1, 0] * rx + ry + phi[1, 3] * vx + phi[1, 4] * vy + gamma[1, 0] * fx + gamma[1, 1] * fy
+        )
+        lanes[RZ + i] = phi[2, 2] * rz + phi[2, 5] * vz + gamma[2, 2] * fz
+        lanes[VX + i] = phi[3, 0] * rx + phi[3, 3] * vx + phi[3, 4] * vy + gamma[3, 0] * fx + gamma[3, 1] * fy
+        lanes[VY + i] = phi[4, 0] * rx + phi[4, 3] * vx + phi[4, 4] * vy + gamma[4, 0] * fx + gamma[4, 1] * fy
+        lanes[VZ + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
+
+
+@njit(cache=True, error_model="numpy")
+def choose_cluster(
+    points: Floats,
+    sample: int,
+    candidate: Floats,
+    count: int,
+    r: Floats,
+    candidates: Floats,
+    centres: Floats,
+    num_centres: int,
+    labels: Integers,
+    distances: Floats,
+    sums: Floats,
+) -> int:
+    """Cluster the candidates of a sample, seen from `r`, where the chosen centre is left.
+
+    Returns the number of centres.
+    """
+    filled = 0
+    for j in range(len(candidate)):
+        if candidate[j] != 0.0:
+            for axis in range(3):
+                candidates[axis, filled] = points[sample, axis, j]
+            filled += 1
+    num_centres = cluster_centres(candidates, count, r, centres, num_centres, labels, distances, sums)
+    chosen = nearest_centre(centres, num_centres, r)
+    for axis in range(3):
+        r[axis] = centres[chosen, axis]
+    return num_centres
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def sense(
+    world: World,
+    work: Workspace,
+    sun_angles: Floats,
+    first: int,
+    num_lanes: int,
+    k: int,
+    needs_angles: bool,
+    target: Floats,
+) -> int:
+    """Inspect, choose the target and write the signals of every lane.
+
+    Leaves the last lane's target in `target` where there are candidates, and returns how many it has.
+    """
+    lanes = work.lanes
+    turned = world.mean_motion * world.control_period * k
+    count = 0.0
+    for lane in range(num_lanes):
+        angle = sun_angles[first + lane] - turned
+        rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
+        vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
+        q1, q2, q3, q4 = lanes[Q1 + lane], lanes[Q2 + lane], lanes[Q3 + lane], lanes[Q4 + lane]
         distance = sqrt(rx * rx + ry * ry + rz * rz)
-        total_distance += distance
-        nearest = distance if distance < nearest else nearest
-        farthest = distance if distance > farthest else farthest
+        lanes[TRAVELLED + lane] += distance
+        lanes[NEAREST + lane] = min(lanes[NEAREST + lane], distance)
+        lanes[FARTHEST + lane] = max(lanes[FARTHEST + lane], distance)
         if k > 0:
-            outside = max(outside, world.min_distance - distance, distance - world.max_distance)
-        if world.is_attitude_ideal:
-            state = np.array([rx, ry, rz, vx, vy, vz])
-            aim_plainly(world, work.aims, state, np.zeros(3), y_before, 0, 1, k == 0)
-            q1, q2, q3, q4 = work.aims[0, 0], work.aims[1, 0], work.aims[2, 0], work.aims[3, 0]
+            beyond = max(world.min_distance - distance, distance - world.max_distance)
+            lanes[BEYOND + lane] = max(lanes[BEYOND + lane], beyond)
 
         c11, c12, c13 = (
             q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4,
@@ -514,15 +722,13 @@ def fly(
             2 * (q2 * q3 - q1 * q4),
             -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4,
         )
-
-        # inspect
         sample = k if len(world.points) > 1 else 0
         b = world.boresight
-        sx, sy = base_cos, base_sin
         unseen_count, count, tx, ty, tz = look(
             world.points,
             sample,
             work.unseen,
+            lane,
             work.candidate,
             rx,
             ry,
@@ -530,195 +736,230 @@ def fly(
             c11 * b[0] + c21 * b[1] + c31 * b[2],
             c12 * b[0] + c22 * b[1] + c32 * b[2],
             c13 * b[0] + c23 * b[1] + c33 * b[2],
-            sx,
-            sy,
+            cos(angle),
+            sin(angle),
             world.sun_threshold,
             world.horizon,
             world.cos_half_angle_squared,
         )
-        left = int(unseen_count)
+        lanes[LEFT + lane] = unseen_count
 
-        # choose the target
-        if count > 0.0:
-            tx, ty, tz = tx / count, ty / count, tz / count
-        if world.has_clusters:
-            if count > 0.0:
-                target[0], target[1], target[2] = rx, ry, rz
-                num_centres = choose_cluster(world, work, sample, int(count), num_centres, target)
-                tx, ty, tz = target[0], target[1], target[2]
-            else:
-                num_centres = 0
         lambda_u, eta_u = 0.0, 0.0
-        if needs_angles and count > 0.0:
-            lambda_u = relative_angle(tx, ty, rx, ry)
-            eta_u = relative_angle(tx, tz, rx, rz)
+        if count > 0.0:
+            target[0], target[1], target[2] = tx / count, ty / count, tz / count
+            if world.has_clusters:
+                target[0], target[1], target[2] = rx, ry, rz
+                num_centres = choose_cluster(
+                    world.points,
+                    sample,
+                    work.candidate,
+                    int(count),
+                    target,
+                    work.candidates,
+                    work.centres[lane],
+                    work.num_centres[lane],
+                    work.labels,
+                    work.distances,
+                    work.sums,
+                )
+                work.num_centres[lane] = num_centres
+            if needs_angles:
+                lambda_u = relative_angle(target[0], target[1], rx, ry)
+                eta_u = relative_angle(target[0], target[2], rx, rz)
+        else:
+            work.num_centres[lane] = 0
 
-        if is_tracked:
-            tracks[flight, k, 0], tracks[flight, k, 1], tracks[flight, k, 2] = rx, ry, rz
+        signals = work.signals
+        signals[LANES * DISTANCE + lane] = distance
+        signals[LANES * VELOCITY_BODY + lane] = c11 * vx + c12 * vy + c13 * vz
+        signals[LANES * (VELOCITY_BODY + 1) + lane] = c21 * vx + c22 * vy + c23 * vz
+        signals[LANES * (VELOCITY_BODY + 2) + lane] = c31 * vx + c32 * vy + c33 * vz
+        signals[LANES * LAMBDA_U + lane] = lambda_u
+        signals[LANES * ETA_U + lane] = eta_u
+        for component in range(6):  # position, then velocity
+            signals[LANES * (POSITION_HILL + component) + lane] = lanes[RX + LANES * component + lane]
+    return int(count)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def command(
+    world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
+) -> None:
+    """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
+    lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
+    is_logged = len(log.position) > 0
+    for i in range(3 * LANES):
+        lanes[GX + i] = 0.0
+    if law.has_plan:
+        for axis in range(3):
+            for i in range(LANES):
+                lanes[GX + LANES * axis + i] = law.plan[k, axis]
+    else:
+        for system in range(len(law.axes)):
+            for place in range(3):
+                signal = LANES * law.signals[system, place]
+                for i in range(LANES):
+                    inputs[LANES * place + i] = signals[signal + i]
+            infer(
+                values,
+                rules,
+                law.layout,
+                np.uint64(system),
+                inputs,
+                work.scratch,
+                np.uint64(num_lanes),
+                outputs,
+            )
+            force = GX + LANES * law.axes[system]
+            for i in range(num_lanes):
+                coasts = world.coasts_when_complete and lanes[LEFT + i] == 0.0
+                lanes[force + i] += 0.0 if coasts else outputs[i]
+            if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
+                log.is_decided[k] = True
+                log.fis_output[k, system] = outputs[0]
+                for place in range(law.num_inputs[system]):
+                    log.fis_input[k, system, place] = inputs[LANES * place]
+    for i in range(LANES):
+        gx, gy, gz = lanes[GX + i], lanes[GY + i], lanes[GZ + i]
+        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
+        fx, fy, fz = gx, gy, gz
+        if law.force_axes == BODY:
+            fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
+            fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
+            fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
+            fy += 2 * (q2 * q3 - q1 * q4) * gz
+            fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
+            fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
+        lanes[FX + i] = clip(fx, world.max_force)
+        lanes[FY + i] = clip(fy, world.max_force)
+        lanes[FZ + i] = clip(fz, world.max_force)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def write_sample(
+    world: World, work: Workspace, log: Log, k: int, sun_angle: float, count: int, target: Floats
+) -> None:
+    """Log what is known at a sample before the force is, of lane 0."""
+    lanes, n = work.lanes, world.mean_motion
+    for component in range(3):
+        log.position[k, component] = lanes[RX + LANES * component]
+        log.velocity[k, component] = lanes[VX + LANES * component]
+    for component in range(4):
+        log.quaternion[k, component] = lanes[Q1 + LANES * component]
+    if not world.is_attitude_ideal:
+        q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
+        log.angular_velocity[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
+        log.angular_velocity[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
+        log.angular_velocity[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+    log.num_candidates[k] = count
+    for component in range(3 if count > 0 else 0):
+        log.target[k, component] = target[component]
+    log.lambda_u[k], log.eta_u[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
+    log.sun_angle[k] = sun_angle - n * world.control_period * k
+    for j in range(world.num_points):
+        log.is_inspected[k, j] = work.unseen[0, j] == 0.0
+    log.delta_v[k] = lanes[SPENT]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> None:
+    """Log the force of lane 0: as asked for in body axes, and as applied."""
+    for row in range(3):
+        log.force_hill[k, row] = work.lanes[FX + LANES * row]
+        asked = work.lanes[GX + LANES * row]
+        if law.force_axes == HILL:
+            asked = 0.0
+            for column in range(3):
+                asked += dcm[row, column] * work.lanes[GX + LANES * column]
+        log.force_body[k, row] = asked
+
+
+@njit(cache=True, error_model="numpy")
+def start_lanes(world: World, work: Workspace, starts: Floats, first: int, num_lanes: int) -> None:
+    """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
+    lanes = work.lanes
+    lanes[:] = 0.0
+    work.unseen[:] = 0.0
+    work.num_centres[:] = 0
+    for lane in range(LANES):
+        start = starts[first + min(lane, num_lanes - 1)]
+        for component in range(6):
+            lanes[RX + LANES * component + lane] = start[component]
+        lanes[Q4 + lane] = 1.0
+        lanes[WZ + lane] = 2.0 * world.mean_motion  # inertial: n relative to Hill, and Hill's own
+        lanes[NEAREST + lane] = np.inf
+        work.unseen[lane, : world.num_points] = 1.0
+        work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def fly(
+    world: World,
+    law: Law,
+    values: Floats,
+    rules: Indices,
+    starts: Floats,
+    sun_angles: Floats,
+    first: int,
+    num_lanes: int,
+    work: Workspace,
+    log: Log,
+    tracks: NDArray[np.float32],
+    flight: int,
+    outcomes: Floats,
+) -> None:
+    """Fly one controller from some starts side by side, and write the outcomes.
+
+    Parameters
+    ----------
+    world, law : what is flown
+    values, rules : rows of `fis_tools.kernel.Packed`
+    starts : (m, 6) position (m) and velocity (m/s), Hill axes
+    sun_angles : (m,) rad, at k = 0
+    first, num_lanes : which starts, at most `LANES`
+    work : Workspace
+    log : Log, whose arrays are filled unless they are empty; for one flight alone
+    tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
+    flight : row of the first flight
+    outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
+    """
+    is_logged = len(log.position) > 0
+    needs_angles = is_logged
+    for system in range(len(law.axes)):
+        for place in range(3):
+            needs_angles |= law.signals[system, place] == LAMBDA_U or law.signals[system, place] == ETA_U
+    start_lanes(world, work, starts, first, num_lanes)
+    lanes = work.lanes
+    target, count = np.zeros(3), 0
+    for k in range(world.num_controls + 1):
+        for lane in range(num_lanes if world.is_attitude_ideal else 0):
+            for component in range(3):
+                lanes[FX + LANES * component + lane] = 0.0
+            aim_plainly(world, work, lane, 0, 1, k == 0)
+            for component in range(4):
+                lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
+        count = sense(world, work, sun_angles, first, num_lanes, k, needs_angles, target)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            for component in range(3):
+                tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]
         if is_logged:
-            log.position[k, 0], log.position[k, 1], log.position[k, 2] = rx, ry, rz
-            log.velocity[k, 0], log.velocity[k, 1], log.velocity[k, 2] = vx, vy, vz
-            log.quaternion[k, 0], log.quaternion[k, 1] = q1, q2
-            log.quaternion[k, 2], log.quaternion[k, 3] = q3, q4
-            if not world.is_attitude_ideal:
-                log.angular_velocity[k, 0] = wx - n * c13
-                log.angular_velocity[k, 1] = wy - n * c23
-                log.angular_velocity[k, 2] = wz - n * c33
-            log.num_candidates[k] = int(count)
-            if count > 0.0:
-                log.target[k, 0], log.target[k, 1], log.target[k, 2] = tx, ty, tz
-            log.lambda_u[k], log.eta_u[k] = lambda_u, eta_u
-            log.sun_angle[k] = sun_angle - n * world.control_period * k
-            for j in range(world.num_points):
-                log.is_inspected[k, j] = work.unseen[j] == 0.0
-            log.delta_v[k] = delta_v
+            write_sample(world, work, log, k, sun_angles[first], count, target)
         if k == world.num_controls:
             break
-
-        # infer
-        gx, gy, gz = 0.0, 0.0, 0.0
-        is_decided = False
-        if law.has_plan:
-            fx, fy, fz = law.plan[k, 0], law.plan[k, 1], law.plan[k, 2]
-            gx, gy, gz = fx, fy, fz
-        elif len(law.axes) > 0 and (left > 0 or not world.coasts_when_complete):
-            is_decided = True
-            signals = work.signals
-            signals[DISTANCE] = distance
-            signals[VELOCITY_BODY] = c11 * vx + c12 * vy + c13 * vz
-            signals[VELOCITY_BODY + 1] = c21 * vx + c22 * vy + c23 * vz
-            signals[VELOCITY_BODY + 2] = c31 * vx + c32 * vy + c33 * vz
-            signals[LAMBDA_U], signals[ETA_U] = lambda_u, eta_u
-            signals[POSITION_HILL], signals[POSITION_HILL + 1], signals[POSITION_HILL + 2] = rx, ry, rz
-            signals[VELOCITY_HILL], signals[VELOCITY_HILL + 1], signals[VELOCITY_HILL + 2] = vx, vy, vz
-            for system in range(len(law.axes)):
-                for place in range(3):
-                    work.inputs[place] = signals[law.signals[system, place]]
-                force = infer(values, rules, law.layout, np.uint64(system), work.inputs, work.scratch)
-                if is_logged:
-                    log.fis_output[k, system] = force
-                    for place in range(law.num_inputs[system]):
-                        log.fis_input[k, system, place] = work.inputs[place]
-                axis = law.axes[system]
-                gx = gx + force if axis == 0 else gx
-                gy = gy + force if axis == 1 else gy
-                gz = gz + force if axis == 2 else gz
-            fx, fy, fz = gx, gy, gz
-            if law.force_axes == BODY:
-                fx = c11 * gx + c21 * gy + c31 * gz
-                fy = c12 * gx + c22 * gy + c32 * gz
-                fz = c13 * gx + c23 * gy + c33 * gz
-        else:
-            fx, fy, fz = 0.0, 0.0, 0.0
+        command(world, law, values, rules, work, num_lanes, log, k)
         if is_logged:
-            log.is_decided[k] = is_decided
-            if law.force_axes == BODY and not law.has_plan:
-                log.force_body[k, 0], log.force_body[k, 1], log.force_body[k, 2] = gx, gy, gz
-            else:
-                log.force_body[k, 0] = c11 * fx + c12 * fy + c13 * fz
-                log.force_body[k, 1] = c21 * fx + c22 * fy + c23 * fz
-                log.force_body[k, 2] = c31 * fx + c32 * fy + c33 * fz
-        fx, fy, fz = clip(fx, world.max_force), clip(fy, world.max_force), clip(fz, world.max_force)
-        if is_logged:
-            log.force_hill[k, 0], log.force_hill[k, 1], log.force_hill[k, 2] = fx, fy, fz
-        delta_v += (abs(fx) + abs(fy) + abs(fz)) * world.control_period * world.acceleration_per_force
+            write_force(work, law, log, k, dcm_b_from_h(log.quaternion[k]))
+        turn_deputies(world, work, num_lanes, log, k)
+        move(world, lanes)
 
-        # aim
-        num_poles = aim(
-            work.aims,
-            world.instant_transition,
-            world.instant_control,
-            rx,
-            ry,
-            rz,
-            vx,
-            vy,
-            vz,
-            fx,
-            fy,
-            fz,
-        )
-        last = world.num_attitude_steps - 1
-        if num_poles > 0.0 or world.has_pole_blending:
-            state, force_h = np.array([rx, ry, rz, vx, vy, vz]), np.array([fx, fy, fz])
-            done = 1 if world.is_attitude_ideal else 0
-            aim_plainly(world, work.aims, state, force_h, y_before, done, last + 1, k + done == 0)
-            if world.is_attitude_ideal:
-                work.aims[0, 0], work.aims[1, 0], work.aims[2, 0], work.aims[3, 0] = q1, q2, q3, q4
-        else:
-            a1, a2, a3, a4 = work.aims[0, last], work.aims[1, last], work.aims[2, last], work.aims[3, last]
-            y_before[0] = 2 * (a1 * a2 - a3 * a4)
-            y_before[1] = -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
-            y_before[2] = 0.0
-
-        # turn
-        if not world.is_attitude_ideal:
-            for j in range(world.num_attitude_steps):
-                a1, a2, a3, a4 = work.aims[0, j], work.aims[1, j], work.aims[2, j], work.aims[3, j]
-                ux = wx - n * 2 * (q1 * q3 - q2 * q4)
-                uy = wy - n * 2 * (q2 * q3 + q1 * q4)
-                uz = wz - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
-                sign = a4 * q4 + (a1 * q1 + a2 * q2 + a3 * q3)
-                e1 = a4 * q1 - q4 * a1 - (a2 * q3 - a3 * q2)
-                e2 = a4 * q2 - q4 * a2 - (a3 * q1 - a1 * q3)
-                e3 = a4 * q3 - q4 * a3 - (a1 * q2 - a2 * q1)
-                e1, e2, e3 = (e1, e2, e3) if sign >= 0.0 else (-e1, -e2, -e3)
-                if world.is_spherical:
-                    mx, my, mz = -kp * e1 - kd * ux, -kp * e2 - kd * uy, -kp * e3 - kd * uz
-                else:
-                    px, py, pz = times3(world.proportional_gain, e1, e2, e3)
-                    dx, dy, dz = times3(world.derivative_gain, ux, uy, uz)
-                    mx, my, mz = -px - dx, -py - dy, -pz - dz
-                mx, my, mz = (
-                    clip(mx, world.max_torque),
-                    clip(my, world.max_torque),
-                    clip(mz, world.max_torque),
-                )
-                if is_logged:
-                    log.attitude_quaternion[k, j, 0], log.attitude_quaternion[k, j, 1] = q1, q2
-                    log.attitude_quaternion[k, j, 2], log.attitude_quaternion[k, j, 3] = q3, q4
-                    log.attitude_rate[k, j, 0], log.attitude_rate[k, j, 1], log.attitude_rate[k, j, 2] = (
-                        ux,
-                        uy,
-                        uz,
-                    )
-                    log.torque[k, j, 0], log.torque[k, j, 1], log.torque[k, j, 2] = mx, my, mz
-                if takes_one_step:
-                    # the general step below, for a rate that is linear in time
-                    step = h * angular_acceleration
-                    half, twelfth = 0.5 * h, h * h * step / 12.0
-                    ax = h * wx + half * step * mx + twelfth * (wy * mz - wz * my)
-                    ay = h * wy + half * step * my + twelfth * (wz * mx - wx * mz)
-                    az = h * wz + half * step * mz + twelfth * (wx * my - wy * mx)
-                    wx, wy, wz = wx + step * mx, wy + step * my, wz + step * mz
-                    q1, q2, q3, q4 = turn(q1, q2, q3, q4, ax, ay, az, hill_sin, hill_cos)
-                else:
-                    q1, q2, q3, q4, wx, wy, wz = turn_body(world, q1, q2, q3, q4, wx, wy, wz, mx, my, mz)
-            # the exponential keeps the norm but for rounding
-            scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
-            q1, q2, q3, q4 = q1 * scale, q2 * scale, q3 * scale, q4 * scale
-        elif is_logged:
-            for j in range(world.num_attitude_steps):
-                for component in range(4):
-                    log.attitude_quaternion[k, j, component] = work.aims[component, j]
-
-        # move
-        phi, gamma = world.transition, world.control
-        nx = phi[0, 0] * rx + phi[0, 3] * vx + phi[0, 4] * vy + gamma[0, 0] * fx + gamma[0, 1] * fy
-        ny = phi[1, 0] * rx + ry + phi[1, 3] * vx + phi[1, 4] * vy + gamma[1, 0] * fx + gamma[1, 1] * fy
-        nz = phi[2, 2] * rz + phi[2, 5] * vz + gamma[2, 2] * fz
-        ux = phi[3, 0] * rx + phi[3, 3] * vx + phi[3, 4] * vy + gamma[3, 0] * fx + gamma[3, 1] * fy
-        uy = phi[4, 0] * rx + phi[4, 3] * vx + phi[4, 4] * vy + gamma[4, 0] * fx + gamma[4, 1] * fy
-        vz = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
-        rx, ry, rz, vx, vy = nx, ny, nz, ux, uy
-        base_cos, base_sin = sx * tick_cos + sy * tick_sin, sy * tick_cos - sx * tick_sin
-
-    outcomes[flight, DELTA_V] = delta_v
-    outcomes[flight, INSPECTED] = world.num_points - left
-    outcomes[flight, MEAN_DISTANCE] = total_distance / (world.num_controls + 1)
-    outcomes[flight, MIN_DISTANCE] = nearest
-    outcomes[flight, MAX_DISTANCE] = farthest
-    outcomes[flight, OUTSIDE] = outside
+    for lane in range(num_lanes):
+        row = outcomes[flight + lane]
+        row[DELTA_V] = lanes[SPENT + lane]
+        row[INSPECTED] = world.num_points - lanes[LEFT + lane]
+        row[MEAN_DISTANCE] = lanes[TRAVELLED + lane] / (world.num_controls + 1)
+        row[MIN_DISTANCE] = lanes[NEAREST + lane]
+        row[MAX_DISTANCE] = lanes[FARTHEST + lane]
+        row[OUTSIDE] = lanes[BEYOND + lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -738,18 +979,23 @@ def fly_many(
 ) -> None:
     """Fly every start with every controller of a population, flights `first` to `last - 1`, starts fastest."""
     num_starts = len(starts)
-    for flight in range(first, last):
+    flight = first
+    while flight < last:
         row, start = flight // num_starts, flight % num_starts
+        num_lanes = min(LANES, num_starts - start, last - flight)
         fly(
             world,
             law,
             values[row],
             rules[row],
-            starts[start],
-            sun_angles[start],
+            starts,
+            sun_angles,
+            start,
+            num_lanes,
             work,
             log,
             tracks,
             flight,
             outcomes,
         )
+        flight += num_lanes

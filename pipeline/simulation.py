@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.kernel import Packed, evaluate, padded, scratch_for
+from fis_tools.kernel import LANES, Packed, evaluate, padded, scratch_for
 from pipeline import episode
 from pipeline.controllers import Controller, law_of, packed
-from pipeline.episode import LANES, NUM_OUTCOMES, NUM_SIGNALS, Law, Log, Workspace, World, fly, fly_many
+from pipeline.episode import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World, fly, fly_many
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import num_clusters
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
@@ -85,8 +85,7 @@ def chief_attitudes(mission: Mission) -> Floats:
 def pack_world(mission: Mission) -> World:
     """Turn a mission into the numbers that the compiled episode reads."""
     n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
-    lanes = -(-mission.num_attitude_steps // LANES) * LANES
-    instants = np.minimum(np.arange(lanes), mission.num_attitude_steps - 1) * mission.attitude_period_s
+    instants = np.arange(mission.num_attitude_steps) * mission.attitude_period_s
     points = inspection_points(mission)
     placed = np.zeros((1, 3, padded(len(points))))
     if mission.chief.initial_angular_velocity_rad_s is None:
@@ -139,14 +138,20 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
     clusters = num_clusters(points)
     has_systems = len(numbers.layout) > 0
     return Workspace(
-        unseen=np.zeros(width),
+        lanes=np.zeros(NUM_ROWS * LANES),
+        aims=np.zeros(world.num_attitude_steps * 4 * LANES),
+        unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
-        aims=np.zeros((4, world.instant_transition.shape[2])),
-        signals=np.zeros(NUM_SIGNALS),
-        inputs=np.zeros(3),
+        signals=np.zeros(NUM_SIGNALS * LANES),
+        inputs=np.zeros(3 * LANES),
+        outputs=np.zeros(LANES),
         scratch=scratch_for(numbers) if has_systems else np.zeros(0),
+        y_before=np.zeros((LANES, 3)),
+        is_general=np.zeros(LANES, dtype=np.bool_),
+        turned=np.zeros((LANES, 7)),
         candidates=np.zeros((3, points)),
-        centres=np.zeros((clusters, 3)),
+        centres=np.zeros((LANES, clusters, 3)),
+        num_centres=np.zeros(LANES, dtype=np.int64),
         labels=np.zeros((2, points), dtype=np.int64),
         distances=np.zeros(points),
         sums=np.zeros((clusters, 4)),
@@ -326,14 +331,16 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_of(controller, mission.num_controls), packed(controller)
     log = _make_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
-    start = np.concatenate([scenario.position_m, scenario.velocity_m_s]).astype(np.float64)
+    starts, sun_angles = stack_starts([scenario])
     fly(
         world,
         law,
         numbers.values[0],
         numbers.rules[0],
-        start,
-        float(scenario.sun_angle_rad),
+        starts,
+        sun_angles,
+        0,
+        1,
         make_workspace(world, numbers),
         log,
         np.empty((0, 0, 3), dtype=np.float32),
