@@ -1,0 +1,110 @@
+"""The project's files agree with one another and name no machine."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+
+PROJECT = Path(__file__).resolve().parents[2]
+TABLE = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+SKIPPED_FOLDERS = {".git", ".venv", "outputs", "build", "dist", "__pycache__"}
+#: written in halves, for this file is looked at too
+MACHINES = re.compile(
+    "|".join(
+        [
+            r"(?<![\w.:/])/" + r"(?:work|root|home|Users|opt|srv|mnt|data)/",
+            r"[A-Z]:\\" + "Users",
+            "pypi" + r"\.org",
+            "pythonhosted" + r"\.org",
+            "(?:extra-)?index-" + "url[ =]",
+            "file:" + "///",
+        ]
+    )
+)
+
+
+def texts() -> list[Path]:
+    """The text files of the project, without what runs and tools leave behind."""
+    found = []
+    for path in PROJECT.rglob("*"):
+        parts = path.relative_to(PROJECT).parts
+        is_left_behind = any(part in SKIPPED_FOLDERS or part.endswith("_cache") for part in parts)
+        if path.is_file() and not is_left_behind and parts[0] != ".hypothesis":
+            found.append(path)
+    return [path for path in found if b"\0" not in path.read_bytes()[:4096]]
+
+
+def test_no_file_names_a_machine_or_a_registry():
+    hits = [
+        f"{path.relative_to(PROJECT)}: {hit.group()}"
+        for path in texts()
+        for hit in MACHINES.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert hits == []
+
+
+def test_a_machine_would_be_found():
+    for text in ("/ho" + "me/jo/x", " /op" + "t/wheels", "--index-" + "url=https", "https://py" + "pi.org/x"):
+        assert MACHINES.search(text), text
+    for text in ("a/work/b", "../root/x", "https://mcap.dev/data/x"):
+        assert not MACHINES.search(text), text
+
+
+def test_versions_agree():
+    citation = yaml.safe_load((PROJECT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == TABLE["version"]
+    assert citation["title"] == TABLE["name"]
+    assert citation["license"] == TABLE["license"]
+    changes = (PROJECT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.search(rf"^## {re.escape(TABLE['version'])}\b", changes, re.MULTILINE)
+
+
+def read_lock(name: str) -> dict[str, tuple[str, int]]:
+    """Versions and numbers of hashes by package."""
+    text = (PROJECT / name).read_text(encoding="utf-8").replace("\\\n", " ")
+    locked = {}
+    for line in filter(None, (line.partition("#")[0].strip() for line in text.splitlines())):
+        match = re.fullmatch(r"([a-z0-9-]+)==(\S+)( ; [^-]+)?((?: +--hash=sha256:[0-9a-f]{64})+)", line)
+        assert match, line
+        assert match[1] not in locked, f"{match[1]} is locked twice"
+        locked[match[1]] = (match[2], match[4].count("--hash"))
+    return locked
+
+
+@pytest.mark.parametrize(
+    ("name", "requirements"),
+    [
+        ("requirements.txt", TABLE["dependencies"]),
+        ("requirements-dev.txt", TABLE["dependencies"] + TABLE["optional-dependencies"]["dev"]),
+    ],
+)
+def test_the_lock_holds_what_the_project_asks_for(name, requirements):
+    locked = read_lock(name)
+    for text in requirements:
+        wanted = Requirement(text)
+        version, num_hashes = locked[wanted.name.lower().replace("_", "-").replace(".", "-")]
+        assert wanted.specifier.contains(version), f"{text} is locked at {version}"
+        assert num_hashes > 0
+
+
+def test_both_locks_have_the_same_versions():
+    whole = read_lock("requirements-dev.txt")
+    assert whole.items() >= read_lock("requirements.txt").items()
+
+
+def test_fuzzy_tools_have_never_heard_of_space():
+    words = re.compile(r"\b(chief|deputy|orbit|spacecraft|satellite|hill|thruster|camera)\b", re.IGNORECASE)
+    for path in (PROJECT / "fis_tools").rglob("*.py"):
+        text = path.read_text(encoding="utf-8").replace("fuzzy-spacecraft-inspection", "")
+        assert not words.search(text), path
+
+
+def test_the_architecture_page_places_every_module():
+    page = (PROJECT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    for package in ("pipeline", "fis_tools", "telemetry"):
+        for path in (PROJECT / package).rglob("*.py"):
+            if path.name not in {"__init__.py", "__main__.py"}:
+                assert re.search(rf"`{path.stem}`", page), f"{path.relative_to(PROJECT)} has no place"

@@ -1,0 +1,47 @@
+"""Runs of the command line in miniature, as a person starts them."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parents[2]
+EXPERIMENTS = sorted(path.stem for path in (PROJECT / "conf" / "experiment").glob("*.yaml"))
+
+#: sizes at which any experiment ends within seconds
+MINIATURE = (
+    "optimizer.population_size=6",
+    "optimizer.generations=2",
+    "optimizer.rounds=1",
+    "monte_carlo.num_cases=3",
+    "duration_s=600.0",
+    "report.dots_per_inch=50",
+)
+NUM_SAMPLES = 61
+
+
+def run_module(
+    *words: str | Path, folder: Path, environment: Mapping[str, str] | None = None, code: int = 0
+) -> subprocess.CompletedProcess[str]:
+    """Run ``python -m WORDS`` in a folder and expect an exit code."""
+    command = [sys.executable, "-m", *map(str, words)]
+    inherited = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(  # noqa: S603
+        command,
+        cwd=folder,
+        env={**inherited, **(environment or {"PYTHONPATH": str(PROJECT)})},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def run_pipeline(*words: str | Path, folder: Path) -> Path:
+    """Run an experiment and return the folder of its run, the last line that it prints."""
+    done = run_module("pipeline", *words, folder=folder)
+    return folder / done.stdout.splitlines()[-1]

@@ -1,0 +1,91 @@
+"""Every experiment of conf/, all its stages, in miniature and through the command line."""
+
+import re
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
+
+import telemetry
+from fis_tools import serialize
+from pipeline import artifacts
+
+
+@pytest.fixture(scope="module", params=EXPERIMENTS)
+def finished(request, tmp_path_factory) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp(request.param)
+    return request.param, run_pipeline(f"+experiment={request.param}", *MINIATURE, folder=folder)
+
+
+def stages_of(experiment: str) -> list[str]:
+    text = (PROJECT / "conf" / "experiment" / f"{experiment}.yaml").read_text(encoding="utf-8")
+    return yaml.safe_load(text)["stages"]
+
+
+def test_all_stages_finish_and_the_manifest_knows_every_file(finished):
+    experiment, folder = finished
+    manifest = artifacts.read_manifest(folder)
+    assert manifest["finished_stages"] == stages_of(experiment)
+    assert manifest["sha256"] == {
+        name: artifacts.file_hash(folder / name) for name in artifacts.list_artifacts(folder)
+    }
+    assert manifest["config_hash"] == artifacts.config_hash(artifacts.read_config(folder))
+
+
+def test_each_stage_leaves_its_files(finished):
+    experiment, folder = finished
+    written = {name for name, stage in artifacts.WRITTEN_BY.items() if stage in stages_of(experiment)}
+    assert written
+    for name in written:
+        path = folder / name
+        assert path.exists(), name
+        assert list(path.iterdir()) if path.is_dir() else path.stat().st_size > 0, name
+
+
+def test_champions_are_controllers_and_the_logbook_has_every_generation(finished):
+    experiment, folder = finished
+    if "train" not in stages_of(experiment):
+        assert not (folder / artifacts.CHAMPION).exists()
+        return
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    assert dict(champion.provenance)["generations"] == "3"
+    assert len((folder / artifacts.LOGBOOK).read_text().splitlines()) == 1 + 3
+    assert pq.read_table(folder / artifacts.HISTORY).num_rows == 3
+
+
+def test_evaluations_have_a_row_for_each_case_and_sample(finished):
+    experiment, folder = finished
+    if "evaluate" not in stages_of(experiment):
+        assert not (folder / "evaluate").exists()
+        return
+    assert pq.read_table(folder / artifacts.EPISODES).num_rows == 3
+    assert pq.read_table(folder / artifacts.TRAJECTORIES).num_rows == 3 * NUM_SAMPLES
+    assert artifacts.read_json(folder, artifacts.SUMMARY)["num_cases"] == 3
+
+
+def test_recordings_hold_whole_flights(finished):
+    experiment, folder = finished
+    recordings = sorted((folder / artifacts.RECORDINGS).iterdir())
+    is_trained, is_evaluated = ("train" in stages_of(experiment), "evaluate" in stages_of(experiment))
+    assert len(recordings) == (8 if is_trained else 0) + (3 if is_evaluated else 1)
+    for path in recordings:
+        flight = telemetry.read(path)
+        assert len(flight["/deputy/state"]) == NUM_SAMPLES
+        assert flight.attachments["config.yaml"]
+
+
+def test_the_report_needs_nothing_but_itself(finished):
+    experiment, folder = finished
+    if "report" not in stages_of(experiment):
+        assert not (folder / artifacts.REPORT).exists()
+        return
+    page = (folder / artifacts.REPORT).read_text(encoding="utf-8")
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    assert page.rstrip().endswith("</html>")
+    loaded = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"'\s)>]+)""", page)
+    assert [link for link in loaded if not link.startswith(("data:", "#"))] == []
+    pictures = list((folder / artifacts.FIGURES).glob("*.png"))
+    assert pictures
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures)

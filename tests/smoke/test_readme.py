@@ -1,0 +1,83 @@
+"""The README's commands are commands."""
+
+import argparse
+import re
+import shlex
+
+import pytest
+from tests.smoke.command_line import PROJECT
+
+import fis_tools.__main__ as review
+from pipeline import cli
+from pipeline.config import check_overrides, conf_folder, options, parse, rewrite_controller_paths
+from telemetry import commands
+
+README = (PROJECT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```sh\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+LINES = [line.partition(" #")[0].strip() for block in BLOCKS for line in block.splitlines()]
+COMMANDS = [
+    shlex.split(command)
+    for line in LINES
+    for command in line.split(" && ")
+    if re.match(r"(\S+/)?python3? -m ", command)
+]
+
+
+def calls_of(module: str) -> list[list[str]]:
+    return [words[3:] for words in COMMANDS if words[2] == module]
+
+
+def identify(words: list[str]) -> str:
+    return " ".join(words)
+
+
+@pytest.mark.parametrize("words", calls_of("pipeline"), ids=identify)
+def test_experiments(words, capsys):
+    is_on_a_run = any(word.startswith(("resume=", "hydra.run.dir=")) for word in words)
+    if not words or words[0].startswith("--"):
+        assert cli.main(words) == (0 if words else 2)
+    elif is_on_a_run or "--config-dir" in words:
+        overrides = [word for word in words if "=" in word and not word.startswith("resume=")]
+        named = [word for word in overrides if not word.startswith("+experiment=my_")]
+        check_overrides(parse(rewrite_controller_paths(named)), options([conf_folder()]))
+    else:
+        assert cli.main([*words, "--cfg", "job"]) == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", calls_of("telemetry"), ids=identify)
+def test_telemetry(words):
+    assert callable(parsed(commands._parser(), words).run)
+
+
+@pytest.mark.parametrize("words", calls_of("fis_tools"), ids=identify)
+def test_review(words):
+    assert callable(parsed(review.build_parser(), words).run)
+
+
+@pytest.mark.parametrize("module", sorted({words[2] for words in COMMANDS if words[2].startswith("benchmarks")}))
+def test_benchmarks_exist(module):
+    assert (PROJECT / f"{module.replace('.', '/')}.py").is_file()
+
+
+def parsed(parser: argparse.ArgumentParser, words: list[str]) -> argparse.Namespace:
+    return parser.parse_args(words)
+
+
+def test_every_kind_of_command_is_shown():
+    modules = {words[2] for words in COMMANDS}
+    assert {"venv", "pipeline", "telemetry", "fis_tools", "pytest"} <= modules
+
+
+def test_the_checks_run_what_the_readme_says():
+    checks = (PROJECT / ".ci" / "run").read_text(encoding="utf-8")
+    for command in ("pip install --quiet --require-hashes -r requirements-dev.txt", "python -m pytest"):
+        assert command in checks
+        assert command in README
+
+
+def test_links_lead_somewhere():
+    for page in [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *(PROJECT / "docs").rglob("*.md")]:
+        text = page.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(([^)#\s]+)", text):
+            if not target.startswith("https://"):
+                assert (page.parent / target).exists(), f"{page}: {target}"

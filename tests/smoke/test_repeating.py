@@ -1,0 +1,91 @@
+"""The same again: the same seed, other workers, another start, after an interrupt, one stage alone."""
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+from tests.smoke.command_line import MINIATURE
+
+from pipeline import artifacts
+from pipeline.cli import main
+from pipeline.stages import train
+
+TRAINING = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]")
+
+
+def run(*words: str, folder: Path) -> Path:
+    assert main([*words, f"hydra.run.dir={folder}"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory) -> Path:
+    """A training that everything else is compared with."""
+    return run(
+        *TRAINING, "optimizer.workers=1", "monte_carlo.workers=1", folder=tmp_path_factory.mktemp("first") / "run"
+    )
+
+
+def numbers(folder: Path) -> tuple[object, str, str]:
+    """What a run found: the champion's systems, how it was found, and what it flew."""
+    champion = json.loads((folder / artifacts.CHAMPION).read_text())
+    return (
+        champion["systems"],
+        (folder / artifacts.LOGBOOK).read_text(),
+        artifacts.file_hash(folder / artifacts.EPISODES),
+    )
+
+
+def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(first, tmp_path):
+    again = run(*TRAINING, "optimizer.workers=2", "monte_carlo.workers=2", folder=tmp_path / "again")
+    assert numbers(again) == numbers(first)
+
+
+def test_another_seed_finds_another(first, tmp_path):
+    other = run(*TRAINING, "seed=2", folder=tmp_path / "other")
+    assert all(ours != theirs for ours, theirs in zip(numbers(other), numbers(first), strict=True))
+
+
+def test_an_interrupted_training_goes_on_as_if_nothing_had_been(first, tmp_path, monkeypatch, capsys):
+    show = train.TrainingProgress.show
+
+    def show_and_interrupt(self, generation):
+        show(self, generation)
+        if generation.generation == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    folder = tmp_path / "interrupted"
+    words = [*TRAINING, "optimizer.workers=1", "monte_carlo.workers=1", f"hydra.run.dir={folder}"]
+    with monkeypatch.context() as patched:
+        patched.setattr(train.TrainingProgress, "show", show_and_interrupt)
+        assert main(words) == 130
+    assert f"python -m pipeline resume={folder}" in capsys.readouterr().err
+    assert artifacts.read_manifest(folder)["finished_stages"] == ["scenario"]
+    kept = json.loads((folder / artifacts.CHAMPION).read_text())
+    assert kept["provenance"]["interrupted"] == "true"
+    assert main([f"resume={folder}"]) == 0
+    assert (folder / artifacts.CHAMPION).read_bytes() == (first / artifacts.CHAMPION).read_bytes()
+    assert numbers(folder) == numbers(first)
+
+
+def test_a_stage_alone_is_repeated_on_an_earlier_runs_files(first):
+    before = artifacts.read_manifest(first)
+    assert main(["stages=[report]", f"hydra.run.dir={first}"]) == 0
+    report = (first / artifacts.REPORT).read_bytes()
+    assert main(["stages=[report]", f"hydra.run.dir={first}"]) == 0
+    after = artifacts.read_manifest(first)
+    assert (first / artifacts.REPORT).read_bytes() == report
+    assert after["finished_stages"] == ["scenario", "train", "evaluate", "report"]
+    assert after["sha256"].items() >= before["sha256"].items()
+
+
+def test_a_sweep_runs_each_value_in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "+experiment=evaluate", *MINIATURE, "stages=[scenario,evaluate]", "seed=1,2"]) == 0
+    (sweep,) = Path("outputs", "evaluate-sweep").iterdir()
+    runs = [sweep / "0", sweep / "1"]
+    assert [artifacts.read_manifest(folder)["seed"] for folder in runs] == [1, 2]
+    starts = {(folder / artifacts.SCENARIOS).read_text() for folder in runs}
+    flown = {artifacts.file_hash(folder / artifacts.EPISODES) for folder in runs}
+    assert len(starts) == len(flown) == 2
