@@ -11,11 +11,15 @@ import shutil
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numba
 
 CACHE_NAME = "fuzzy-spacecraft-inspection"
 KEPT_DAYS = 30
+
+#: numba makes its attributes at run time, out of a type checker's sight
+_numba_config: Any = numba.config
 
 
 def source_hash(packages: tuple[Path, ...]) -> str:
@@ -61,13 +65,13 @@ def use_cache_keyed_by(*packages: Path) -> Path:
         The cache folder, which need not exist yet.
     """
     folder = cache_root() / source_hash(packages)
-    numba.config.CACHE_DIR = str(folder)
+    _numba_config.CACHE_DIR = str(folder)
     return folder
 
 
 def is_cold() -> bool:
     """Tell whether nothing has been compiled yet for the present state of the sources."""
-    folder = Path(numba.config.CACHE_DIR)
+    folder = Path(_numba_config.CACHE_DIR)
     return not (folder.is_dir() and any(folder.rglob("*.nbi")))
 
 

@@ -33,8 +33,8 @@ VECTOR = 8
 #: samples that are inferred side by side: a constant, so that the compiler does so
 LANES = 16
 
-# Sections of the working space: memberships of all inputs and cuts of all lanes (lanes fastest), then for the lane
-# at hand its cuts, (segment, x, y) of each crossing, heights.
+# Sections of the working space: memberships of all inputs and cuts of all lanes (lanes fastest), then for the
+# lane at hand its cuts, (segment, x, y) of each crossing, heights.
 LANE_CUTS = MAX_INPUTS * MAX_TERMS * LANES
 CUTS = LANE_CUTS + MAX_TERMS * LANES
 CROSSINGS = CUTS + MAX_TERMS
@@ -44,10 +44,11 @@ HEIGHTS = CROSSINGS + 3 * 2 * MAX_TERMS
 # possible input, then (terms, points, offset) of the output, then the offset of its rules.
 NUM_INPUTS, INPUT_0, OUTPUT, RULES, LAYOUT_WIDTH = 0, 1, 10, 13, 14
 
-# A row of `rules` holds for each system the index of each output term's peak, the bounds of each output term's
-# rules, then the rules. Inside `values`: an input starts with (minimum, maximum, step, 1/step) and goes on with its memberships,
-# grid point by grid point. The output starts with (first point, step, centre, default) and goes on with the
-# centred grid, the memberships term by term (these rows padded with zeros), and the memberships point by point.
+# A row of `rules` holds for each system the index of each output term's peak, the bounds of each output
+# term's rules, then the rules. Inside `values`: an input starts with (minimum, maximum, step, 1/step) and
+# goes on with its memberships, grid point by grid point. The output starts with (first point, step, centre,
+# default) and goes on with the centred grid, the memberships term by term (these rows padded with zeros), and
+# the memberships point by point.
 HEADER = 4
 
 
@@ -75,7 +76,7 @@ class Packed:
     num_rules: tuple[int, ...]
 
 
-class NotCompilable(ValueError):
+class NotCompilable(ValueError):  # noqa: N818
     """A system that the compiled kernel does not cover; the text says why."""
 
 
@@ -255,7 +256,8 @@ def fuzzify(
         for term in range(terms):
             mu = values[here + term]
             scratch[(start + term) * U_LANES + lane] = mu + fraction * (values[here + terms + term] - mu)
-    return start + terms
+    end: np.uint64 = start + terms
+    return end
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -357,7 +359,7 @@ def infer(
     system = index * U_LAYOUT_WIDTH
     start = U0
     for place in range(layout[system]):
-        start = fuzzify(values, layout, system, place, inputs, scratch, start)
+        start = fuzzify(values, layout, system, np.uint64(place), inputs, scratch, start)
     cut_terms(rules, layout, system, scratch)
     for lane in range(num_lanes):
         for term in range(layout[system + U_OUTPUT]):
@@ -367,19 +369,20 @@ def infer(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def centroid(values: Floats, rules: Indices, layout: Indices, system: np.uint64, scratch: Floats) -> float:
-    """Return the centroid of the output's terms, cut and aggregated, or the default where all cuts are zero."""
+    """Return the centroid of the output's cut terms together, or the default where all cuts are zero."""
     terms = layout[system + U_OUTPUT]
     points = layout[system + U_OUTPUT + U1]
     at = layout[system + U_OUTPUT + U2]
-    step = values[at + U1]
-    centre = values[at + U2]
+    step: float = values[at + U1]
+    centre: float = values[at + U2]
     grid = at + U_HEADER
     width = (points + U_VECTOR - U1) // U_VECTOR * U_VECTOR
     total, moment = grid_sums(values, grid, width, terms, scratch)
     if total == 0.0:
-        return values[at + U3]
+        default: float = values[at + U3]
+        return default
     first, last = scratch[U_HEIGHTS], scratch[U_HEIGHTS + points - U1]
-    area = step * (total - 0.5 * (first + last))
+    area: float = step * (total - 0.5 * (first + last))
     ends = 0.5 * (first * values[grid] + last * values[grid + points - U1])
     moment = step * (moment - ends + step * (first - last) / 6.0)
     more_area, more_moment = crossing_triangles(
@@ -387,9 +390,10 @@ def centroid(values: Floats, rules: Indices, layout: Indices, system: np.uint64,
     )
     area += more_area
     moment += more_moment
-    if area < SMALLEST_AREA:
-        return (moment + centre * area) / SMALLEST_AREA
-    return centre + moment / area
+    output: float = (
+        (moment + centre * area) / SMALLEST_AREA if area < SMALLEST_AREA else centre + moment / area
+    )
+    return output
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -535,9 +539,9 @@ def _strengths(
         start = U0
         for place in range(layout[system]):
             row[place * U_LANES] = inputs[sample, place]
-            start = fuzzify(values, layout, system, place, row, scratch, start)
+            start = fuzzify(values, layout, system, np.uint64(place), row, scratch, start)
         out[sample, 0] = 1.0
-        filled, first = 1, 0
+        filled, first = np.int64(1), np.int64(0)
         for place in range(layout[system]):
             terms = np.int64(layout[system + U_INPUT_0 + U3 * place])
             # backwards, so that each partial conjunction is read before it is overwritten

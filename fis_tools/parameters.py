@@ -1,9 +1,9 @@
 """A controller's tunable numbers as a flat vector of genes in [0, 1], and back.
 
-Tuned are, for every variable, the means of the inner terms (the outer ones stay at the ends of the range) and
-all standard deviations; for the output also how far its range reaches either side of zero; and the output term
-of every rule. Each inner mean moves inside a window of its own around its evenly spaced place, so that terms
-keep their order and stay apart whatever the genes are.
+Tuned are, for every variable, the means of the inner terms (the outer ones stay at the ends of the range)
+and all standard deviations; for the output also how far its range reaches either side of zero; and the output
+term of every rule. Each inner mean moves inside a window of its own around its evenly spaced place, so that
+terms keep their order and stay apart whatever the genes are.
 """
 
 from dataclasses import dataclass, replace

@@ -123,7 +123,8 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
             )
         if names[0] in driven:
             raise ControllerError(
-                f"systems {driven[names[0]]!r} and {system.name!r} both drive {names[0]}; one axis, one system"
+                f"systems {driven[names[0]]!r} and {system.name!r} both drive {names[0]}; "
+                "give each axis one system"
             )
         if system.outputs[0].unit != "N":
             raise ControllerError(

@@ -3,16 +3,15 @@
 What is computed is what `pipeline.reference` writes out plainly; the two are tested to agree. How:
 
 translation
-    ``s(k+1) = Phi(T) s(k) + Gamma(T) f(k)``, exact (`pipeline.physics.clohessy_wiltshire`); the same in closed form
-    for the instants of the attitude clock inside a period, all at once.
+    ``s(k+1) = Phi(T) s(k) + Gamma(T) f(k)``, exact (`pipeline.physics.clohessy_wiltshire`); the same in
+    closed form for the instants of the attitude clock inside a period, all at once.
 attitude
     Between two instants of the attitude clock the torque is held. With w the deputy's *inertial* rate in body
     axes, ``J w' = t - w x J w``; for a spherical inertia w is linear in time. The turn over a step h is the
     exponential of a fourth-order Magnus expansion,
     ``theta = h (w0 + 4 wm + w1)/6 + h^2 (w0 x w1)/12``, ``wm = (w0 + w1)/2 + h (w0' - w1')/8``
-    (Blanes, Casas, Oteo and Ros, "The Magnus expansion and some of its applications", Physics Reports 470, 2009),
-    and the Hill frame turns by ``n h`` about k meanwhile:
-    ``q <- exp(-n h k/2) q exp(theta/2)``.
+    (Blanes, Casas, Oteo and Ros, "The Magnus expansion and some of its applications", Physics Reports 470,
+    2009), and the Hill frame turns by ``n h`` about k meanwhile: ``q <- exp(-n h k/2) q exp(theta/2)``.
 desired attitude
     With azimuth a and elevation e of the position, ``q* = (sin a/2 sin e/2, -cos a/2 sin e/2,
     sin a/2 cos e/2, cos a/2 cos e/2)``, half angles from square roots.
@@ -126,8 +125,8 @@ class Workspace(NamedTuple):
     sums: Floats  # (C, 4)
 
 
-# Rows of `Workspace.lanes`, as offsets: position, velocity, attitude, inertial rate, force as commanded, force as
-# applied, what has been spent and seen so far.
+# Rows of `Workspace.lanes`, as offsets: position, velocity, attitude, inertial rate, force as commanded,
+# force as applied, what has been spent and seen so far.
 RX, RY, RZ, VX, VY, VZ, Q1, Q2, Q3, Q4, WX, WY, WZ = (LANES * row for row in range(13))
 GX, GY, GZ, FX, FY, FZ = (LANES * row for row in range(13, 19))
 SPENT, TRAVELLED, NEAREST, FARTHEST, LEFT, POLES, BEYOND = (LANES * row for row in range(19, 26))
@@ -250,7 +249,7 @@ def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: i
             inverse = 0.5 / (larger * half_cos_e)
             smaller = sin_a * half_cos_e * inverse
             half_sin_e = sin_e * larger * inverse
-            # the larger of |cos a/2| and |sin a/2| by a root, the other by a division, so that neither cancels
+            # the larger of |cos a/2| and |sin a/2| by a root, the other by a division: neither cancels
             half_cos_a = larger if cos_a >= 0.0 else smaller
             half_sin_a = smaller if cos_a >= 0.0 else larger
             aims[at + lane] = half_sin_a * half_sin_e
@@ -262,7 +261,7 @@ def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: i
 
 @njit(cache=True, error_model="numpy")
 def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int, is_start: bool) -> None:
-    """Write one lane's desired attitudes of instants `first` to `last - 1` one by one, by the rules for poles.
+    """Write one lane's desired attitudes of instants `first` to `last - 1` in turn, by the rules for poles.
 
     Slower than `aim`, for where that does not hold; `y_before` is carried along.
     """
@@ -311,8 +310,8 @@ def turn(
 ) -> tuple[float, float, float, float]:
     """Turn an attitude by a rotation vector a in body axes while the Hill frame turns about k.
 
-    s and c are ``sin(|a|/2)/|a|`` and ``cos(|a|/2)``. Written so that the products do not wait for them: this is
-    the longest chain of operations that depend on one another in a flight.
+    s and c are ``sin(|a|/2)/|a|`` and ``cos(|a|/2)``. Written so that the products do not wait for them: this
+    is the longest chain of operations that depend on one another in a flight.
     """
     p1 = hill_cos * q1 + hill_sin * q2
     p2 = hill_cos * q2 - hill_sin * q1
@@ -551,7 +550,9 @@ def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: 
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
-def turn_deputies(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
+def turn_deputies(  # noqa: PLR0912 - most branches part the fast way from the general one
+    world: World, work: Workspace, num_lanes: int, log: Log, k: int
+) -> None:
     """Aim and turn over the control period that follows sample k."""
     lanes, last = work.lanes, world.num_attitude_steps - 1
     aim(work.aims, lanes, world.instant_transition, world.instant_control, world.num_attitude_steps)
@@ -782,7 +783,7 @@ def sense(
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
-def command(
+def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
     world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
 ) -> None:
     """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
@@ -977,7 +978,7 @@ def fly_many(
     last: int,
     outcomes: Floats,
 ) -> None:
-    """Fly every start with every controller of a population, flights `first` to `last - 1`, starts fastest."""
+    """Fly flights `first` to `last - 1` of every controller from every start, starts fastest."""
     num_starts = len(starts)
     flight = first
     while flight < last:

@@ -43,8 +43,8 @@ def fitness_parts(
     Returns
     -------
     dict of (n,) arrays
-        ``fitness``, and what it is made of: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that left
-        the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
+        ``fitness``, and what it is made of: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
+        left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
     """
     needed = points_needed(num_points, threshold_percent)
     points = outcomes.inspected_count

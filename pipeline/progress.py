@@ -58,8 +58,9 @@ class TrainingProgress:
         """Show a generation that has just been evaluated."""
         parts = generation.parts
         text = (
-            f"round {generation.round + 1}, fitness {generation.best:.4g}: delta-v {parts['delta_v_m_s']:.3f} m/s, "
-            f"{parts['points']:.2f} points, {parts['short']:.0f} short, {parts['outside']:.0f} outside"
+            f"round {generation.round + 1}, fitness {generation.best:.4g}: "
+            f"delta-v {parts['delta_v_m_s']:.3f} m/s, {parts['points']:.2f} points, "
+            f"{parts['short']:.0f} short, {parts['outside']:.0f} outside"
         )
         done = generation.round * self.per_round + generation.generation + 1
         if self.console.is_terminal:

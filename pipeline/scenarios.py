@@ -1,8 +1,8 @@
 """Starts of flights, drawn case by case so that a case does not depend on how many others there are.
 
 Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
-Sun's angle, whether or not the angle is used. The same seed therefore gives the same positions whatever the Sun
-does.
+Sun's angle, whether or not the angle is used. The same seed therefore gives the same positions whatever the
+Sun does.
 """
 
 from itertools import product

@@ -65,7 +65,7 @@ def chief_attitudes(mission: Mission) -> Floats:
     if rate is None:
         return attitudes
     inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
-    inverse = np.linalg.inv(inertia)
+    inverse = np.linalg.inv(inertia).astype(np.float64)
     quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
     steps = max(1, int(np.ceil(mission.control_period_s)))
     for k in range(1, len(attitudes)):
@@ -118,7 +118,7 @@ def pack_world(mission: Mission) -> World:
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,
-        inverse_inertia=np.linalg.inv(inertia),
+        inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
         proportional_gain=mission.attitude.proportional_gain * inertia,
         derivative_gain=mission.attitude.derivative_gain * inertia,
         max_torque=mission.deputy.max_torque_n_m,
@@ -282,7 +282,7 @@ def fly_all(
 
 
 def is_by_the_reference(mission: Mission) -> bool:
-    """Tell whether a mission asks for scikit-learn's clusters, which only the readable reference flies with."""
+    """Tell whether a mission asks for scikit-learn's clusters, which only the readable reference flies by."""
     return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
 
 

@@ -9,7 +9,13 @@ from pipeline.flight import Scenario
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings import Experiment
 
-COLUMNS = "set,case,position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,sun_angle_rad"
+COLUMNS = (
+    "set",
+    "case",
+    *(f"position_{axis}_m" for axis in "xyz"),
+    *(f"velocity_{axis}_m_s" for axis in "xyz"),
+    "sun_angle_rad",
+)
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -25,7 +31,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         sets["evaluation"] = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS.split(","))
+    writer.writerow(COLUMNS)
     for name, scenarios in sets.items():
         for case, start in enumerate(scenarios):
             writer.writerow(

@@ -1,6 +1,6 @@
 """Evolve the controller's numbers: logbook, history, checkpoint and champion."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,13 +35,14 @@ def run(experiment: Experiment, folder: Path) -> None:
         )
     if is_by_the_reference(experiment.mission):
         raise ControllerError(
-            "guidance.engine is sklearn, which flies one flight at a time; train with guidance.engine=compiled"
+            "guidance.engine is sklearn, which flies one flight at a time; "
+            "train with guidance.engine=compiled"
         )
     encoding = encoding_of(experiment, template)
     announce_compilation()
     with TrainingProgress(experiment) as progress:
 
-        def keep(history: tuple[Generation, ...]) -> None:
+        def keep(history: Sequence[Generation]) -> None:
             write_history(folder, history)
             progress.show(history[-1])
 
@@ -94,7 +95,7 @@ def fitness_of_round(
     return evaluate
 
 
-def write_history(folder: Path, history: tuple[Generation, ...]) -> None:
+def write_history(folder: Path, history: Sequence[Generation]) -> None:
     """Write the logbook and, with the champions' genomes, the history; both anew, whole."""
     columns = {
         "round": [g.round for g in history],
