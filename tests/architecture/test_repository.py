@@ -19,7 +19,7 @@ MACHINES = re.compile(
             r"[A-Z]:\\" + "Users",
             "pypi" + r"\.org",
             "pythonhosted" + r"\.org",
-            "(?:extra-)?index-" + "url[ =]",
+            "--(?:extra-)?index-" + "url",
             "file:" + "///",
         ]
     )

@@ -6,11 +6,11 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 import telemetry
 from fis_tools import serialize
 from pipeline import artifacts
+from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 
 @pytest.fixture(scope="module", params=EXPERIMENTS)

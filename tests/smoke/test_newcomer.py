@@ -3,9 +3,8 @@
 import re
 import shlex
 
-from tests.smoke.command_line import run_module, run_pipeline
-
 from telemetry import commands
+from tests.smoke.command_line import run_module, run_pipeline
 
 
 def test_a_flight_says_how_to_watch_it_and_the_command_works(tmp_path):

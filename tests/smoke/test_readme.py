@@ -5,12 +5,13 @@ import re
 import shlex
 
 import pytest
-from tests.smoke.command_line import PROJECT
 
+import benchmarks.__main__ as benchmarks
 import fis_tools.__main__ as review
 from pipeline import cli
 from pipeline.config import check_overrides, conf_folder, options, parse, rewrite_controller_paths
 from telemetry import commands
+from tests.smoke.command_line import PROJECT
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
@@ -54,9 +55,9 @@ def test_review(words):
     assert callable(parsed(review.build_parser(), words).run)
 
 
-@pytest.mark.parametrize("module", sorted({words[2] for words in COMMANDS if words[2].startswith("benchmarks")}))
-def test_benchmarks_exist(module):
-    assert (PROJECT / f"{module.replace('.', '/')}.py").is_file()
+@pytest.mark.parametrize("words", calls_of("benchmarks"), ids=identify)
+def test_benchmarks(words):
+    assert set(words) <= set(benchmarks.PARTS)
 
 
 def parsed(parser: argparse.ArgumentParser, words: list[str]) -> argparse.Namespace:
@@ -65,7 +66,7 @@ def parsed(parser: argparse.ArgumentParser, words: list[str]) -> argparse.Namesp
 
 def test_every_kind_of_command_is_shown():
     modules = {words[2] for words in COMMANDS}
-    assert {"venv", "pipeline", "telemetry", "fis_tools", "pytest"} <= modules
+    assert {"venv", "pipeline", "telemetry", "fis_tools", "benchmarks", "pytest"} <= modules
 
 
 def test_the_checks_run_what_the_readme_says():

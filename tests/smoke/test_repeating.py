@@ -5,12 +5,13 @@ import signal
 from pathlib import Path
 
 import pytest
-from tests.smoke.command_line import MINIATURE
 
 from pipeline import artifacts
 from pipeline.cli import main
 from pipeline.stages import train
+from tests.smoke.command_line import MINIATURE
 
+ONE_WORKER = ("optimizer.workers=1", "monte_carlo.workers=1")
 TRAINING = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]")
 
 
@@ -23,7 +24,10 @@ def run(*words: str, folder: Path) -> Path:
 def first(tmp_path_factory) -> Path:
     """A training that everything else is compared with."""
     return run(
-        *TRAINING, "optimizer.workers=1", "monte_carlo.workers=1", folder=tmp_path_factory.mktemp("first") / "run"
+        *TRAINING,
+        "optimizer.workers=1",
+        "monte_carlo.workers=1",
+        folder=tmp_path_factory.mktemp("first") / "run",
     )
 
 
@@ -56,7 +60,7 @@ def test_an_interrupted_training_goes_on_as_if_nothing_had_been(first, tmp_path,
             signal.raise_signal(signal.SIGINT)
 
     folder = tmp_path / "interrupted"
-    words = [*TRAINING, "optimizer.workers=1", "monte_carlo.workers=1", f"hydra.run.dir={folder}"]
+    words = [*TRAINING, *ONE_WORKER, f"hydra.run.dir={folder}"]
     with monkeypatch.context() as patched:
         patched.setattr(train.TrainingProgress, "show", show_and_interrupt)
         assert main(words) == 130

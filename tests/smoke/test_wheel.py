@@ -6,9 +6,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from tests.smoke.command_line import PROJECT, run_module
 
 from pipeline import artifacts
+from tests.smoke.command_line import PROJECT, run_module
 
 PACKAGES = ("pipeline", "fis_tools", "telemetry")
 
@@ -68,7 +68,9 @@ def test_it_flies_from_any_folder_with_experiments_of_ones_own(installed, tmp_pa
     assert (folder / "episodes" / "start.mcap").is_file()
     versions = artifacts.read_manifest(folder)["versions"]
     assert versions["product"] == artifacts.product_version()
-    listed = run_module("pipeline", "--help", "--config-dir", "mine", folder=tmp_path, environment=environment)
+    listed = run_module(
+        "pipeline", "--help", "--config-dir", "mine", folder=tmp_path, environment=environment
+    )
     assert "Drift for ten minutes." in listed.stdout
     where = run_module("pipeline", "--version", folder=tmp_path, environment=environment).stdout
     assert where == f"{artifacts.DISTRIBUTION} {artifacts.product_version()}\n"

@@ -1,0 +1,34 @@
+"""The notebook runs as it is written, on a shorter flight."""
+
+import os
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOKS = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
+
+
+@pytest.mark.parametrize("name", [path.name for path in sorted(NOTEBOOKS.glob("*.ipynb"))])
+def test_a_notebook_runs(name, monkeypatch):
+    monkeypatch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
+    notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
+    (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
+    assert "DURATION_S = 3600.0" in parameters.source
+    parameters.source = parameters.source.replace("3600.0", "900.0")
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": os.fspath(NOTEBOOKS)}}).execute()
+    told = "".join(
+        output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", []) if output
+    )
+    assert "rules never fire on this flight" in told
+
+
+@pytest.mark.parametrize("name", [path.name for path in sorted(NOTEBOOKS.glob("*.ipynb"))])
+def test_it_ships_with_small_results(name):
+    path = NOTEBOOKS / name
+    notebook = nbformat.read(path, as_version=4)
+    shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert [output for output in shown if output.output_type == "error"] == []
+    assert sum("image/png" in output.get("data", {}) for output in shown) == 3
+    assert path.stat().st_size < 300_000
