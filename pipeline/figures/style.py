@@ -1,0 +1,91 @@
+"""How all pictures look, and how a figure becomes files."""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from fis_tools.render import BRIGHTNESS_MAP
+
+__all__ = ["STYLE", "Figure", "Picture", "brightness_colours", "save", "style"]
+
+#: colours with a part to play; a page may put others in their places
+INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
+BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
+ORANGE, SKY, OLIVE = "#E69F00", "#56B4E9", "#7A7A29"
+
+#: of lines that are a limit or a border
+DOTS = (0, (2, 2))
+
+#: up to so many flights each value is drawn, beyond only the crowd
+MOST_POINTS = 40
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "text.color": INK,
+    # a name with a dollar sign is a name
+    "text.parse_math": False,
+    "axes.formatter.use_mathtext": False,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "svg.fonttype": "none",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as files."""
+
+    png: bytes
+    svg: str
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the report's style."""
+    with mpl.rc_context(STYLE):
+        yield
+
+
+def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
+    """Turn a figure into files: a PNG on white and an SVG without background.
+
+    Parameters
+    ----------
+    figure : Figure
+    name : str
+        Keeps the ids of one SVG apart from those of another.
+    dots_per_inch : int
+        Of the PNG, and of what is rasterised in the SVG.
+    """
+    png, svg = io.BytesIO(), io.StringIO()
+    figure.savefig(png, format="png", dpi=dots_per_inch, facecolor="white")
+    with mpl.rc_context({"svg.hashsalt": name}):
+        figure.savefig(svg, format="svg", dpi=dots_per_inch, transparent=True, metadata={"Date": None})
+    return Picture(png.getvalue(), svg.getvalue())
+
+
+def brightness_colours(count: int) -> list[tuple[str, str]]:
+    """Return a background and a readable ink, as hexadecimal colours, for each of some ordered things."""
+    places = np.linspace(0.08, 0.98, count) if count > 1 else np.array([0.7])
+    colours = np.asarray(mpl.colormaps[BRIGHTNESS_MAP](places))[:, :3]
+    inks = np.where(colours @ (0.299, 0.587, 0.114) > 0.5, "#000000", "#ffffff")
+    return [(mpl.colors.to_hex(colour), str(ink)) for colour, ink in zip(colours, inks, strict=True)]

@@ -1,0 +1,1 @@
+"""The report of a run: what it tells, its pictures, its page."""

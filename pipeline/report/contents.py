@@ -1,0 +1,276 @@
+"""What a report tells: the files of a run's folder, read, and the flights that its pictures need, flown."""
+
+import csv
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from pipeline import artifacts, tables
+from pipeline.champion import controller_of_run
+from pipeline.controllers import Controller
+from pipeline.flight import FlightLog, Scenario
+from pipeline.monte_carlo import fly_cases, summarise
+from pipeline.scenarios import training_scenarios
+from pipeline.settings import Experiment
+from pipeline.simulation import fly_logged
+
+Columns = Mapping[str, NDArray[Any]]
+
+POSITION = ("position_x_m", "position_y_m", "position_z_m")
+LOGBOOK_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Many flights of one controller.
+
+    Parameters
+    ----------
+    episodes : mapping of str to (n,) array, optional
+        The columns of ``evaluate/episodes.parquet``.
+    tracks_m : (n, K+1, 3) array, optional
+        Positions, Hill axes.
+    summary : mapping
+        What ``evaluate/summary.json`` holds.
+    """
+
+    episodes: Columns | None
+    tracks_m: NDArray[np.floating] | None
+    summary: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class ShownFlight:
+    """A flight that is shown in detail."""
+
+    name: str
+    title: str
+    scenario: Scenario
+    log: FlightLog
+
+
+@dataclass(frozen=True)
+class Contents:
+    """Everything that a report may tell; None and empty where the run does not have it.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    folder : Path
+        Of the run.
+    controller : Controller, optional
+    training, evaluation : Flights, optional
+    training_round : int, optional
+        Whose starts the training flights have, from 1, where each round has its own.
+    shown : sequence of ShownFlight
+    logbook : mapping of str to (n,) array, optional
+        One entry a generation.
+    manifest : mapping, optional
+    config_text : str
+        The resolved configuration, YAML.
+    command : str
+        What to type for the same run; empty where it was not kept.
+    recordings : mapping of str to int
+        Paths in the folder, and their sizes in bytes.
+    """
+
+    experiment: Experiment
+    folder: Path
+    controller: Controller | None
+    training: Flights | None
+    evaluation: Flights | None
+    training_round: int | None
+    shown: Sequence[ShownFlight]
+    logbook: Columns | None
+    manifest: Mapping[str, Any] | None
+    config_text: str
+    command: str
+    recordings: Mapping[str, int]
+
+
+def gather(experiment: Experiment, folder: Path) -> Contents:
+    """Read what there is in a run's folder, and fly again what has to be seen in detail.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    folder : Path
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If a file is there and cannot be read.
+    """
+    has_trained = has_training(experiment, folder)
+    logbook = read_logbook(folder) if (folder / artifacts.LOGBOOK).exists() else None
+    is_untrained = has_trained and not (folder / artifacts.CHAMPION).exists()
+    controller = None if is_untrained else controller_of_run(experiment, folder)
+    evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
+    starts: list[Scenario] = []
+    if controller and (has_trained or has_training_starts(folder)):
+        starts = last_training_starts(experiment, logbook)
+    config = folder / artifacts.CONFIG
+    recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
+    return Contents(
+        experiment=experiment,
+        folder=folder,
+        controller=controller,
+        training=fly_training(experiment, controller, starts) if controller and starts else None,
+        training_round=int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None,
+        evaluation=evaluation,
+        shown=fly_shown(experiment, controller, starts, evaluation) if controller else (),
+        logbook=logbook,
+        manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,
+        config_text=config.read_text(encoding="utf-8") if config.exists() else "",
+        command=command_of(folder),
+        recordings={path.relative_to(folder).as_posix(): path.stat().st_size for path in recordings},
+    )
+
+
+def has_training(experiment: Experiment, folder: Path) -> bool:
+    """Tell whether the run trains, or has begun to."""
+    return "train" in experiment.stages or (folder / artifacts.LOGBOOK).exists()
+
+
+def has_training_starts(folder: Path) -> bool:
+    """Tell whether the run's scenarios name starts of a training, as they do for recording them."""
+    path = folder / artifacts.SCENARIOS
+    return path.exists() and "\ntraining-" in path.read_text(encoding="utf-8")
+
+
+def last_training_starts(experiment: Experiment, logbook: Columns | None) -> list[Scenario]:
+    """Return the starts of the last round of training, those that the champion was chosen on."""
+    last = 0 if logbook is None else int(logbook["round"][-1])
+    return training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
+
+
+def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
+    """Read what the stage evaluate wrote, as far as it is there."""
+    has = {
+        name: (folder / name).exists()
+        for name in (artifacts.EPISODES, artifacts.TRAJECTORIES, artifacts.SUMMARY)
+    }
+    episodes = tables.read_parquet(folder, artifacts.EPISODES) if has[artifacts.EPISODES] else None
+    if episodes is None and not has[artifacts.SUMMARY]:
+        return None
+    tracks = None
+    if episodes is not None and has[artifacts.TRAJECTORIES]:
+        tracks = tracks_of(tables.read_parquet(folder, artifacts.TRAJECTORIES), episodes["case"])
+    if has[artifacts.SUMMARY]:
+        summary = artifacts.read_json(folder, artifacts.SUMMARY)
+    else:
+        assert episodes is not None  # noqa: S101 - one of the two is there
+        summary = {
+            "num_cases": len(episodes["case"]),
+            "confidence_percent": confidence_percent,
+            **summarise(episodes, confidence_percent),
+        }
+    return Flights(episodes, tracks, summary)
+
+
+def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
+    """Return the positions of some cases, shape (cases, samples, 3), from a table of a row a sample.
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If the table is of other cases.
+    """
+    order = np.lexsort((rows["sample"], rows["case"]))
+    found, counts = np.unique(rows["case"], return_counts=True)
+    if not np.array_equal(found, np.sort(cases)) or np.ptp(counts) != 0:
+        raise artifacts.ArtifactError(
+            f"{artifacts.TRAJECTORIES} and {artifacts.EPISODES} are of different flights; repeat the stage "
+            f"{artifacts.WRITTEN_BY[artifacts.TRAJECTORIES]}"
+        )
+    positions = np.stack([rows[name][order] for name in POSITION], axis=-1)
+    by_case = positions.reshape(len(found), int(counts[0]), 3)
+    return np.asarray(by_case[np.searchsorted(found, cases)])
+
+
+def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> Flights:
+    """Fly the starts of the training."""
+    episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
+    confidence = experiment.monte_carlo.confidence_percent
+    counted = {"num_cases": len(starts), "confidence_percent": confidence, "sun": experiment.sun.mode}
+    return Flights(episodes, tracks, counted | summarise(episodes, confidence))
+
+
+def fly_shown(
+    experiment: Experiment, controller: Controller, starts: list[Scenario], evaluation: Flights | None
+) -> list[ShownFlight]:
+    """Fly what is shown in detail: a training case, the given start, or else the evaluation's median case."""
+    chosen: list[tuple[str, str, Scenario]] = []
+    if starts:
+        case = experiment.report.training_case
+        chosen.append((f"training-{case}", f"Training case {case}", starts[case]))
+    if experiment.telemetry.record_start:
+        deputy = experiment.mission.deputy
+        position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
+        start = Scenario(position, velocity, math.radians(experiment.sun.angle_deg))
+        chosen.append(("start", "Flight from the given start", start))
+    if not chosen and evaluation is not None and evaluation.episodes is not None:
+        episodes = evaluation.episodes
+        row = median_row(episodes)
+        position = np.array([episodes[name][row] for name in POSITION])
+        scenario = Scenario(position, np.zeros(3), float(episodes["sun_angle_rad"][row]))
+        case = int(episodes["case"][row])
+        chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", scenario))
+    return [
+        ShownFlight(name, title, scenario, fly_logged(experiment.mission, controller, scenario))
+        for name, title, scenario in chosen
+    ]
+
+
+def median_row(episodes: Columns) -> int:
+    """Return the row in the middle, ranked by the limits, then points, then delta-v, as recordings are."""
+    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
+    return int(np.lexsort(keys)[len(keys[0]) // 2])
+
+
+def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
+    """Read the logbook of the training; None while no generation is in it.
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If it cannot be read.
+    """
+    path = artifacts.require(folder, artifacts.LOGBOOK)
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        columns = {name: np.array([float(row[name]) for row in rows]) for name in LOGBOOK_COLUMNS}
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise artifacts.ArtifactError(
+            f"{path} cannot be read ({type(error).__name__}: {error}); repeat the stage train"
+        ) from error
+    return columns if rows else None
+
+
+def command_of(folder: Path) -> str:
+    """Return what to type for the same run, as Hydra kept it; empty where it did not."""
+    overrides = _kept_by_hydra(folder / ".hydra" / "overrides.yaml")
+    words = [str(word) for word in overrides if not str(word).startswith("hydra.")]
+    sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra", "runtime", "config_sources")
+    own = [source["path"] for source in sources if source.get("provider") == "command-line"]
+    options = ["--config-dir", str(own[0])] if own else []
+    return "python -m pipeline " + shlex.join([*options, *words]) if words else ""
+
+
+def _kept_by_hydra(path: Path, *keys: str) -> list[Any]:
+    """Return a list from a file that Hydra wrote, empty where there is none."""
+    try:
+        node = yaml.safe_load(path.read_text(encoding="utf-8"))
+        for key in keys:
+            node = node[key]
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+        return []
+    return node if isinstance(node, list) else []

@@ -1,0 +1,339 @@
+"""The page of a report: what it says in words and tables, put into the template."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from fis_tools.formats.text import number, rule_tables, sentences, shape_words, summary, with_unit
+from fis_tools.model import FuzzySystem, Variable
+from pipeline import artifacts
+from pipeline.figures.style import MOST_POINTS
+from pipeline.objectives import points_needed
+from pipeline.report import paper
+from pipeline.report.contents import POSITION, Contents, Flights, ShownFlight
+from pipeline.report.paper import Reported
+from pipeline.report.pictures import Illustration, system_name
+from pipeline.settings import Mission
+
+#: metric of a summary: decimals on the page
+DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
+SHARES = ("success", "violated", "success_and_within_limits")
+#: of many training flights only so many have a row of their own
+MOST_ROWS = 64
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number on the page: as it is shown, as it is, and what is said of it beneath."""
+
+    shown: str
+    value: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the summary."""
+
+    label: str
+    note: str
+    cells: Sequence[Cell]
+    is_ours: bool
+
+
+def write(
+    contents: Contents,
+    illustrations: Mapping[str, Illustration],
+    term_colours: Mapping[int, Sequence[tuple[str, str]]],
+) -> str:
+    """Write the page.
+
+    Parameters
+    ----------
+    contents : Contents
+    illustrations : mapping of str to Illustration
+    term_colours : mapping of int to sequence of (str, str)
+        For each number of terms, background and ink of each.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file.
+    """
+    environment = Environment(
+        loader=PackageLoader("pipeline", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    experiment = contents.experiment
+    controller = contents.controller
+    systems = controller.systems if controller else ()
+    return environment.get_template("report.html").render(
+        title=experiment.report.title,
+        name=experiment.name,
+        controller=controller,
+        controller_facts=_controller_facts(contents),
+        lead=lead(contents),
+        tiles=tiles(contents),
+        rows=summary_rows(contents),
+        confidence=f"{experiment.monte_carlo.confidence_percent:g}",
+        limits=_limits(experiment.mission),
+        threshold=f"{experiment.mission.inspection_threshold_percent:g}",
+        flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
+        cases=case_rows(contents.training),
+        has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
+        training=contents.training,
+        training_round=contents.training_round,
+        evaluation=contents.evaluation,
+        systems=[_system(index, system, term_colours) for index, system in enumerate(systems, start=1)],
+        illustrations={name: i.element for name, i in illustrations.items()},
+        captions={name: i.caption for name, i in illustrations.items()},
+        recordings=[(name, f"{size / 1e6:.2f} MB") for name, size in contents.recordings.items()],
+        seed=experiment.seed,
+        provenance=_provenance(contents.manifest),
+        versions=(contents.manifest or {}).get("versions", {}),
+        files=_files(contents.manifest),
+        command=contents.command,
+        folder=contents.folder.as_posix(),
+        config=contents.config_text,
+        writer=artifacts.WRITTEN_BY,
+        paper=paper.SOURCE,
+        artifacts=artifacts,
+    )
+
+
+def lead(contents: Contents) -> str:
+    """Say in a sentence or two what came out."""
+    mission = contents.experiment.mission
+    who = f"The controller {contents.controller.name}" if contents.controller else "The controller"
+    for flights, starts in ((contents.evaluation, "random starts"), (contents.training, "training starts")):
+        if flights is None:
+            continue
+        told = flights.summary
+        delta_v, rate = told["delta_v_m_s"], told["inspection_rate_percent"]
+        outside = told["violated"]["count"]
+        leave = "none leaves" if not outside else "one leaves" if outside == 1 else f"{outside:,} leave"
+        return (
+            f"{who}, flown from {told['num_cases']:,} {starts}{_sun_words(told)}, spends "
+            f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f} m/s and inspects "
+            f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points. "
+            f"{100 * told['success']['fraction']:.1f} % of the flights reach "
+            f"{mission.inspection_threshold_percent:g} %; {leave} {_limits(mission)}."
+        )
+    if contents.shown:
+        log = contents.shown[0].log
+        count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
+        return f"{who} inspects {count} of {num_points} points for {log.delta_v_m_s[-1]:.3f} m/s."
+    return "This run has no flights yet."
+
+
+def _sun_words(told: Mapping[str, Any]) -> str:
+    return f" with the Sun {told['sun']}" if "sun" in told else ""
+
+
+def _limits(mission: Mission) -> str:
+    return f"{mission.deputy.min_distance_m:g} to {mission.deputy.max_distance_m:g} m"
+
+
+def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
+    """Return the headline numbers: label, number, unit, and the paper's."""
+    flights, reported = contents.evaluation, paper.TEST
+    if flights is None:
+        flights, reported = contents.training, paper.TRAINING
+    if flights is None:
+        return []
+    told = flights.summary
+    means = [
+        ("mean Δv", f"{told['delta_v_m_s']['mean']:.2f}", "m/s", "delta_v_m_s"),
+        (
+            "mean inspection rate",
+            f"{told['inspection_rate_percent']['mean']:.1f}",
+            "%",
+            "inspection_rate_percent",
+        ),
+    ]
+    shares = [
+        ("successful flights", "success"),
+        ("flights outside the limits", "violated"),
+    ]
+    return [
+        *(
+            (label, value, unit, f"paper {reported.means[name]:g} {unit}")
+            for label, value, unit, name in means
+        ),
+        *(
+            (
+                label,
+                f"{100 * told[name]['fraction']:.1f}",
+                "%",
+                f"{told[name]['count']:,} of {told['num_cases']:,}",
+            )
+            for label, name in shares
+        ),
+    ]
+
+
+def summary_rows(contents: Contents) -> list[Row]:
+    """Return the rows of the summary: ours, and the paper's under each."""
+    rows = []
+    pairs = (
+        ("Training", contents.training, paper.TRAINING),
+        ("Evaluation", contents.evaluation, paper.TEST),
+    )
+    for word, flights, reported in pairs:
+        if flights is not None:
+            told = flights.summary
+            note = f"{told['num_cases']:,} flights" + (f", Sun {told['sun']}" if "sun" in told else "")
+            if flights is contents.training and contents.training_round:
+                note += f", starts of round {contents.training_round}"
+            cells = [*(_mean_cell(told[name], places) for name, places in DECIMALS.items())]
+            cells += [_share_cell(told[name]) for name in SHARES]
+            rows += [Row(word, note, cells, is_ours=True), _paper_row(reported)]
+    return rows
+
+
+def _mean_cell(told: Mapping[str, float], places: int) -> Cell:
+    shown = f"{told['mean']:.{places}f} ± {told['standard_deviation']:.{places}f}"
+    return Cell(shown, told["mean"], f"{told['low']:.{places}f} to {told['high']:.{places}f}")
+
+
+def _share_cell(told: Mapping[str, float]) -> Cell:
+    note = f"{100 * told['low']:.1f} to {100 * told['high']:.1f} %"
+    return Cell(f"{100 * told['fraction']:.1f} %", told["fraction"], note)
+
+
+def _paper_row(reported: Reported) -> Row:
+    cells = [
+        Cell(f"{reported.means[name]:g} ± {reported.standard_deviations[name]:g}", reported.means[name])
+        for name in DECIMALS
+    ]
+    note = f"{reported.num_cases:,} flights, Sun not stated"
+    cells += [Cell("not stated") for _ in SHARES]
+    return Row(f"Paper, {reported.label}", note, cells, is_ours=False)
+
+
+def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:
+    """Return what is to be known of a flight besides its pictures: names and values."""
+    log = flight.log
+    counts = log.is_inspected.sum(axis=1)
+    num_points = log.is_inspected.shape[1]
+    needed = points_needed(num_points, mission.inspection_threshold_percent)
+    reached = np.flatnonzero(counts >= needed)
+    distances = np.linalg.norm(log.position_m, axis=1)
+    start = ", ".join(_signed(component, 2) for component in flight.scenario.position_m)
+    return [
+        ("start, Hill axes", f"({start}) m"),
+        ("Sun at the start", f"{math.degrees(flight.scenario.sun_angle_rad):.1f}°"),
+        ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
+        ("inspected", f"{counts[-1]} of {num_points} points, {100 * counts[-1] / num_points:.2f} %"),
+        (
+            f"{mission.inspection_threshold_percent:g} % reached",
+            f"after {reached[0] * mission.control_period_s:g} s" if reached.size else "not in this flight",
+        ),
+        (
+            "distance",
+            f"{distances.min():.1f} to {distances.max():.1f} m, {distances.mean():.1f} m in the mean",
+        ),
+    ]
+
+
+def case_rows(training: Flights | None) -> list[list[str]]:
+    """Return one row of words for each training flight, none where they are too many."""
+    if training is None or training.episodes is None or len(training.episodes["case"]) > MOST_ROWS:
+        return []
+    episodes = training.episodes
+    return [
+        [
+            str(int(episodes["case"][row])),
+            ", ".join(_signed(episodes[name][row], 1) for name in POSITION),
+            f"{math.degrees(episodes['sun_angle_rad'][row]):.1f}",
+            f"{episodes['delta_v_m_s'][row]:.3f}",
+            f"{episodes['inspection_rate_percent'][row]:.2f}",
+            f"{episodes['mean_distance_m'][row]:.2f}",
+            f"{episodes['min_distance_m'][row]:.1f} to {episodes['max_distance_m'][row]:.1f}",
+            _outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
+        ]
+        for row in range(len(episodes["case"]))
+    ]
+
+
+def _signed(value: float, places: int) -> str:
+    """Write a number with a true minus sign."""
+    return f"{value:.{places}f}".replace("-", "−")
+
+
+def _outcome(is_success: bool, is_violated: bool) -> str:
+    if is_violated:
+        return "outside the limits"
+    return "success" if is_success else "too few points"
+
+
+def _controller_facts(contents: Contents) -> list[tuple[str, str]]:
+    controller = contents.controller
+    if controller is None or controller.fuzzy is None:
+        return []
+    return [*controller.fuzzy.attributes, *controller.fuzzy.provenance]
+
+
+def _provenance(manifest: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    if manifest is None:
+        return []
+    return [
+        ("configuration, SHA-256", str(manifest["config_hash"])),
+        ("seed", str(manifest["seed"])),
+        ("revision of the sources", str(manifest.get("git_revision", "not in a repository"))),
+        ("stages finished before this page", ", ".join(manifest["finished_stages"]) or "none"),
+    ]
+
+
+def _files(manifest: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the files that the report is made from, and their hashes."""
+    return {
+        name: digest
+        for name, digest in (manifest or {}).get("sha256", {}).items()
+        if artifacts.WRITTEN_BY.get(name.split("/")[0]) != "report"
+    }
+
+
+def _system(
+    index: int, system: FuzzySystem, term_colours: Mapping[int, Sequence[tuple[str, str]]]
+) -> dict[str, Any]:
+    """Return what the template says of a fuzzy system."""
+    tables = rule_tables(system)
+    output = system.outputs[0]
+    colours = dict(zip((term.name for term in output.terms), term_colours[len(output.terms)], strict=True))
+    return {
+        "name": system.name,
+        "id": system_name(index, system),
+        "summary": summary(system),
+        "output": output.name,
+        "down": system.inputs[-2].name if len(system.inputs) > 1 else "",
+        "across": system.inputs[-1].name,
+        "legend": [(term.name, *colours[term.name]) for term in output.terms],
+        "tables": [
+            (title, head[1:], [(row[0], [(word, *colours[word]) for word in row[1:]]) for row in rows])
+            for title, (head, *rows) in tables or ()
+        ],
+        "sentences": None if tables is not None else sentences(system),
+        "variables": [
+            _variable(kind, v)
+            for kind, vs in (("input", system.inputs), ("output", system.outputs))
+            for v in vs
+        ],
+    }
+
+
+def _variable(kind: str, variable: Variable) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "name": with_unit(variable),
+        "extent": f"{number(variable.minimum)} to {number(variable.maximum)}",
+        "description": variable.description,
+        "terms": [(term.name, shape_words(term)) for term in variable.terms],
+    }

@@ -1,0 +1,196 @@
+"""Which pictures a report has, what they are called, and what is written under each."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fis_tools.model import FuzzySystem
+from fis_tools.render import system_figures
+from pipeline.figures.control import controls
+from pipeline.figures.convergence import convergence
+from pipeline.figures.distributions import METRICS, Sample, distributions
+from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
+from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
+from pipeline.objectives import points_needed
+from pipeline.report import paper
+from pipeline.report.contents import Contents, Flights, ShownFlight
+from pipeline.report.svg import inline
+from pipeline.settings import Mission
+from pipeline.simulation import inspection_points
+
+#: the files that this stage writes into the folder of figures, and no other
+OWN_FILES = re.compile(r"(control|trajectories|distributions|convergence|system)(-[a-z0-9-]+)?\.png")
+
+
+@dataclass(frozen=True)
+class Illustration:
+    """A picture with its words.
+
+    Parameters
+    ----------
+    name : str
+        Of its file, without the ending.
+    caption : str
+        Plain text.
+    png : bytes
+    element : str
+        The same picture as HTML.
+    """
+
+    name: str
+    caption: str
+    png: bytes
+    element: str
+
+
+@dataclass(frozen=True)
+class _Sketch:
+    """A figure that is not yet saved."""
+
+    name: str
+    caption: str
+    figure: Figure
+    is_black_ink: bool = False
+
+
+def draw(contents: Contents) -> dict[str, Illustration]:
+    """Draw every picture for which the run has what it takes.
+
+    Returns
+    -------
+    dict of str to Illustration
+        By name, in the order of the page.
+    """
+    illustrations = {}
+    with style():
+        for sketch in _sketches(contents):
+            picture = save(sketch.figure, sketch.name, contents.experiment.report.dots_per_inch)
+            element = inline(picture.svg, sketch.name, sketch.caption, is_black_ink=sketch.is_black_ink)
+            illustrations[sketch.name] = Illustration(sketch.name, sketch.caption, picture.png, element)
+    return illustrations
+
+
+def system_name(index: int, system: FuzzySystem) -> str:
+    """Return what the pictures of a controller's system are called: a name that is good for files."""
+    return f"system-{index}-{re.sub(r'[^a-z0-9]+', '-', system.name.lower()).strip('-') or 'unnamed'}"
+
+
+def _sketches(contents: Contents) -> Iterator[_Sketch]:
+    mission = contents.experiment.mission
+    for flight in contents.shown:
+        yield from _flight_sketches(flight, mission)
+    if contents.training is not None:
+        yield _training_sketch(contents.training, mission)
+    if contents.evaluation is not None and contents.evaluation.tracks_m is not None:
+        yield _evaluation_sketch(contents.evaluation, mission)
+    samples = list(_samples(contents))
+    if samples:
+        yield _distributions_sketch(samples, mission)
+    if contents.logbook is not None:
+        num_points = len(inspection_points(mission))
+        needed = points_needed(num_points, mission.inspection_threshold_percent)
+        caption = (
+            "Training: the best and the mean fitness of each generation, and the parts of the best one's "
+            "fitness, means and counts over the training flights. Dotted lines part the rounds."
+        )
+        figure = convergence(contents.logbook, num_points, needed)
+        yield _Sketch("convergence", caption, figure)
+    if contents.controller is not None:
+        for index, system in enumerate(contents.controller.systems, start=1):
+            yield from _system_sketches(index, system)
+
+
+def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[_Sketch]:
+    caption = (
+        f"{flight.title}: the force in Hill axes and the torque in the deputy's body axes, both as applied. "
+        "The torque is shown apart for the first turn to the chief and for the rest, on scales of their own."
+    )
+    yield _Sketch(f"control-{flight.name}", caption, controls(flight.log, mission))
+    if flight.name == "start":
+        tracks = Tracks(flight.log.position_m[np.newaxis], [BLUE], {})
+        caption = (
+            f"{flight.title}: the trajectory around the chief in the Hill frame, from 0 on, in space, in the "
+            "orbit plane and across it, and the distance over time."
+        )
+        yield _Sketch("trajectories-start", caption, trajectories(tracks, mission))
+
+
+def _training_sketch(training: Flights, mission: Mission) -> _Sketch:
+    assert training.tracks_m is not None  # noqa: S101 - they were flown for this
+    count = len(training.tracks_m)
+    if count > MOST_TOLD_APART:
+        tracks, words = _tracks_by_outcome(training, mission), "Colours tell how each ended."
+    else:
+        tracks = Tracks(training.tracks_m, FLIGHT_COLOURS[:count], {})
+        words = "Each start bears the number of its case."
+    caption = (
+        f"The {count} training flights around the chief in the Hill frame: in space, in the orbit plane and "
+        f"across it, and their distance over time. {words}"
+    )
+    return _Sketch("trajectories-training", caption, trajectories(tracks, mission))
+
+
+def _evaluation_sketch(evaluation: Flights, mission: Mission) -> _Sketch:
+    assert evaluation.tracks_m is not None  # noqa: S101 - asked before
+    caption = (
+        f"The {len(evaluation.tracks_m):,} flights of the evaluation, overlapped, in the Hill frame: in "
+        "space, in the orbit plane and across it, and their distance over time. Colours tell how each ended; "
+        "flights that left the distance limits are drawn over the others, and what lies outside the frame "
+        "of the picture is not drawn."
+    )
+    figure = trajectories(_tracks_by_outcome(evaluation, mission), mission)
+    return _Sketch("trajectories-evaluation", caption, figure)
+
+
+def _tracks_by_outcome(flights: Flights, mission: Mission) -> Tracks:
+    """Colour flights by how they ended, those outside the limits last."""
+    assert flights.episodes is not None  # noqa: S101 - flights with tracks have episodes
+    assert flights.tracks_m is not None  # noqa: S101
+    success, violated = (np.asarray(flights.episodes[name], dtype=bool) for name in ("success", "violated"))
+    threshold = f"{mission.inspection_threshold_percent:g} %"
+    kinds = [
+        (f"at least {threshold} inspected", BLUE, success & ~violated),
+        (f"less than {threshold}", ORANGE, ~success & ~violated),
+        ("outside the distance limits", PURPLE, violated),
+    ]
+    colours = np.empty(len(success), dtype=object)
+    legend = {}
+    for label, colour, is_so in kinds:
+        colours[is_so] = colour
+        legend[f"{label}: {int(is_so.sum()):,}"] = colour
+    order = np.argsort(violated, kind="stable")
+    return Tracks(flights.tracks_m[order], colours[order].tolist(), legend, violated[order])
+
+
+def _samples(contents: Contents) -> Iterator[Sample]:
+    """Yield what the distributions are of."""
+    pairs = (
+        ("Training", contents.training, paper.TRAINING),
+        ("Evaluation", contents.evaluation, paper.TEST),
+    )
+    for word, flights, reported in pairs:
+        if flights is not None and flights.episodes is not None:
+            values = {name: np.asarray(flights.episodes[name], dtype=np.float64) for name in METRICS}
+            count = len(values["delta_v_m_s"])
+            yield Sample(f"{word}, {count:,} flights", values, reported.means)
+
+
+def _distributions_sketch(samples: list[Sample], mission: Mission) -> _Sketch:
+    caption = (
+        "Distributions of delta-v, inspection rate and mean distance. Of few flights each is a dot, over a "
+        "box from quartile to quartile with the median, its whiskers reaching to the ends; many are a "
+        "histogram. "
+        "The solid line is the mean, the dashed one the paper's; arrows point to what is off the scale."
+    )
+    figure = distributions(samples, len(inspection_points(mission)))
+    return _Sketch("distributions", caption, figure)
+
+
+def _system_sketches(index: int, system: FuzzySystem) -> Iterator[_Sketch]:
+    name = system_name(index, system)
+    words = {"memberships": "membership functions", "rules": "rules", "surface": "control surface"}
+    for kind, figure in system_figures(system):
+        caption = f"{system.name}: {words.get(kind, kind)}."
+        yield _Sketch(f"{name}-{kind}", caption, figure, is_black_ink=kind == "memberships")
