@@ -34,13 +34,14 @@ def identify(words: list[str]) -> str:
 
 @pytest.mark.parametrize("words", calls_of("pipeline"), ids=identify)
 def test_experiments(words, capsys):
-    is_on_a_run = any(word.startswith(("resume=", "hydra.run.dir=")) for word in words)
-    if not words or words[0].startswith("--"):
-        assert cli.main(words) == (0 if words else 2)
-    elif is_on_a_run or "--config-dir" in words:
-        overrides = [word for word in words if "=" in word and not word.startswith("resume=")]
-        named = [word for word in overrides if not word.startswith("+experiment=my_")]
-        check_overrides(parse(rewrite_controller_paths(named)), options([conf_folder()]))
+    needs_a_folder = any(word.startswith(("resume=", "hydra.run.dir=", "--config-dir")) for word in words)
+    if not words:
+        assert cli.main(words) == 2
+    elif needs_a_folder or "-m" in words:
+        of_ours = [
+            word for word in words if "=" in word and not word.startswith(("resume=", "+experiment=my_"))
+        ]
+        check_overrides(parse(rewrite_controller_paths(of_ours)), options([conf_folder()]))
     else:
         assert cli.main([*words, "--cfg", "job"]) == 0, capsys.readouterr().err
 
