@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from pipeline.settings import Penalty
 from pipeline.simulation import Outcomes
@@ -106,4 +106,4 @@ def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
 
 
 def _z(confidence_percent: float) -> float:
-    return float(norm.ppf(0.5 + confidence_percent / 200.0))
+    return float(ndtri(0.5 + confidence_percent / 200.0))

@@ -1,0 +1,1 @@
+"""Benchmarks: each figure of the README by one command, ratios measured in one run."""

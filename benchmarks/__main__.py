@@ -1,0 +1,54 @@
+"""Print the figures that the README quotes: ``python -m benchmarks``."""
+
+import argparse
+import os
+import platform
+from pathlib import Path
+
+import numba
+
+from benchmarks import commands, flights, inference
+
+PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "training")
+
+
+def processor() -> str:
+    """Name this machine's processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="ignore").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def main() -> None:
+    """Run the chosen parts."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all unless given")
+    parser.add_argument("--controller", default="paper_champion", help="an option of conf/controller")
+    parser.add_argument("--generations", type=int, help="of the training; 500 unless given")
+    parser.add_argument("--flights", type=int, default=1000, help="flights that steps are counted over")
+    options = parser.parse_args()
+    unknown = [part for part in options.parts if part not in PARTS]
+    if unknown:
+        parser.error(f"no part {unknown[0]!r}; the parts are {', '.join(PARTS)}")
+    chosen = options.parts or PARTS
+    print(
+        f"{processor()}, {os.cpu_count()} processors, {platform.system()}, "
+        f"Python {platform.python_version()}, numba {numba.__version__}, load {os.getloadavg()[0]:.1f}"
+    )
+    runs = {
+        "flights": lambda: flights.run(options.controller, options.flights),
+        "inference": lambda: inference.run(options.controller),
+        "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
+        "recording": lambda: commands.run_recording(options.controller),
+        "start": commands.run_start,
+        "training": lambda: commands.run_training(options.generations),
+    }
+    for part in chosen:
+        runs[part]()
+
+
+if __name__ == "__main__":
+    main()

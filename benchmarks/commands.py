@@ -1,0 +1,79 @@
+"""Whole commands on the clock: Monte Carlo, start-up, recording, and a full-size training."""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.timing import best_wall_seconds, line
+from pipeline import controller_source
+from pipeline.config import compose_experiment
+from pipeline.monte_carlo import fly_cases
+from pipeline.recording import FlightRecorder
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.simulation import fly_logged
+
+PROCESSORS = os.cpu_count() or 1
+
+
+def run_monte_carlo(controller: str) -> None:
+    """Print how long the evaluation's flights take."""
+    experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
+    flown = controller_source.load(experiment.controller, experiment.mission)
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    seconds = best_wall_seconds(lambda: fly_cases(experiment.mission, flown, scenarios, None))
+    print(f"Monte Carlo: {len(scenarios)} cases of {controller}, trajectories kept, {PROCESSORS} threads")
+    line("seconds", f"{seconds:.3f}")
+
+
+def run_recording(controller: str) -> None:
+    """Print what logging one flight costs."""
+    composed = compose_experiment(["+experiment=evaluate", f"controller={controller}"])
+    experiment = composed.experiment
+    mission = experiment.mission
+    flown = controller_source.load(experiment.controller, mission)
+    scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[0]
+    log = fly_logged(mission, flown, scenario)
+    recorder = FlightRecorder(mission, flown, seed=0, config=composed.config, near_limit_m=2.0)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flight.mcap"
+        seconds = best_wall_seconds(lambda: recorder.record(path, scenario, log, "benchmark"))
+        size = path.stat().st_size
+    print("Recording one flight, three 25-rule systems")
+    line("milliseconds", f"{1e3 * seconds:.1f}")
+    line("KiB", f"{size / 1024:.0f}")
+
+
+def run_start() -> None:
+    """Print how long the command takes before its work begins, kernels compiled."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable, "-m", "pipeline", "+experiment=evaluate", "controller=paper",
+            "monte_carlo.num_cases=1", "stages=[scenario,evaluate]", f"hydra.run.dir={folder}/run",
+        ]  # fmt: skip
+        seconds = best_wall_seconds(
+            lambda: subprocess.run(command, check=True, capture_output=True),  # noqa: S603
+            repeats=3,
+        )
+    print("Start: python -m pipeline with one flight to evaluate, start to end, kernels compiled before")
+    line("seconds", f"{seconds:.2f}")
+
+
+def run_training(generations: int | None) -> None:
+    """Print how long a training on the paper's eight starts takes; 500 generations unless told otherwise."""
+    number = 500 if generations is None else generations
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable, "-m", "pipeline", "+experiment=train", f"optimizer.generations={number}",
+            "stages=[scenario,train]", f"hydra.run.dir={folder}/run",
+        ]  # fmt: skip
+        started = time.perf_counter()
+        done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603
+        seconds = time.perf_counter() - started
+    last = re.findall(r"fitness .*", done.stderr)[-1]
+    print(f"Training: population 200, {number} generations, 8 starts, {PROCESSORS} threads, start to end")
+    line("seconds", f"{seconds:.1f}")
+    line("last line", last.split(", 0 s left")[0])

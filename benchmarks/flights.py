@@ -1,0 +1,45 @@
+"""Control steps a second over champion flights, beside the readable reference kernel."""
+
+from dataclasses import replace
+
+from benchmarks.timing import best_cpu_seconds, line
+from pipeline import controller_source, reference
+from pipeline.config import compose_experiment
+from pipeline.reference_channels import channels_of
+from pipeline.reference_inference import pack
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.simulation import fly_all
+
+#: the reference takes so much longer that fewer of its flights are enough
+REFERENCE_FLIGHTS = 12
+
+
+def run(controller: str, num_flights: int = 1000) -> None:
+    """Print steps a second on one thread for both kinds of guidance, and the gain over the reference."""
+    print(f"Flights: full model, one thread, {num_flights} flights of {controller}, no coasting")
+    for kind in ("centroid", "clusters"):
+        experiment = compose_experiment(
+            [
+                "+experiment=evaluate",
+                f"controller={controller}",
+                f"guidance={kind}",
+                "coast_when_complete=false",
+            ]
+        ).experiment
+        mission = experiment.mission
+        flown = controller_source.load(experiment.controller, mission)
+        cases = replace(experiment.monte_carlo, num_cases=num_flights)
+        scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+        seconds = best_cpu_seconds(lambda m=mission, c=flown, s=scenarios: fly_all(m, c, s, workers=1))
+        per_step = seconds / (num_flights * mission.num_controls)
+        channels, systems = channels_of(flown.systems, flown.force_axes), pack(flown.systems)
+
+        def fly_plainly(m=mission, s=scenarios, c=channels, p=systems) -> None:  # type: ignore[no-untyped-def]
+            for scenario in s[:REFERENCE_FLIGHTS]:
+                reference.fly_compiled(m, scenario, c, p)
+
+        plain = best_cpu_seconds(fly_plainly, repeats=3) / (REFERENCE_FLIGHTS * mission.num_controls)
+        line(f"guidance={kind}: control steps a second", f"{1.0 / per_step:,.0f}")
+        line(f"guidance={kind}: nanoseconds a control step", f"{1e9 * per_step:,.0f}")
+        line(f"guidance={kind}: the readable reference kernel, nanoseconds", f"{1e9 * plain:,.0f}")
+        line(f"guidance={kind}: times as fast as the reference", f"{plain / per_step:.1f}")

@@ -1,0 +1,31 @@
+"""How things are timed: processor time of this process, the best of some repeats."""
+
+import time
+from collections.abc import Callable
+
+
+def best_cpu_seconds(work: Callable[[], object], repeats: int = 5) -> float:
+    """Return the least processor time of some repeats after one that is not counted."""
+    work()
+    times = []
+    for _ in range(repeats):
+        started = time.process_time()
+        work()
+        times.append(time.process_time() - started)
+    return min(times)
+
+
+def best_wall_seconds(work: Callable[[], object], repeats: int = 5) -> float:
+    """Return the least time on the clock of some repeats after one that is not counted."""
+    work()
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - started)
+    return min(times)
+
+
+def line(what: str, value: str) -> None:
+    """Print one figure."""
+    print(f"  {what:<66} {value}", flush=True)
