@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scenario:
-    """A start: Hill position (m) and velocity (m/s), each of shape (3,), and the Sun's angle (rad) at k = 0."""
+    """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and the Sun's angle at k = 0 (rad)."""
 
     position_m: Floats
     velocity_m_s: Floats

@@ -2,6 +2,7 @@
 
 import math
 import re
+import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -147,6 +148,8 @@ def _record(experiment: Experiment, folder: Path, flights: list[Flight]) -> None
             f"  {path.relative_to(folder).as_posix()}: {count} of {num_points} points, "
             f"{log.delta_v_m_s[-1]:.3f} m/s\n"
         )
+    # the last: of an evaluation the best
+    sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")
 
 
 def _check_repeated(flight: Flight, log: FlightLog) -> None:
