@@ -96,6 +96,7 @@ def _draw_values(ax: Axes, values: Floats) -> None:
         positions=[0.0],
         widths=0.28,
         whis=(0, 100),
+        showfliers=False,
         manage_ticks=False,
         boxprops={"color": MUTED},
         whiskerprops={"color": MUTED},

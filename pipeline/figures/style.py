@@ -78,6 +78,8 @@ def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
     """
     png, svg = io.BytesIO(), io.StringIO()
     figure.savefig(png, format="png", dpi=dots_per_inch, facecolor="white")
+    # the layout stands; making it again takes as long as drawing
+    figure.set_layout_engine("none")
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(svg, format="svg", dpi=dots_per_inch, transparent=True, metadata={"Date": None})
     return Picture(png.getvalue(), svg.getvalue())

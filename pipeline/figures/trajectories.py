@@ -97,7 +97,7 @@ class _Look:
         positions = np.asarray(tracks.positions_m, dtype=np.float64)
         num_flights = len(positions)
         reach = min(max(1.04 * float(np.abs(positions).max()), 20.0), 1.1 * mission.deputy.max_distance_m)
-        self.frame = float(np.ceil(reach / 10.0) * 10.0)
+        self.frame = float(np.ceil(reach / 10.0 - 1e-9) * 10.0)
         self.distances = np.linalg.norm(positions, axis=-1)
         self.positions = np.where(
             (np.abs(positions) > self.frame).any(axis=-1, keepdims=True), np.nan, positions

@@ -1,0 +1,59 @@
+"""What the report reads, in any order and as far as it is there."""
+
+import numpy as np
+import pytest
+import yaml
+
+from pipeline.artifacts import ArtifactError
+from pipeline.report.contents import command_of, gather, tracks_of
+from pipeline.scenarios import training_scenarios
+from tests.report.runs import run_of, write_training
+
+
+def test_trajectories_are_sorted_into_their_cases():
+    generator = np.random.default_rng(3)
+    positions = generator.normal(size=(4, 5, 3)).astype(np.float32)
+    rows = {
+        "case": np.repeat(np.array([7, 2, 9, 4], dtype=np.int32), 5),
+        "sample": np.tile(np.arange(5, dtype=np.int32), 4),
+        **{f"position_{axis}_m": positions[:, :, i].ravel() for i, axis in enumerate("xyz")},
+    }
+    mixed = generator.permutation(20)
+    tracks = tracks_of({name: column[mixed] for name, column in rows.items()}, np.array([9, 2, 4, 7]))
+    np.testing.assert_array_equal(tracks, positions[[2, 1, 3, 0]])
+
+
+@pytest.mark.parametrize("kept", [slice(0, 9), slice(0, 5)])
+def test_trajectories_of_other_flights_are_refused(kept):
+    rows = {"case": np.repeat([0, 1], 5), "sample": np.tile(np.arange(5), 2)}
+    rows |= {f"position_{axis}_m": np.zeros(10) for axis in "xyz"}
+    rows = {name: column[kept] for name, column in rows.items()}
+    with pytest.raises(ArtifactError, match="different flights; repeat the stage evaluate"):
+        tracks_of(rows, np.array([0, 1]))
+
+
+def test_the_command_is_the_one_that_was_typed(tmp_path):
+    assert command_of(tmp_path) == ""
+    kept = tmp_path / ".hydra"
+    kept.mkdir()
+    words = ["+experiment=evaluate", "controller=file", "controller.path=a b.json", "hydra.run.dir=here"]
+    (kept / "overrides.yaml").write_text(yaml.safe_dump(words))
+    expected = "python -m pipeline +experiment=evaluate controller=file 'controller.path=a b.json'"
+    assert command_of(tmp_path) == expected
+    sources = [{"path": "/ours", "provider": "main"}, {"path": "/my conf", "provider": "command-line"}]
+    (kept / "hydra.yaml").write_text(yaml.safe_dump({"hydra": {"runtime": {"config_sources": sources}}}))
+    assert command_of(tmp_path).startswith("python -m pipeline --config-dir '/my conf' +experiment=evaluate")
+
+
+def test_training_flights_start_where_the_last_round_did(tmp_path):
+    write_training(tmp_path)
+    overrides = ("+experiment=train", "starts=random", "starts.num_cases=3", "optimizer.rounds=2")
+    experiment = run_of(tmp_path, ("scenario",), *overrides)
+    told = gather(experiment, tmp_path)
+    assert told.training_round == 2
+    expected = training_scenarios(experiment.starts, experiment.sun, experiment.seed, 1)
+    np.testing.assert_array_equal(told.shown[0].scenario.position_m, expected[0].position_m)
+    assert told.training is not None
+    assert told.training.episodes is not None
+    xs = [scenario.position_m[0] for scenario in expected]
+    np.testing.assert_array_equal(told.training.episodes["position_x_m"], xs)
