@@ -79,10 +79,8 @@ class Encoding:
                     "make it symmetric about zero to tune its reach"
                 )
             for variable in (*system.inputs, output):
-                if not all(isinstance(term.membership, Gaussian) for term in variable.terms):
-                    raise ValueError(
-                        f"variable {variable.name!r} has terms that are not Gaussian; use Gaussian"
-                    )
+                if fault := _fault(variable):
+                    raise ValueError(f"variable {variable.name!r} {fault}")
 
     @property
     def num_genes(self) -> int:
@@ -103,7 +101,7 @@ class Encoding:
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
         """Build the systems that one genome of shape (num_genes,) stands for."""
-        genes = _Genes(np.asarray(genome, dtype=np.float64)[np.newaxis])
+        genes = self._read(np.asarray(genome, dtype=np.float64)[np.newaxis])
         systems = []
         for system in self.systems:
             inputs = tuple(self._decoded(v, *self._take(genes, v, None)) for v in system.inputs)
@@ -117,7 +115,7 @@ class Encoding:
 
     def pack(self, genomes: Floats) -> Packed:
         """Pack a population of shape (n, num_genes) as `fis_tools.kernel.pack` packs each decoded genome."""
-        genes = _Genes(np.asarray(genomes, dtype=np.float64))
+        genes = self._read(np.asarray(genomes, dtype=np.float64))
         layout, num_values, num_entries = kernel.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
         rules = np.zeros((len(genomes), num_entries), dtype=np.uint64)
@@ -160,6 +158,14 @@ class Encoding:
                 "encode systems of the same inputs and terms"
             )
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
+
+    def _read(self, genomes: Floats) -> "_Genes":
+        if genomes.ndim != 2 or genomes.shape[1] != self.num_genes:
+            raise ValueError(
+                f"genomes have shape {genomes.shape[-1:]} each, this encoding has {self.num_genes} genes; "
+                "pass genomes of the same encoding"
+            )
+        return _Genes(genomes)
 
     def _take(
         self, genes: "_Genes", variable: Variable, reach: tuple[float, float] | None
@@ -206,6 +212,17 @@ class _Genes:
     def terms(self, count: int, num_terms: int) -> NDArray[np.int64]:
         chosen = np.floor(num_terms * self.take(count)).astype(np.int64)
         return np.minimum(chosen, num_terms - 1)
+
+
+def _fault(variable: Variable) -> str:
+    """Say why a variable cannot be tuned; nothing where it can."""
+    if len(variable.terms) < 2:
+        return f"has {len(variable.terms)} term; give it two or more to tune it"
+    if variable.points is not None:
+        return "has a universe that is not evenly spaced; space it evenly to tune it"
+    if not all(isinstance(term.membership, Gaussian) for term in variable.terms):
+        return "has terms that are not Gaussian; use Gaussian"
+    return ""
 
 
 def _memberships(low: Floats, high: Floats, points: int, means: Floats, widths: Floats) -> Floats:
