@@ -197,6 +197,6 @@ def test_the_experiment_is_what_the_configuration_says():
     assert experiment.mission.deputy.inertia_kg_m2 == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     assert (experiment.mission.num_controls, experiment.mission.num_attitude_steps) == (360, 10)
     assert (experiment.optimizer.rounds, experiment.optimizer.population_size) == (6, 200)
-    assert experiment.optimizer.penalty.c_99 == 0.05
+    assert experiment.optimizer.crossover_rate == 0.8  # of the group that champion.yaml builds on
     assert experiment.controller == {"kind": "coast"}
     assert not experiment.resume
