@@ -31,7 +31,8 @@ from tests.report.runs import (
     write_training,
 )
 
-TRAIN = ("+experiment=train",)
+#: with limits that some of the flights keep and others do not
+TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +100,7 @@ def test_pictures_have_the_asked_resolution_and_are_not_blank(trained):
 
 
 def test_numbers_are_those_of_the_summary(trained):
-    folder, experiment, text, _ = trained
+    folder, experiment, text, page = trained
     summary = json.loads((folder / artifacts.SUMMARY).read_text())
     told = contents.gather(experiment, folder)
     scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
@@ -117,6 +118,13 @@ def test_numbers_are_those_of_the_summary(trained):
     expected += [5.62, 96.667, 66.629]
     values = [float(value) for value in re.findall(r'<data value="([^"]+)">', text)]
     np.testing.assert_allclose(values, expected, rtol=1e-12)
+    shares = [summary[name]["fraction"] for name in ("success", "violated", "success_and_within_limits")]
+    assert len({0.0, 1.0, *shares}) == 5, "the shares must differ for this test to see them exchanged"
+    words = " ".join(page.text["summary"].split())
+    assert f"{100 * shares[0]:.1f} % of the flights reach 30 %" in words
+    assert f"{summary['violated']['count']} leave 15 to 120 m" in words
+    for share in shares:
+        assert f"{100 * share:.1f} %" in words
     told_of_rate = summary["inspection_rate_percent"]
     assert f"{told_of_rate['mean']:.2f} ± {told_of_rate['standard_deviation']:.2f}" in text
     assert f"{told_of_rate['low']:.2f} to {told_of_rate['high']:.2f}" in text
@@ -311,6 +319,6 @@ def test_a_damaged_file_is_refused_in_words(trained):
 def test_the_stage_is_repeated_on_the_files_of_a_run(trained, capsys):
     folder, _, _, _ = trained
     command = ["stages=[report]", f"hydra.run.dir={folder}"]
-    assert main([*command, "+experiment=train", *SMALL, "report.title=Another title"]) == 0
+    assert main([*command, *TRAIN, *SMALL, "report.title=Another title"]) == 0
     assert "<h1>Another title</h1>" in (folder / artifacts.REPORT).read_text()
     assert "pictures" in capsys.readouterr().err
