@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.model import FuzzyController, FuzzySystem, table_rules
+from fis_tools.model import FuzzyController, FuzzySystem, Term, Triangular, Variable, table_rules
 from pipeline.controllers import Controller, from_fuzzy
 from pipeline.flight import FlightLog, Scenario
 from pipeline.physics.clohessy_wiltshire import state_transition
@@ -63,8 +63,18 @@ def one_input_system() -> FuzzySystem:
     )
 
 
+def sparse_system() -> FuzzySystem:
+    """Fires near three distances only; between them it gives its default, 2 mN."""
+    peaks = {"near": 55.0, "middle": 70.0, "far": 85.0}
+    terms = tuple(Term(name, Triangular(at - 6.0, at, at + 6.0)) for name, at in peaks.items())
+    distance = Variable("distance", "m", 40.0, 100.0, terms)
+    output = variable("force_x", "N", -0.03, 0.03, 0.0075, default=0.002)
+    return FuzzySystem("sparse", (distance,), (output,), table_rules((distance,), output, ["t3", "t2", "t1"]))
+
+
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
+SPARSE = controller((sparse_system(), steering_systems()[1]))
 MIXED = controller((one_input_system(), three_input_system(), steering_systems()[2]))
 
 

@@ -20,6 +20,7 @@ from tests.simulation.cases import (
     MIXED,
     OVER_POLES,
     RESTORING,
+    SPARSE,
     STARTS,
     STEERING,
     assert_same,
@@ -67,6 +68,7 @@ FLOWN = {
         STARTS,
     ),
     "systems of one, two and three inputs": (mission(), MIXED, [*STARTS, COMPLETED]),
+    "a controller that is often silent": (mission(), SPARSE, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,
@@ -127,3 +129,7 @@ def test_the_cases_above_reach_what_they_are_named_for() -> None:
     ]
     assert rates[0] > 0.1
     assert log.is_inspected[-1].sum() == 99
+
+    log = fly_logged(mission(), SPARSE, STARTS[0])
+    is_silent = log.fis_output_n[:, 0] == 0.002
+    assert 50 < is_silent.sum() < 310
