@@ -76,7 +76,8 @@ def _bin_edges(samples: Sequence[Floats], step: float | None) -> Floats:
     if step is not None:
         return np.asarray((np.arange(np.floor(low / step + 1e-6) - 1, round(high / step) + 2) - 0.5) * step)
     width = max(high - low, 0.02 * max(abs(high), 1.0))
-    return np.linspace(low - 0.05 * width, high + 0.05 * width, 45)
+    num_bins = min(45, round(2.0 * np.sqrt(max(len(values) for values in samples))))
+    return np.linspace(low - 0.05 * width, high + 0.05 * width, num_bins + 1)
 
 
 def _ends(values: Floats) -> tuple[float, float]:

@@ -313,6 +313,7 @@ def _system(
         "id": system_name(index, system),
         "summary": summary(system),
         "output": output.name,
+        "has_one_panel": len(system.inputs) <= 2,
         "down": system.inputs[-2].name if len(system.inputs) > 1 else "",
         "across": system.inputs[-1].name,
         "legend": [(term.name, *colours[term.name]) for term in output.terms],

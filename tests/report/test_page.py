@@ -290,8 +290,10 @@ def test_one_flight_is_reported_alone(tmp_path):
 def test_names_are_text_and_no_markup(trained):
     folder, experiment, _, _ = trained
     told = contents.gather(experiment, folder)
-    renamed = tuple(replace(system, name=f"{HOSTILE} {system.name}") for system in told.controller.systems)
-    hostile = replace(told.controller, name=HOSTILE, systems=renamed)
+    (system,) = told.controller.systems
+    renamed = replace(system, name=f"{HOSTILE} {system.name}")
+    sparse = replace(renamed, rules=renamed.rules[:2])
+    hostile = replace(told.controller, name=HOSTILE, systems=(renamed, sparse))
     hostile_run = replace(experiment, report=replace(experiment.report, title=HOSTILE))
     told = replace(told, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE)
     illustrations = draw(told)
@@ -299,6 +301,10 @@ def test_names_are_text_and_no_markup(trained):
     page = Page(write(told, illustrations, {5: [("#000000", "#ffffff")] * 5}))
     assert page.all("script") == []
     assert page.text["controller"].count(HOSTILE) > 4
+    # a rule base that is no table is told in sentences
+    first = "If distance is very_near and velocity_body_x is negative_large then force_x is positive_large"
+    assert first in page.text["controller"]
+    assert len(page.all("ol")) == 1
     assert HOSTILE in page.text["provenance"]
     assert HOSTILE in page.text["summary"]
 
