@@ -102,7 +102,9 @@ def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
     scale = 1.0 + z * z / number
     middle = (share + z * z / (2 * number)) / scale
     reach = z / scale * math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number * number))
-    return Fraction(count, share, max(0.0, middle - reach), min(1.0, middle + reach))
+    # the interval holds the share; at 0 and 1 rounding must not part them
+    low, high = min(share, middle - reach), max(share, middle + reach)
+    return Fraction(count, share, max(0.0, low), min(1.0, high))
 
 
 def _z(confidence_percent: float) -> float:
