@@ -10,6 +10,7 @@ import os
 import shutil
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -82,5 +83,15 @@ def drop_old_caches() -> None:
         return
     oldest = time.time() - KEPT_DAYS * 86400.0
     for folder in (path for path in root.iterdir() if path.is_dir()):
-        if max(path.stat().st_mtime for path in (folder, *folder.rglob("*"))) < oldest:
+        if _last_change(folder) < oldest:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _last_change(folder: Path) -> float:
+    """Return when a folder or anything in it was last written; files may vanish under our eyes."""
+    newest = 0.0
+    for parent, _, names in os.walk(folder):
+        for name in ("", *names):
+            with suppress(FileNotFoundError):
+                newest = max(newest, Path(parent, name).stat().st_mtime)
+    return newest

@@ -1,0 +1,134 @@
+"""An evaluation in miniature: its tables, its summary, and whose controller flies."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools import serialize
+from pipeline import artifacts, controller_source, tables
+from pipeline.artifacts import ArtifactError
+from pipeline.champion import controller_of_run
+from pipeline.config import Composed
+from pipeline.monte_carlo import summarise
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.simulation import fly_logged
+from pipeline.stages import evaluate
+from tests.stages.cases import prepared
+
+SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+    folder = tmp_path_factory.mktemp("evaluated")
+    run = prepared(folder, *SUN, experiment="evaluate")
+    evaluate.run(run.experiment, folder)
+    return run, folder
+
+
+def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Composed, Path]) -> None:
+    _, folder = evaluated
+    table = pq.read_table(folder / artifacts.EPISODES)
+    number = pa.float64()
+    assert {field.name: field.type for field in table.schema} == {
+        "case": pa.int64(),
+        "position_x_m": number,
+        "position_y_m": number,
+        "position_z_m": number,
+        "sun_angle_rad": number,
+        "delta_v_m_s": number,
+        "inspected_count": pa.int64(),
+        "inspection_rate_percent": number,
+        "mean_distance_m": number,
+        "min_distance_m": number,
+        "max_distance_m": number,
+        "success": pa.bool_(),
+        "violated": pa.bool_(),
+    }
+    assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
+    assert all(column.null_count == 0 for column in table.columns)
+
+
+def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[Composed, Path]) -> None:
+    _, folder = evaluated
+    table = pq.read_table(folder / artifacts.TRAJECTORIES)
+    assert {field.name: field.type for field in table.schema} == {
+        "case": pa.int32(),
+        "sample": pa.int32(),
+        "position_x_m": pa.float32(),
+        "position_y_m": pa.float32(),
+        "position_z_m": pa.float32(),
+    }
+    assert table["case"].to_pylist() == [case for case in range(5) for _ in range(31)]
+    assert table["sample"].to_pylist() == list(range(31)) * 5
+
+
+def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Composed, Path]) -> None:
+    run, folder = evaluated
+    experiment = run.experiment
+    episodes = tables.read_parquet(folder, artifacts.EPISODES)
+    positions = tables.read_parquet(folder, artifacts.TRAJECTORIES)
+    track = np.column_stack([positions[f"position_{axis}_m"] for axis in "xyz"]).reshape(5, 31, 3)
+    controller = controller_source.load(experiment.controller, experiment.mission)
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    for case, start in enumerate(starts):
+        log = fly_logged(experiment.mission, controller, start)
+        assert [episodes[f"position_{axis}_m"][case] for axis in "xyz"] == start.position_m.tolist()
+        assert episodes["sun_angle_rad"][case] == start.sun_angle_rad
+        assert episodes["delta_v_m_s"][case] == log.delta_v_m_s[-1]
+        assert episodes["inspected_count"][case] == log.is_inspected[-1].sum()
+        np.testing.assert_array_equal(track[case], log.position_m.astype(np.float32))
+
+
+def test_the_summary_tells_what_flew_and_how_well(
+    evaluated: tuple[Composed, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, folder = evaluated
+    evaluate.run(run.experiment, folder)
+    summary = artifacts.read_json(folder, artifacts.SUMMARY)
+    assert list(summary) == [
+        "controller", "sun", "num_cases", "seed", "confidence_percent",
+        "delta_v_m_s", "inspection_rate_percent", "mean_distance_m",
+        "success", "violated", "success_and_within_limits",
+    ]  # fmt: skip
+    assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
+    assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)
+    episodes = tables.read_parquet(folder, artifacts.EPISODES)
+    assert {name: summary[name] for name in list(summary)[5:]} == summarise(episodes, 90.0)
+    delta_v = episodes["delta_v_m_s"]
+    told = capsys.readouterr().err
+    assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in told
+    assert "5 cases in" in told
+    assert "Sun random" in told
+
+
+def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path: Path) -> None:
+    run = prepared(tmp_path, *SUN, experiment="evaluate").experiment
+    fuzzy = controller_source.load(run.controller, run.mission).fuzzy
+    assert fuzzy is not None
+    assert controller_of_run(run, tmp_path).name == "paper"
+    champion = replace(fuzzy, name="champion", systems=fuzzy.systems[:1])
+    (tmp_path / artifacts.CHAMPION).write_text(serialize.dump_json(champion), encoding="utf-8")
+    assert controller_of_run(run, tmp_path).systems == fuzzy.systems[:1]
+    evaluate.run(run, tmp_path)
+    assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["controller"] == "champion"
+
+
+def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path: Path) -> None:
+    run = prepared(tmp_path).experiment
+    with pytest.raises(
+        ArtifactError, match=r"has no champion.json; the stage train writes it, run that first"
+    ):
+        evaluate.run(run, tmp_path)
+    assert not (tmp_path / artifacts.EPISODES).exists()
+
+
+def test_plans_are_evaluated_too(tmp_path: Path) -> None:
+    run = prepared(tmp_path, "controller=coast", experiment="evaluate").experiment
+    evaluate.run(run, tmp_path)
+    assert not np.any(tables.read_parquet(tmp_path, artifacts.EPISODES)["delta_v_m_s"])
+    assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["delta_v_m_s"]["maximum"] == 0.0

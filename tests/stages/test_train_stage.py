@@ -1,0 +1,199 @@
+"""Training in miniature: what it leaves behind, going on, stopping, and what it refuses."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools import serialize
+from pipeline import artifacts, controller_source
+from pipeline.checkpoint import CheckpointError, Generation
+from pipeline.config import Composed
+from pipeline.controllers import ControllerError
+from pipeline.progress import TrainingProgress
+from pipeline.stages import train
+from tests.stages.cases import prepared
+
+COLUMNS = [
+    "round", "generation", "evaluations", "best", "mean", "std", "step_size",
+    "delta_v_m_s", "points", "outside", "outside_m", "short",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+    folder = tmp_path_factory.mktemp("trained")
+    run = prepared(folder)
+    train.run(run.experiment, folder)
+    return run, folder
+
+
+def logbook(folder: Path) -> list[dict[str, float]]:
+    with (folder / artifacts.LOGBOOK).open(newline="", encoding="utf-8") as stream:
+        reader = csv.DictReader(stream)
+        assert reader.fieldnames == COLUMNS
+        return [{name: float(value) for name, value in row.items()} for row in reader]
+
+
+def genomes(folder: Path) -> np.ndarray:
+    return np.array(pq.read_table(folder / artifacts.HISTORY)["genome"].to_pylist())
+
+
+def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(
+    trained: tuple[Composed, Path],
+) -> None:
+    _, folder = trained
+    rows = logbook(folder)
+    assert [(row["round"], row["generation"], row["evaluations"]) for row in rows] == [
+        (0, 0, 6), (0, 1, 11), (0, 2, 16), (0, 3, 21),
+    ]  # fmt: skip
+    table = pq.read_table(folder / artifacts.HISTORY)
+    assert table.column_names == [*COLUMNS, "genome"]
+    # floats are written so that they read back to the same bits
+    assert [{name: float(row[name]) for name in COLUMNS} for row in table.to_pylist()] == rows
+    best = [row["best"] for row in rows]
+    assert best == sorted(best, reverse=True)
+    assert genomes(folder).shape == (4, 150)
+    assert not list(folder.glob("train/.*"))
+
+
+def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    template = controller_source.load(experiment.controller, experiment.mission)
+    evaluate = train.fitness_of_round(experiment, template, train.encoding_of(experiment, template), 0)
+    found = evaluate(genomes(folder))
+    for index, row in enumerate(logbook(folder)):
+        assert row["best"] == found["fitness"][index]
+        for name in ("delta_v_m_s", "points", "outside", "outside_m", "short"):
+            assert row[name] == found[name][index]
+
+
+def test_the_first_population_holds_the_configured_controller(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    template = controller_source.load(experiment.controller, experiment.mission)
+    encoding = train.encoding_of(experiment, template)
+    evaluate = train.fitness_of_round(experiment, template, encoding, 0)
+    configured = evaluate(encoding.encode(template.systems)[np.newaxis])["fitness"][0]
+    assert logbook(folder)[0]["best"] <= configured
+
+
+def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    template = controller_source.load(experiment.controller, experiment.mission)
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    assert champion.name == "paper_champion"
+    assert champion.systems == train.encoding_of(experiment, template).decode(genomes(folder)[-1])
+    assert champion.attributes == (("force_axes", "body"),)
+    provenance = dict(champion.provenance)
+    assert provenance["trained_by"] == "python -m pipeline +experiment=train"
+    assert provenance["seed"] == "1"
+    assert provenance["config_hash"] == artifacts.config_hash(run.config)
+    assert float(provenance["training_fitness"]) == logbook(folder)[-1]["best"]
+    assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
+
+
+def same_result(folder: Path, other: Path) -> None:
+    champions = [json.loads((place / artifacts.CHAMPION).read_text()) for place in (folder, other)]
+    assert champions[0]["systems"] == champions[1]["systems"]
+    assert (folder / artifacts.LOGBOOK).read_bytes() == (other / artifacts.LOGBOOK).read_bytes()
+    np.testing.assert_array_equal(genomes(folder), genomes(other))
+
+
+def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
+    trained: tuple[Composed, Path], tmp_path: Path
+) -> None:
+    short = prepared(tmp_path, "optimizer.generations=1").experiment
+    train.run(short, tmp_path)
+    assert len(logbook(tmp_path)) == 2
+    whole = prepared(tmp_path).experiment
+    train.run(replace(whole, resume=True), tmp_path)
+    same_result(tmp_path, trained[1])
+
+
+def test_an_interrupt_leaves_the_champion_so_far(
+    trained: tuple[Composed, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(_progress: TrainingProgress, generation: Generation) -> None:
+        if generation.generation == 2:
+            raise KeyboardInterrupt
+
+    run = prepared(tmp_path).experiment
+    with monkeypatch.context() as patched:
+        patched.setattr(TrainingProgress, "show", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            train.run(run, tmp_path)
+    provenance = dict(serialize.load(tmp_path / artifacts.CHAMPION).provenance)
+    assert (provenance["interrupted"], provenance["generations"]) == ("true", "3")
+    assert float(provenance["training_fitness"]) == logbook(tmp_path)[-1]["best"]
+    np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1])[:3])
+    train.run(replace(run, resume=True), tmp_path)
+    same_result(tmp_path, trained[1])
+
+
+def test_an_interrupt_before_anything_is_known_leaves_no_champion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(train, "fitness_parts", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        train.run(prepared(tmp_path).experiment, tmp_path)
+    assert not (tmp_path / artifacts.CHAMPION).exists()
+    assert not (tmp_path / artifacts.CHECKPOINT).exists()
+
+
+def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path) -> None:
+    words = ("starts.num_cases=4", "optimizer.rounds=2", "optimizer.generations=1")
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    train.run(run, tmp_path)
+    rows = logbook(tmp_path)
+    assert [(row["round"], row["generation"]) for row in rows] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    template = controller_source.load(run.controller, run.mission)
+    encoding = train.encoding_of(run, template)
+    last = genomes(tmp_path)[1][np.newaxis]
+    judged = [train.fitness_of_round(run, template, encoding, index)(last)["fitness"][0] for index in (0, 1)]
+    assert judged[0] == rows[1]["best"]
+    assert judged[1] != judged[0]
+    assert rows[2]["best"] <= judged[1]
+
+
+def test_a_checkpoint_of_another_seed_is_refused(trained: tuple[Composed, Path], tmp_path: Path) -> None:
+    run = prepared(tmp_path, "seed=2").experiment
+    artifacts.write_atomically(
+        tmp_path / artifacts.CHECKPOINT, (trained[1] / artifacts.CHECKPOINT).read_bytes()
+    )
+    with pytest.raises(CheckpointError, match="was written with seed = 1, now it is 2"):
+        train.run(replace(run, resume=True), tmp_path)
+
+
+def test_a_controller_without_fuzzy_systems_is_refused(tmp_path: Path) -> None:
+    run = replace(prepared(tmp_path).experiment, stages=("evaluate",), controller={"kind": "coast"})
+    with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train; choose a fuzzy one"):
+        train.run(run, tmp_path)
+
+
+def test_scikit_learns_clusters_are_refused(tmp_path: Path) -> None:
+    run = prepared(tmp_path, "guidance=clusters", "guidance.engine=sklearn").experiment
+    with pytest.raises(
+        ControllerError, match=r"guidance.engine is sklearn.*train with guidance.engine=compiled"
+    ):
+        train.run(run, tmp_path)
+    assert not (tmp_path / artifacts.CHECKPOINT).exists()
+
+
+def test_progress_tells_best_parts_and_time_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train.run(prepared(tmp_path, "optimizer.generations=1").experiment, tmp_path)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  generation ")]
+    assert len(lines) == 2
+    row = logbook(tmp_path)[-1]
+    assert lines[-1].startswith(f"  generation 2/2, round 1, fitness {row['best']:.4g}: ")
+    assert f"delta-v {row['delta_v_m_s']:.3f} m/s, {row['points']:.2f} points, " in lines[-1]
+    assert f"{row['short']:.0f} short, {row['outside']:.0f} outside, 0 s left" in lines[-1]
