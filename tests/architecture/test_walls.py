@@ -34,6 +34,7 @@ def test_the_walls_stand():
         ("pipeline/stages/train.py", "import pipeline.stages.scenario", "pipeline.stages.train"),
         ("pipeline/simulation.py", "import telemetry", "pipeline.simulation -> telemetry"),
         ("pipeline/checks.py", "import pipeline.settings", "pipeline.checks -> pipeline.settings"),
+        ("pipeline/controllers.py", "import json", "pipeline.controllers -> json"),
         ("fis_tools/kernel.py", "import skfuzzy", "fis_tools.kernel -> skfuzzy"),
         ("fis_tools/analysis.py", "import matplotlib", "fis_tools.analysis -> matplotlib"),
         ("fis_tools/render.py", "import telemetry", "fis_tools.render -> telemetry"),
