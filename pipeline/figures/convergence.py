@@ -60,7 +60,8 @@ def _draw_fitness(ax: Axes, generations: NDArray[np.integer], columns: Mapping[s
     if columns["best"].min() > 0.0:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(FuncFormatter(_power_of_ten))
-    ax.legend(loc="upper right")
+    # beside the title: the mean jumps up with every round
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
 
 
 def _draw_failures(

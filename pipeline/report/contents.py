@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -116,6 +117,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     starts: list[Scenario] = []
     if controller and (has_trained or has_training_starts(folder)):
         starts = last_training_starts(experiment, logbook)
+    training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
@@ -123,9 +125,9 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         folder=folder,
         controller=controller,
         training=fly_training(experiment, controller, starts) if controller and starts else None,
-        training_round=int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None,
+        training_round=training_round,
         evaluation=evaluation,
-        shown=fly_shown(experiment, controller, starts, evaluation) if controller else (),
+        shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
         manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
@@ -204,13 +206,18 @@ def fly_training(experiment: Experiment, controller: Controller, starts: list[Sc
 
 
 def fly_shown(
-    experiment: Experiment, controller: Controller, starts: list[Scenario], evaluation: Flights | None
+    experiment: Experiment,
+    controller: Controller,
+    starts: list[Scenario],
+    evaluation: Flights | None,
+    training_round: int | None,
 ) -> list[ShownFlight]:
     """Fly what is shown in detail: a training case, the given start, or else the evaluation's median case."""
     chosen: list[tuple[str, str, Scenario]] = []
     if starts:
         case = experiment.report.training_case
-        chosen.append((f"training-{case}", f"Training case {case}", starts[case]))
+        title = f"Training case {case}" + (f" of round {training_round}" if training_round else "")
+        chosen.append((f"training-{case}", title, starts[case]))
     if experiment.telemetry.record_start:
         deputy = experiment.mission.deputy
         position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
@@ -259,6 +266,11 @@ def command_of(folder: Path) -> str:
     """Return what to type for the same run, as Hydra kept it; empty where it did not."""
     overrides = _kept_by_hydra(folder / ".hydra" / "overrides.yaml")
     words = [str(word) for word in overrides if not str(word).startswith("hydra.")]
+    paths = [re.fullmatch(r"controller\.path='([\w./@%+-]+)'", word) for word in words]
+    if "controller=file" in words and any(paths):
+        # the command line takes the path at once
+        words = [f"controller={path[1]}" if path else word for word, path in zip(words, paths, strict=True)]
+        words.remove("controller=file")
     sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra", "runtime", "config_sources")
     own = [source["path"] for source in sources if source.get("provider") == "command-line"]
     options = ["--config-dir", str(own[0])] if own else []

@@ -40,6 +40,8 @@ def test_the_command_is_the_one_that_was_typed(tmp_path):
     (kept / "overrides.yaml").write_text(yaml.safe_dump(words))
     expected = "python -m pipeline +experiment=evaluate controller=file 'controller.path=a b.json'"
     assert command_of(tmp_path) == expected
+    (kept / "overrides.yaml").write_text(yaml.safe_dump([*words[:2], "controller.path='/a/b.json'"]))
+    assert command_of(tmp_path) == "python -m pipeline +experiment=evaluate controller=/a/b.json"
     sources = [{"path": "/ours", "provider": "main"}, {"path": "/my conf", "provider": "command-line"}]
     (kept / "hydra.yaml").write_text(yaml.safe_dump({"hydra": {"runtime": {"config_sources": sources}}}))
     assert command_of(tmp_path).startswith("python -m pipeline --config-dir '/my conf' +experiment=evaluate")
@@ -51,6 +53,7 @@ def test_training_flights_start_where_the_last_round_did(tmp_path):
     experiment = run_of(tmp_path, ("scenario",), *overrides)
     told = gather(experiment, tmp_path)
     assert told.training_round == 2
+    assert told.shown[0].title == "Training case 0 of round 2"
     expected = training_scenarios(experiment.starts, experiment.sun, experiment.seed, 1)
     np.testing.assert_array_equal(told.shown[0].scenario.position_m, expected[0].position_m)
     assert told.training is not None
