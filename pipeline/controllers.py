@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from fis_tools.kernel import Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
-from pipeline import episode
-from pipeline.episode import Law
+from pipeline import lanes
+from pipeline.lanes import Law
 
 Floats = NDArray[np.float64]
 
@@ -28,34 +28,34 @@ class Signal:
 
 
 SIGNALS = {
-    "distance": Signal(episode.DISTANCE, "m", "distance from the chief's centre, |r|"),
+    "distance": Signal(lanes.DISTANCE, "m", "distance from the chief's centre, |r|"),
     "velocity_body_x": Signal(
-        episode.VELOCITY_BODY,
+        lanes.VELOCITY_BODY,
         "m/s",
         "velocity relative to Hill along the deputy's x axis; the camera looks along -x",
     ),
-    "velocity_body_y": Signal(episode.VELOCITY_BODY + 1, "m/s", "the same along the deputy's y axis"),
-    "velocity_body_z": Signal(episode.VELOCITY_BODY + 2, "m/s", "the same along the deputy's z axis"),
+    "velocity_body_y": Signal(lanes.VELOCITY_BODY + 1, "m/s", "the same along the deputy's y axis"),
+    "velocity_body_z": Signal(lanes.VELOCITY_BODY + 2, "m/s", "the same along the deputy's z axis"),
     "lambda_u": Signal(
-        episode.LAMBDA_U,
+        lanes.LAMBDA_U,
         "rad",
         "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi",
     ),
     "eta_u": Signal(
-        episode.ETA_U, "rad", "angle from the deputy to the target in the i-k plane, from -pi to pi"
+        lanes.ETA_U, "rad", "angle from the deputy to the target in the i-k plane, from -pi to pi"
     ),
-    "position_radial": Signal(episode.POSITION_HILL, "m", "position along Hill i, away from the Earth"),
+    "position_radial": Signal(lanes.POSITION_HILL, "m", "position along Hill i, away from the Earth"),
     "position_along_track": Signal(
-        episode.POSITION_HILL + 1, "m", "position along Hill j, the way the chief flies"
+        lanes.POSITION_HILL + 1, "m", "position along Hill j, the way the chief flies"
     ),
-    "position_cross_track": Signal(episode.POSITION_HILL + 2, "m", "position along Hill k, the orbit normal"),
-    "velocity_radial": Signal(episode.VELOCITY_HILL, "m/s", "velocity relative to Hill along i"),
-    "velocity_along_track": Signal(episode.VELOCITY_HILL + 1, "m/s", "velocity relative to Hill along j"),
-    "velocity_cross_track": Signal(episode.VELOCITY_HILL + 2, "m/s", "velocity relative to Hill along k"),
+    "position_cross_track": Signal(lanes.POSITION_HILL + 2, "m", "position along Hill k, the orbit normal"),
+    "velocity_radial": Signal(lanes.VELOCITY_HILL, "m/s", "velocity relative to Hill along i"),
+    "velocity_along_track": Signal(lanes.VELOCITY_HILL + 1, "m/s", "velocity relative to Hill along j"),
+    "velocity_cross_track": Signal(lanes.VELOCITY_HILL + 2, "m/s", "velocity relative to Hill along k"),
 }
 
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
-FORCE_AXES = {"hill": episode.HILL, "body": episode.BODY}
+FORCE_AXES = {"hill": lanes.HILL, "body": lanes.BODY}
 
 
 class ControllerError(ValueError):

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.kernel import LANES, Packed, evaluate, padded, scratch_for
-from pipeline import episode
+from pipeline import lanes
 from pipeline.controllers import Controller, law_of, packed
-from pipeline.episode import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World, fly, fly_many
+from pipeline.episode import fly, fly_many
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import num_clusters
+from pipeline.lanes import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
@@ -255,12 +256,12 @@ def fly_population(
 
 def _outcomes(rows: Floats) -> Outcomes:
     return Outcomes(
-        delta_v_m_s=rows[..., episode.DELTA_V],
-        inspected_count=np.rint(rows[..., episode.INSPECTED]).astype(np.int64),
-        mean_distance_m=rows[..., episode.MEAN_DISTANCE],
-        min_distance_m=rows[..., episode.MIN_DISTANCE],
-        max_distance_m=rows[..., episode.MAX_DISTANCE],
-        outside_m=rows[..., episode.OUTSIDE],
+        delta_v_m_s=rows[..., lanes.DELTA_V],
+        inspected_count=np.rint(rows[..., lanes.INSPECTED]).astype(np.int64),
+        mean_distance_m=rows[..., lanes.MEAN_DISTANCE],
+        min_distance_m=rows[..., lanes.MIN_DISTANCE],
+        max_distance_m=rows[..., lanes.MAX_DISTANCE],
+        outside_m=rows[..., lanes.OUTSIDE],
     )
 
 
@@ -315,12 +316,12 @@ def _outcomes_of_logs(
             tracks[case] = log.position_m
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
-        rows[case, episode.DELTA_V] = log.delta_v_m_s[-1]
-        rows[case, episode.INSPECTED] = log.is_inspected[-1].sum()
-        rows[case, episode.MEAN_DISTANCE] = distance.mean()
-        rows[case, episode.MIN_DISTANCE] = distance.min()
-        rows[case, episode.MAX_DISTANCE] = distance.max()
-        rows[case, episode.OUTSIDE] = max(0.0, float(outside.max()))
+        rows[case, lanes.DELTA_V] = log.delta_v_m_s[-1]
+        rows[case, lanes.INSPECTED] = log.is_inspected[-1].sum()
+        rows[case, lanes.MEAN_DISTANCE] = distance.mean()
+        rows[case, lanes.MIN_DISTANCE] = distance.min()
+        rows[case, lanes.MAX_DISTANCE] = distance.max()
+        rows[case, lanes.OUTSIDE] = max(0.0, float(outside.max()))
     return _outcomes(rows)
 
 
