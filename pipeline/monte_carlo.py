@@ -64,3 +64,14 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
     success, violated = episodes["success"], episodes["violated"]
     shares = {"success": success, "violated": violated, "success_and_within_limits": success & ~violated}
     return summary | {name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()}
+
+
+def rank(episodes: Mapping[str, Column]) -> NDArray[np.int64]:
+    """Order the rows of an evaluation from the worst to the best.
+
+    A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.
+    Equal ones stay in order.
+    """
+    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
+    order: NDArray[np.int64] = np.lexsort(keys)
+    return order

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.flight import Scenario
-from pipeline.settings import MonteCarlo, Starts, Sun
+from pipeline.settings import MonteCarlo, Optimizer, Starts, Sun
 
 #: first part of the spawn key: evaluation, and training round r as ``TRAINING + r``
 EVALUATION, TRAINING = 0, 1
@@ -52,6 +52,11 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
         Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad)
         for direction, case in zip(OCTANTS, drawn, strict=True)
     ]
+
+
+def last_training_scenarios(starts: Starts, sun: Sun, seed: int, optimizer: Optimizer) -> list[Scenario]:
+    """Return the starts of the last round of training: those that the champion was chosen on."""
+    return training_scenarios(starts, sun, seed, optimizer.rounds - 1)
 
 
 def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:

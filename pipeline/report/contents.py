@@ -17,7 +17,7 @@ from pipeline import artifacts, tables
 from pipeline.champion import controller_of_run
 from pipeline.controllers import Controller
 from pipeline.flight import FlightLog, Scenario
-from pipeline.monte_carlo import fly_cases, summarise
+from pipeline.monte_carlo import fly_cases, rank, summarise
 from pipeline.scenarios import training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
@@ -225,7 +225,8 @@ def fly_shown(
         chosen.append(("start", "Flight from the given start", start))
     if not chosen and evaluation is not None and evaluation.episodes is not None:
         episodes = evaluation.episodes
-        row = median_row(episodes)
+        order = rank(episodes)
+        row = int(order[len(order) // 2])
         position = np.array([episodes[name][row] for name in POSITION])
         scenario = Scenario(position, np.zeros(3), float(episodes["sun_angle_rad"][row]))
         case = int(episodes["case"][row])
@@ -234,12 +235,6 @@ def fly_shown(
         ShownFlight(name, title, scenario, fly_logged(experiment.mission, controller, scenario))
         for name, title, scenario in chosen
     ]
-
-
-def median_row(episodes: Columns) -> int:
-    """Return the row in the middle, ranked by the limits, then points, then delta-v, as recordings are."""
-    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
-    return int(np.lexsort(keys)[len(keys[0]) // 2])
 
 
 def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:

@@ -16,8 +16,9 @@ from pipeline import artifacts, tables
 from pipeline.champion import controller_of_run
 from pipeline.compile_notice import announce_compilation
 from pipeline.flight import FlightLog, Scenario
+from pipeline.monte_carlo import rank
 from pipeline.recording import FlightRecorder
-from pipeline.scenarios import evaluation_scenarios, training_scenarios
+from pipeline.scenarios import evaluation_scenarios, last_training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
 from telemetry import RecordingError
@@ -76,7 +77,9 @@ def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
     """Return the flights to record: of the training, of the evaluation, from the given start."""
     flights: list[Flight] = []
     if experiment.telemetry.record_training:
-        scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
+        scenarios = last_training_scenarios(
+            experiment.starts, experiment.sun, experiment.seed, experiment.optimizer
+        )
         for case, scenario in enumerate(scenarios[:MOST_TRAINING_FLIGHTS]):
             flights.append(Flight(f"training-{case}", f"training-{case}", scenario))
     if experiment.telemetry.record_ranked:
@@ -87,17 +90,6 @@ def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
         start = Scenario(position, velocity, math.radians(experiment.sun.angle_deg))
         flights.append(Flight("start", "start", start))
     return flights
-
-
-def rank(episodes: Columns) -> NDArray[np.int64]:
-    """Order the rows of an evaluation from the worst to the best.
-
-    A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.
-    Equal ones stay in order.
-    """
-    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
-    order: NDArray[np.int64] = np.lexsort(keys)
-    return order
 
 
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[Flight]:

@@ -11,6 +11,7 @@ from fis_tools import serialize
 from pipeline import artifacts, tables
 from pipeline.artifacts import ArtifactError
 from pipeline.config import Composed, compose_experiment
+from pipeline.monte_carlo import rank
 from pipeline.run import run_stages
 from pipeline.scenarios import training_scenarios
 from pipeline.stages import record
@@ -47,8 +48,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_rank_by_violation_then_points_then_delta_v():
     rows = [(False, 97, 1.0), (True, 99, 0.1), (False, 97, 2.0), (False, 60, 0.2), (True, 20, 5.0)]
-    assert record.rank(table(rows)).tolist() == [4, 1, 3, 2, 0]
-    assert record.rank(table([(False, 97, 1.0)] * 3)).tolist() == [0, 1, 2]
+    assert rank(table(rows)).tolist() == [4, 1, 3, 2, 0]
+    assert rank(table([(False, 97, 1.0)] * 3)).tolist() == [0, 1, 2]
 
 
 def test_worst_median_and_best_of_a_table(tmp_path, finished):

@@ -18,7 +18,6 @@ from pipeline.report.page import write
 from pipeline.report.pictures import draw
 from pipeline.scenarios import training_scenarios
 from pipeline.simulation import fly_logged
-from pipeline.stages import record
 from tests.report.runs import (
     HOSTILE,
     PAPER_CONTROLLER,
@@ -256,18 +255,6 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     assert "the stage scenario writes the starts" in page.text["training"]
     assert "logbook.csv" in page.text["convergence"]
     assert "Sun random" in page.text["summary"]
-
-
-def test_the_median_is_the_recorded_one():
-    generator = np.random.default_rng(5)
-    episodes = {
-        "delta_v_m_s": generator.integers(0, 3, 41).astype(float),
-        "inspected_count": generator.integers(90, 93, 41),
-        "violated": generator.random(41) < 0.3,
-    }
-    for count in (1, 2, 40, 41):
-        part = {name: column[:count] for name, column in episodes.items()}
-        assert contents.median_row(part) == record.rank(part)[count // 2]
 
 
 def test_one_flight_is_reported_alone(tmp_path):
