@@ -7,7 +7,7 @@ with a `SettingError`.
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from pipeline import checks
@@ -242,11 +242,19 @@ class Penalty:
     c_d: float
     c_95: float
     c_99: float
+    #: by which c_95 and c_99 are multiplied from one round of training to the next
+    growth: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse penalties that reward."""
         for name in ("c_d", "c_95", "c_99"):
             checks.within(f"optimizer.penalty.{name}", getattr(self, name), 0.0, math.inf, "m/s")
+        checks.within("optimizer.penalty.growth", self.growth, 1.0, 10.0)
+
+    def of_round(self, round_index: int) -> "Penalty":
+        """Return the weights of a round, counted from 0."""
+        factor = self.growth**round_index
+        return replace(self, c_95=factor * self.c_95, c_99=factor * self.c_99)
 
 
 @dataclass(frozen=True, kw_only=True)

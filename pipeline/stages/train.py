@@ -81,6 +81,7 @@ def fitness_of_round(
 ) -> Evaluate:
     """Return the function that flies genomes from a round's starts and judges them."""
     mission, optimizer = experiment.mission, experiment.optimizer
+    penalty = optimizer.penalty.of_round(round_index)
     world, law = pack_world(mission), law_of(template, mission.num_controls)
     starts, sun_angles = stack_starts(
         training_scenarios(experiment.starts, experiment.sun, experiment.seed, round_index)
@@ -88,9 +89,7 @@ def fitness_of_round(
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
         outcomes = fly_population(world, law, encoding.pack(genomes), starts, sun_angles, optimizer.workers)
-        return fitness_parts(
-            outcomes, optimizer.penalty, world.num_points, mission.inspection_threshold_percent
-        )
+        return fitness_parts(outcomes, penalty, world.num_points, mission.inspection_threshold_percent)
 
     return evaluate
 

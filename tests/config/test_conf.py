@@ -85,7 +85,8 @@ def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
     experiment = compose_experiment(
         [f"+experiment={name}", "controller=file", "controller.path=x.json"]
     ).experiment
-    penalty, deputy = experiment.optimizer.penalty, experiment.mission.deputy
+    deputy = experiment.mission.deputy
+    penalty = experiment.optimizer.penalty.of_round(experiment.optimizer.rounds - 1)
     # the greatest delta-v: full force along three axes all the time
     greatest = 3 * deputy.max_force_n / deputy.mass_kg * experiment.mission.duration_s
     cases = experiment.starts.num_cases

@@ -129,3 +129,10 @@ def test_a_statistic_has_the_spread_of_a_sample() -> None:
 def test_one_case_alone_has_no_spread() -> None:
     found = statistic(np.array([4.0]), 95.0)
     assert (found.mean, found.standard_deviation, found.low, found.high) == (4.0, 0.0, 4.0, 4.0)
+
+
+def test_the_price_of_points_grows_from_round_to_round():
+    penalty = Penalty(c_d=1e5, c_95=0.5, c_99=0.1, growth=2.0)
+    assert penalty.of_round(0) == penalty
+    third = penalty.of_round(2)
+    assert (third.c_d, third.c_95, third.c_99) == (1e5, 2.0, 0.4)
