@@ -27,7 +27,7 @@ from tests.simulation.cases import (
     ball,
     mission,
 )
-from tests.truth.missions import FULL_INERTIA
+from tests.truth.missions import FULL_INERTIA, MEAN_MOTION
 
 TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
 IDEAL = {"mode": "ideal"}
@@ -106,6 +106,23 @@ def test_ideal_pointing(name: str) -> None:
     what, controller, starts = POINTED[name]
     for start in starts:
         assert_same(*fly_both(what, controller, start), metres=1e-9, others=1e-9)
+
+
+def test_clusters_are_forgotten_at_a_sample_without_candidates() -> None:
+    """Far out under the Sun the deputy sees all that is lit; then it is thrown behind a chief that turns."""
+    what = mission(
+        guidance={"kind": "clusters"},
+        chief={"initial_angular_velocity_rad_s": (0.015, 0.0, MEAN_MOTION)},
+        deputy={"max_force_n": 10.0},
+        control_period_s=100.0,
+        duration_s=300.0,
+    )
+    start = Scenario(np.array([0.0, 2000.0, 0.0]), np.zeros(3), 0.5 * np.pi + 100.0 * MEAN_MOTION)
+    fast, plain = fly_both(what, open_loop("throw", np.array([[0.0, 0.0, 0.0], [0.0, -9.6, 0.0]])), start)
+    assert fast.num_candidates[0] > 40
+    assert fast.num_candidates[1] == 0
+    assert fast.num_candidates[2] > 20
+    assert_same(fast, plain, metres=1e-6, others=1e-4)
 
 
 def test_the_cases_above_reach_what_they_are_named_for() -> None:
