@@ -105,7 +105,7 @@ def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[s
 def _read(path: Path | str, topics: tuple[str, ...]) -> reader.Recording:
     try:
         return reader.read(path, topics)
-    except reader.RecordingError as error:  # type: ignore[attr-defined]  # the reader's own error
+    except reader.RecordingError as error:
         raise ControllerFileError(str(error)) from error
 
 

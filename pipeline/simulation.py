@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fis_tools.kernel import LANES, Packed, evaluate, padded, scratch_for
 from pipeline import lanes
 from pipeline.controllers import Controller, law_of, packed
-from pipeline.episode import fly, fly_many
+from pipeline.episode import fly_many
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import num_clusters
 from pipeline.lanes import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World
@@ -333,19 +333,18 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     law, numbers = law_of(controller, mission.num_controls), packed(controller)
     log = _make_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     starts, sun_angles = stack_starts([scenario])
-    fly(
+    fly_many(
         world,
         law,
-        numbers.values[0],
-        numbers.rules[0],
+        numbers.values,
+        numbers.rules,
         starts,
         sun_angles,
-        0,
-        1,
         make_workspace(world, numbers),
         log,
         np.empty((0, 0, 3), dtype=np.float32),
         0,
+        1,
         np.empty((1, NUM_OUTCOMES)),
     )
     return FlightLog(

@@ -26,6 +26,8 @@ from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
 from telemetry.metadata import EpisodeDescription, FisDescription
 
+__all__ = ["Recording", "RecordingError", "read"]
+
 CHECKSUM_SIZE: Final = 4
 #: what the mcap library raises on bytes that are not what they should be
 DAMAGE: Final = (
