@@ -1,8 +1,8 @@
 """Compiled Mamdani inference with scikit-fuzzy's exact meaning, over flat arrays.
 
 `pack` turns a `FuzzySystem` into numbers, `evaluate` infers a batch. What is compiled: one output, Gaussian
-or other unimodal terms on evenly spaced universes, rules that are conjunctions of one term of each input,
-minimum and maximum, centroid. Anything else is refused with a sentence.
+or other unimodal terms on evenly spaced universes, rules that are conjunctions of at most one term of each
+input, minimum and maximum, centroid. Anything else is refused with a sentence.
 
 The method is division-free: the aggregated output is linear between the points on which scikit-fuzzy samples
 it, so its area and moment are weighted sums over the base grid, and each further point that scikit-fuzzy
@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fis_tools.membership import is_unimodal, sample_terms
-from fis_tools.model import FuzzySystem, Variable, rule_table
+from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.validate import validate
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,9 @@ LANES = 16
 
 # Sections of the working space: memberships of all inputs and cuts of all lanes (lanes fastest), then for the
 # lane at hand its cuts, (segment, x, y) of each crossing, heights.
-LANE_CUTS = MAX_INPUTS * MAX_TERMS * LANES
+# A membership of one, for inputs that a rule does not ask for, comes after those of the inputs.
+ANY = MAX_INPUTS * MAX_TERMS
+LANE_CUTS = (ANY + 1) * LANES
 CUTS = LANE_CUTS + MAX_TERMS * LANES
 CROSSINGS = CUTS + MAX_TERMS
 HEIGHTS = CROSSINGS + 3 * 2 * MAX_TERMS
@@ -66,14 +68,14 @@ class Packed:
         A row a controller: for each system the peak of each output term as an index of the universe, the
         bounds of each output term's rules, then the rules sorted by output term, each as the positions of
         its memberships in the concatenated input terms.
-    num_rules : tuple of int
-        Rules of each system.
+    cells : tuple of (rules, inputs) int arrays
+        For each system, in the order of its rules, the term that a rule asks for of each input, -1 for none.
     """
 
     layout: Indices
     values: Floats
     rules: Indices
-    num_rules: tuple[int, ...]
+    cells: tuple[NDArray[np.int64], ...]
 
 
 class NotCompilable(ValueError):  # noqa: N818
@@ -125,8 +127,8 @@ def _require_compilable(system: FuzzySystem) -> None:
 
     if not 1 <= len(system.inputs) <= MAX_INPUTS:
         refuse(f"it has {len(system.inputs)} inputs, 1 to {MAX_INPUTS} are covered")
-    if rule_table(system) is None:
-        refuse("its rules are not a full table of conjunctions with one output and weight 1")
+    if conjunctions(system) is None:
+        refuse("its rules are not plain conjunctions that conclude one term of one output with weight 1")
     if (system.and_operator, system.or_operator, system.defuzzifier) != ("min", "max", "centroid"):
         refuse("only minimum, maximum and centroid are covered")
     for variable in (*system.inputs, *system.outputs):
@@ -151,6 +153,7 @@ def pack(*systems: FuzzySystem) -> Packed:
     layout, num_values, num_entries = layout_of(systems)
     values = np.zeros((1, num_values))
     rules = np.zeros((1, num_entries), dtype=np.uint64)
+    cells: list[NDArray[np.int64]] = []
     for row, system in zip(layout, systems, strict=True):
         for place, variable in enumerate(system.inputs):
             fill_input(values, row, place, *_ends(variable), sample_terms(variable)[np.newaxis])
@@ -164,10 +167,11 @@ def pack(*systems: FuzzySystem) -> Packed:
                 )
         default = 0.0 if output.default is None else output.default
         fill_output(values, rules, row, *_ends(output), np.array([default]), memberships[np.newaxis])
-        table = rule_table(system)
-        assert table is not None  # noqa: S101 - _require_compilable has refused any other rule base
-        fill_rules(rules, row, table[np.newaxis])
-    return Packed(layout, values, rules, tuple(len(system.rules) for system in systems))
+        rule_base = conjunctions(system)
+        assert rule_base is not None  # noqa: S101 - any other has been refused by layout_of
+        cells.append(rule_base[0])
+        fill_rules(rules, row, rule_base[0], rule_base[1][np.newaxis])
+    return Packed(layout, values, rules, tuple(cells))
 
 
 def _ends(variable: Variable) -> tuple[Floats, Floats]:
@@ -203,18 +207,20 @@ def fill_output(
     values[:, by_point : by_point + num_terms * num_points] = terms.transpose(0, 2, 1).reshape(len(terms), -1)
 
 
-def fill_rules(rules: Indices, row: Indices, tables: NDArray[np.int64]) -> None:
-    """Write the rules of n controllers from full tables of output term indices, shape (n, cells)."""
+def fill_rules(
+    rules: Indices, row: Indices, cells: NDArray[np.int64], consequents: NDArray[np.int64]
+) -> None:
+    """Write the rules of n controllers: cells (rules, inputs) that all share, consequents (n, rules)."""
     num_inputs, num_terms = int(row[NUM_INPUTS]), int(row[OUTPUT])
     at = int(row[RULES]) + num_terms
     counts = [int(row[INPUT_0 + 3 * place]) for place in range(num_inputs)]
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    cells = np.indices(counts).reshape(num_inputs, -1).T + starts
-    order = np.argsort(tables, axis=1, kind="stable")
-    bounds = [(tables < term).sum(axis=1) for term in range(num_terms + 1)]
+    slots = np.where(cells < 0, ANY, cells + starts)
+    order = np.argsort(consequents, axis=1, kind="stable")
+    bounds = [(consequents < term).sum(axis=1) for term in range(num_terms + 1)]
     rules[:, at : at + num_terms + 1] = np.stack(bounds, axis=1)
-    sorted_cells = cells[order].reshape(len(tables), -1)
-    rules[:, at + num_terms + 1 : at + num_terms + 1 + sorted_cells.shape[1]] = sorted_cells
+    sorted_slots = slots[order].reshape(len(consequents), -1)
+    rules[:, at + num_terms + 1 : at + num_terms + 1 + sorted_slots.shape[1]] = sorted_slots
 
 
 # Indices inside the kernels are unsigned: a signed one costs numba a test for counting from the end at every
@@ -351,7 +357,7 @@ def infer(
     inputs : (MAX_INPUTS * LANES,) float
         Lanes fastest; finite, in unused lanes too; clipped to the universes here.
     scratch : (HEIGHTS + padded points of the output,) float
-        Working space of any content, see `scratch_for`.
+        Working space of `scratch_for`.
     num_lanes : lanes that count
     outputs : (LANES,) float
         Written: the centroid, or the system's default where no rule fires.
@@ -531,31 +537,36 @@ def _evaluate(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _strengths(
-    values: Floats, layout: Indices, index: np.uint64, inputs: Floats, scratch: Floats, out: Floats
+    values: Floats,
+    layout: Indices,
+    index: np.uint64,
+    cells: NDArray[np.int64],
+    inputs: Floats,
+    scratch: Floats,
+    out: Floats,
 ) -> None:
     system = index * U_LAYOUT_WIDTH
     row = np.zeros(MAX_INPUTS * LANES)
+    starts = np.zeros(MAX_INPUTS, dtype=np.int64)
     for sample in range(len(inputs)):
         start = U0
         for place in range(layout[system]):
+            starts[place] = np.int64(start)
             row[place * U_LANES] = inputs[sample, place]
             start = fuzzify(values, layout, system, np.uint64(place), row, scratch, start)
-        out[sample, 0] = 1.0
-        filled, first = np.int64(1), np.int64(0)
-        for place in range(layout[system]):
-            terms = np.int64(layout[system + U_INPUT_0 + U3 * place])
-            # backwards, so that each partial conjunction is read before it is overwritten
-            for cell in range(filled - 1, -1, -1):
-                partial = out[sample, cell]
-                for term in range(terms - 1, -1, -1):
-                    out[sample, cell * terms + term] = min(partial, scratch[(first + term) * LANES])
-            filled *= terms
-            first += terms
+        for rule in range(len(cells)):
+            strength = 1.0
+            for place in range(cells.shape[1]):
+                if cells[rule, place] >= 0:
+                    strength = min(strength, scratch[(starts[place] + cells[rule, place]) * LANES])
+            out[sample, rule] = strength
 
 
 def scratch_for(packed: Packed) -> Floats:
     """Allocate the working space that `infer` needs for any system of a controller."""
-    return np.zeros(HEIGHTS + padded(int(packed.layout[:, OUTPUT + 1].max())))
+    scratch = np.zeros(HEIGHTS + padded(int(packed.layout[:, OUTPUT + 1].max())))
+    scratch[ANY * LANES : LANE_CUTS] = 1.0
+    return scratch
 
 
 def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
@@ -587,14 +598,14 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
 
 
 def firing_strengths(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
-    """Return how strongly each rule fires, shape (n, rules), rules in the order of the table.
+    """Return how strongly each rule fires, shape (n, rules), in the order of the rules.
 
     Takes and raises what `evaluate` does.
     """
     rows = _checked(packed, inputs, system)
-    out = np.empty((len(rows), packed.num_rules[system]))
+    out = np.empty((len(rows), len(packed.cells[system])))
     layout, index, scratch = packed.layout.ravel(), np.uint64(system), scratch_for(packed)
-    _strengths(packed.values[0], layout, index, rows, scratch, out)
+    _strengths(packed.values[0], layout, index, packed.cells[system], rows, scratch, out)
     return out
 
 

@@ -295,3 +295,41 @@ def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
             return None
         table[index] = term_indices[consequent.term]
     return table
+
+
+def table_cells(inputs: Sequence[Variable]) -> NDArray[np.int64]:
+    """Return the cells of a full table as input term indices, (cells, inputs), the last input fastest."""
+    counts = [len(variable.terms) for variable in inputs]
+    return np.indices(counts, dtype=np.int64).reshape(len(counts), -1).T.copy()
+
+
+def conjunctions(system: FuzzySystem) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Return the rules of a system as numbers where each is a plain conjunction, or None.
+
+    Such a rule base has one output, and each rule asks for at most one term of each input and concludes one
+    term with weight one. A full rule table is one, a table with cells missing too.
+
+    Returns
+    -------
+    cells : (rules, inputs) int
+        The term that a rule asks for of each input; -1 where it asks for none.
+    consequents : (rules,) int
+        The output term that it concludes.
+    """
+    if len(system.outputs) != 1:
+        return None
+    places = {variable.name: place for place, variable in enumerate(system.inputs)}
+    cells = np.full((len(system.rules), len(system.inputs)), -1, dtype=np.int64)
+    consequents = np.empty(len(system.rules), dtype=np.int64)
+    for index, rule in enumerate(system.rules):
+        statements = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
+        for statement in statements:
+            if not isinstance(statement, Is) or cells[index, places[statement.variable]] != -1:
+                return None
+            place = places[statement.variable]
+            cells[index, place] = system.inputs[place].term_index(statement.term)
+        consequent = rule.consequents[0]
+        if len(rule.consequents) != 1 or consequent.weight != 1.0:
+            return None
+        consequents[index] = system.outputs[0].term_index(consequent.term)
+    return cells, consequents

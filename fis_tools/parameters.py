@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fis_tools import kernel
 from fis_tools.kernel import Packed
 from fis_tools.membership import gaussian
-from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_rules
+from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 
 Floats = NDArray[np.float64]
 
@@ -119,6 +119,7 @@ class Encoding:
         layout, num_values, num_entries = kernel.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
         rules = np.zeros((len(genomes), num_entries), dtype=np.uint64)
+        cells: list[NDArray[np.int64]] = []
         for row, system in zip(layout, self.systems, strict=True):
             for place, variable in enumerate(system.inputs):
                 low, high, means, widths = self._take(genes, variable, None)
@@ -129,8 +130,10 @@ class Encoding:
             terms = _memberships(low, high, output.num_points, means, widths)
             default = np.full(len(genomes), 0.0 if output.default is None else output.default)
             kernel.fill_output(values, rules, row, low, high, default, terms)
-            kernel.fill_rules(rules, row, genes.terms(len(system.rules), len(output.terms)))
-        return Packed(layout, values, rules, tuple(len(system.rules) for system in self.systems))
+            table = genes.terms(len(system.rules), len(output.terms))
+            cells.append(table_cells(system.inputs))
+            kernel.fill_rules(rules, row, cells[-1], table)
+        return Packed(layout, values, rules, tuple(cells))
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
         """Find the genome, shape (num_genes,), of systems of this structure; what lies outside is clipped."""

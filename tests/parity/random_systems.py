@@ -54,6 +54,19 @@ def full_table_system(
     return FuzzySystem("random", inputs, (output,), table_rules(inputs, output, consequents))
 
 
+def sparse_system(generator: np.random.Generator) -> FuzzySystem:
+    """A full table with most cells gone and some statements too; each input is still asked for."""
+    system = full_table_system(generator, is_smooth=True)
+    kept = generator.permutation(len(system.rules))[: max(3, len(system.rules) // 4)]
+    rules = [system.rules[index] for index in kept]
+    for index in range(2, len(rules)):
+        antecedent = rules[index].antecedent
+        if isinstance(antecedent, And) and generator.random() < 0.5:
+            asked = antecedent.operands[int(generator.integers(len(antecedent.operands)))]
+            rules[index] = replace(rules[index], antecedent=asked)
+    return replace(system, rules=tuple(rules))
+
+
 def _gaussian_variable(
     generator: np.random.Generator, name: str, num_terms: int, is_smooth: bool
 ) -> Variable:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_systems import full_table_system, inputs_for
+from random_systems import full_table_system, inputs_for, sparse_system
 
 from fis_tools import inference
 from fis_tools.kernel import evaluate, firing_strengths, pack
@@ -39,6 +39,20 @@ def test_three_inputs_agree_with_scikit_fuzzy() -> None:
     expected = np.array([engine.compute(row)[0] for row in inputs])
     np.testing.assert_allclose(
         evaluate(pack(system), inputs), expected, rtol=0, atol=TOLERANCE * _width(system)
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sparse_rule_bases_agree_with_scikit_fuzzy(seed: int) -> None:
+    generator = np.random.default_rng([14, seed])
+    system = sparse_system(generator)
+    engine = ReferenceEngine(system)
+    inputs = inputs_for(system, generator, 10)
+    expected = np.array([engine.compute(row)[0] for row in inputs])
+    packed = pack(system)
+    np.testing.assert_allclose(evaluate(packed, inputs), expected, rtol=0, atol=TOLERANCE * _width(system))
+    np.testing.assert_allclose(
+        firing_strengths(packed, inputs), inference.firing_strengths(system, inputs), rtol=0, atol=1e-13
     )
 
 

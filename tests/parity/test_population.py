@@ -10,7 +10,7 @@ from random_systems import full_table_system, inputs_for
 
 from fis_tools import serialize
 from fis_tools.kernel import LANES, NotCompilable, Packed, evaluate, firing_strengths, pack
-from fis_tools.model import FuzzySystem, Gaussian, Sampled, Term, Triangular, Variable, table_rules
+from fis_tools.model import FuzzySystem, Gaussian, Not, Sampled, Term, Triangular, Variable, table_rules
 from fis_tools.parameters import Bounds, Encoding
 from fis_tools.skfuzzy_build import ReferenceEngine
 from fis_tools.validate import InvalidSystem, problems
@@ -65,6 +65,7 @@ def with_output(system: FuzzySystem, **changes: Any) -> FuzzySystem:
 
 
 SPARSE = sparse_system(0.0)
+NEGATED = replace(SPARSE.rules[0], antecedent=Not(SPARSE.rules[0].antecedent))
 TWO_PEAKS = (Term("left", Sampled((0.0, 1.0, 0.5, 1.0, 0.0))), *SPARSE.outputs[0].terms[1:])
 MANY = Variable(
     "a", "", 0.0, 1.0, tuple(Term(f"t{i}", Gaussian(i / 16, 0.1)) for i in range(17)), num_points=5
@@ -75,7 +76,7 @@ FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
 @pytest.mark.parametrize(
     ("system", "fact"),
     [
-        (replace(SPARSE, rules=SPARSE.rules[:-1]), "its rules are not a full table of conjunctions"),
+        (replace(SPARSE, rules=(NEGATED,)), "its rules are not plain conjunctions"),
         (replace(SPARSE, defuzzifier="mom"), "only minimum, maximum and centroid are covered"),
         (replace(SPARSE, and_operator="product"), "only minimum, maximum and centroid are covered"),
         (with_output(SPARSE, num_points=5, terms=TWO_PEAKS), "output term 'left' has more than one peak"),
@@ -148,7 +149,7 @@ def test_every_controller_of_a_population_answers_as_its_decoded_systems() -> No
     answers = set()
     for index, genome in enumerate(genomes):
         values, rules = population.values[index : index + 1], population.rules[index : index + 1]
-        one = Packed(population.layout, values, rules, population.num_rules)
+        one = Packed(population.layout, values, rules, population.cells)
         outputs = evaluate(one, rows)
         np.testing.assert_array_equal(outputs, evaluate(pack(*encoding.decode(genome)), rows))
         answers.add(tuple(outputs.tolist()))
