@@ -183,6 +183,7 @@ def start_lanes(world: World, work: Workspace, starts: Floats, first: int, num_l
     lanes[:] = 0.0
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
+    work.clustered[:] = 0.0
     for lane in range(LANES):
         start = starts[first + min(lane, num_lanes - 1)]
         for component in range(6):

@@ -101,6 +101,16 @@ def relative_angle(target_a: float, target_b: float, position_a: float, position
     return pi if angle == -pi else angle
 
 
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def are_new(candidate: Floats, clustered: Floats, lane: int) -> bool:
+    """Tell whether the candidates differ from those clustered last, and note them as clustered."""
+    num_different = 0.0
+    for j in range(len(candidate)):
+        num_different += 1.0 if candidate[j] != clustered[lane, j] else 0.0
+        clustered[lane, j] = candidate[j]
+    return num_different > 0.0
+
+
 @njit(cache=True, error_model="numpy")
 def choose_cluster(
     points: Floats,
@@ -108,6 +118,7 @@ def choose_cluster(
     candidate: Floats,
     count: int,
     r: Floats,
+    is_new: bool,
     candidates: Floats,
     centres: Floats,
     num_centres: int,
@@ -117,15 +128,16 @@ def choose_cluster(
 ) -> int:
     """Cluster the candidates of a sample, seen from `r`, where the chosen centre is left.
 
-    Returns the number of centres.
+    Candidates that are not new leave the centres as they are. Returns the number of centres.
     """
     filled = 0
-    for j in range(len(candidate)):
+    for j in range(len(candidate) if is_new else 0):
         if candidate[j] != 0.0:
             for axis in range(3):
                 candidates[axis, filled] = points[sample, axis, j]
             filled += 1
-    num_centres = cluster_centres(candidates, count, r, centres, num_centres, labels, distances, sums)
+    if is_new:
+        num_centres = cluster_centres(candidates, count, r, centres, num_centres, labels, distances, sums)
     chosen = nearest_centre(centres, num_centres, r)
     for axis in range(3):
         r[axis] = centres[chosen, axis]
@@ -205,12 +217,14 @@ def sense(
             target[0], target[1], target[2] = tx / count, ty / count, tz / count
             if world.has_clusters:
                 target[0], target[1], target[2] = rx, ry, rz
+                is_new = are_new(work.candidate, work.clustered, lane) or len(world.points) > 1
                 num_centres = choose_cluster(
                     world.points,
                     sample,
                     work.candidate,
                     int(count),
                     target,
+                    is_new,
                     work.candidates,
                     work.centres[lane],
                     work.num_centres[lane],
@@ -224,6 +238,7 @@ def sense(
                 eta_u = relative_angle(target[0], target[2], rx, rz)
         else:
             work.num_centres[lane] = 0
+            work.clustered[lane, 0] = -1.0  # whatever comes next is new
 
         signals = work.signals
         signals[LANES * DISTANCE + lane] = distance

@@ -87,6 +87,7 @@ class Workspace(NamedTuple):
     candidates: Floats  # (3, P) those of this sample, packed
     centres: Floats  # (LANES, C, 3)
     num_centres: Integers  # (LANES,)
+    clustered: Floats  # (LANES, P padded) the candidates that the centres are of, as in `candidate`
     labels: Integers  # (2, P)
     distances: Floats  # (P,)
     sums: Floats  # (C, 4)

@@ -153,6 +153,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         candidates=np.zeros((3, points)),
         centres=np.zeros((LANES, clusters, 3)),
         num_centres=np.zeros(LANES, dtype=np.int64),
+        clustered=np.zeros((LANES, width)),
         labels=np.zeros((2, points), dtype=np.int64),
         distances=np.zeros(points),
         sums=np.zeros((clusters, 4)),
