@@ -19,6 +19,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     controller = controller_of_run(experiment, folder)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     announce_compilation()
+    fly_cases(experiment.mission, controller, scenarios[:1], 1)  # compiles where that has not been done
     started = time.perf_counter()
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, experiment.monte_carlo.workers)
     seconds = time.perf_counter() - started
