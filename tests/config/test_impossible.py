@@ -196,7 +196,7 @@ def test_the_experiment_is_what_the_configuration_says():
     assert experiment.mission.chief.initial_angular_velocity_rad_s == (0.0005, 0.0, 0.002)
     assert experiment.mission.deputy.inertia_kg_m2 == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     assert (experiment.mission.num_controls, experiment.mission.num_attitude_steps) == (360, 10)
-    assert (experiment.optimizer.rounds, experiment.optimizer.population_size) == (6, 200)
+    assert (experiment.optimizer.rounds, experiment.optimizer.population_size) == (5, 200)
     assert experiment.optimizer.crossover_rate == 0.8  # of the group that champion.yaml builds on
     assert experiment.controller == {"kind": "coast"}
     assert not experiment.resume
