@@ -1,0 +1,49 @@
+"""What each round of a training bought: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline import artifacts, controller_source, tables
+from pipeline.controllers import from_fuzzy
+from pipeline.monte_carlo import fly_cases, summarise
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.schema import experiment_from
+from pipeline.settings import Sun
+from pipeline.stages.train import encoding_of
+
+
+def main() -> None:
+    """Print a Markdown table: a row a round and Sun."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rounds", description=__doc__)
+    parser.add_argument("folder", type=Path, help="of a run with the stage train")
+    parser.add_argument(
+        "--seed", type=int, default=777, help="of the starts; choose one that no training used"
+    )
+    options = parser.parse_args()
+    experiment = experiment_from(artifacts.read_config(options.folder))
+    history = tables.read_parquet(options.folder, artifacts.HISTORY)
+    template = controller_source.load(experiment.controller, experiment.mission)
+    assert template.fuzzy is not None
+    encoding = encoding_of(experiment, template)
+    print("| round | Sun | delta-v (m/s) | inspection rate (%) | cases at 95 % or more | outside |")
+    print("|---|---|---|---|---|---|")
+    for number in np.unique(history["round"]):
+        genome = history["genome"][np.flatnonzero(history["round"] == number)[-1]]
+        controller = from_fuzzy(replace(template.fuzzy, systems=encoding.decode(np.asarray(genome))))
+        for mode in ("fixed", "random"):
+            sun = Sun(mode=mode, angle_deg=experiment.sun.angle_deg)
+            scenarios = evaluation_scenarios(experiment.monte_carlo, sun, options.seed)
+            summary = summarise(fly_cases(experiment.mission, controller, scenarios)[0], 95.0)
+            means = [summary[name] for name in ("delta_v_m_s", "inspection_rate_percent")]
+            shares = [100.0 * summary[name]["fraction"] for name in ("success", "violated")]
+            print(
+                f"| {number + 1} | {mode} | {means[0]['mean']:.3f} | {means[1]['mean']:.2f} "
+                f"| {shares[0]:.1f} % | {shares[1]:.1f} % |"
+            )
+
+
+if __name__ == "__main__":
+    main()
