@@ -11,6 +11,9 @@ from pipeline.settings import Experiment
 def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
     """Return what a run's later stages fly.
 
+    A fuzzy controller from a file is kept in the run's folder when it is first flown, so that later stages fly
+    the same one whatever becomes of the file.
+
     Raises
     ------
     pipeline.artifacts.ArtifactError
@@ -18,4 +21,10 @@ def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
     """
     if "train" in experiment.stages or (folder / artifacts.CHAMPION).exists():
         return from_fuzzy(serialize.load(artifacts.require(folder, artifacts.CHAMPION)))
-    return controller_source.load(experiment.controller, experiment.mission)
+    kept = folder / artifacts.CONTROLLER
+    if kept.exists():
+        return from_fuzzy(serialize.load(kept))
+    controller = controller_source.load(experiment.controller, experiment.mission)
+    if controller.fuzzy is not None and "path" in experiment.controller:
+        artifacts.write_atomically(kept, serialize.dump_json(controller.fuzzy) + "\n")
+    return controller

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.flight import Scenario
-from pipeline.settings import MonteCarlo, Optimizer, Starts, Sun
+from pipeline.settings import Deputy, MonteCarlo, Optimizer, Starts, Sun
 
 #: first part of the spawn key: evaluation, and training round r as ``TRAINING + r``
 EVALUATION, TRAINING = 0, 1
@@ -57,6 +57,12 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
 def last_training_scenarios(starts: Starts, sun: Sun, seed: int, optimizer: Optimizer) -> list[Scenario]:
     """Return the starts of the last round of training: those that the champion was chosen on."""
     return training_scenarios(starts, sun, seed, optimizer.rounds - 1)
+
+
+def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
+    """Return the start that the configuration gives; a Sun that is drawn is an evaluation's first."""
+    angle = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun).sun_angle_rad
+    return Scenario(np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s), angle)
 
 
 def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:

@@ -1,7 +1,6 @@
 """What a report tells: the files of a run's folder, read, and the flights that its pictures need, flown."""
 
 import csv
-import math
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ from pipeline.champion import controller_of_run
 from pipeline.controllers import Controller
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import fly_cases, rank, summarise
-from pipeline.scenarios import training_scenarios
+from pipeline.scenarios import given_start, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
 
@@ -219,9 +218,7 @@ def fly_shown(
         title = f"Training case {case}" + (f" of round {training_round}" if training_round else "")
         chosen.append((f"training-{case}", title, starts[case]))
     if experiment.telemetry.record_start:
-        deputy = experiment.mission.deputy
-        position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
-        start = Scenario(position, velocity, math.radians(experiment.sun.angle_deg))
+        start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
         chosen.append(("start", "Flight from the given start", start))
     if not chosen and evaluation is not None and evaluation.episodes is not None:
         episodes = evaluation.episodes

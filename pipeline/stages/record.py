@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from pipeline import artifacts, tables
@@ -18,7 +17,7 @@ from pipeline.compile_notice import announce_compilation
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import rank
 from pipeline.recording import FlightRecorder
-from pipeline.scenarios import evaluation_scenarios, last_training_scenarios
+from pipeline.scenarios import evaluation_scenarios, given_start, last_training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
 from telemetry import RecordingError
@@ -85,9 +84,7 @@ def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
     if experiment.telemetry.record_ranked:
         flights += _ranked_flights(experiment, tables.read_parquet(folder, artifacts.EPISODES))
     if experiment.telemetry.record_start:
-        deputy = experiment.mission.deputy
-        position, velocity = np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s)
-        start = Scenario(position, velocity, math.radians(experiment.sun.angle_deg))
+        start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
         flights.append(Flight("start", "start", start))
     return flights
 

@@ -118,7 +118,7 @@ def write_champion(
 ) -> None:
     """Write the last champion as a controller file that says where it comes from."""
     provenance = {
-        "trained_by": f"python -m pipeline +experiment={experiment.name}",
+        "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
         "product_version": artifacts.product_version(),
@@ -129,7 +129,7 @@ def write_champion(
     }
     champion = replace(
         template,
-        name=f"{template.name}_champion" if not template.name.endswith("_champion") else template.name,
+        name=f"{template.name}_{experiment.name}",
         systems=encoding.decode(result.champion),
         provenance=tuple(sorted(provenance.items())),
     )

@@ -13,7 +13,7 @@ from pipeline.artifacts import ArtifactError
 from pipeline.config import Composed, compose_experiment
 from pipeline.monte_carlo import rank
 from pipeline.run import run_stages
-from pipeline.scenarios import training_scenarios
+from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.stages import record
 from tests.recording import cases
 
@@ -227,3 +227,18 @@ def test_nothing_asked_for_is_said(tmp_path, capsys):
     record.run(run.experiment, tmp_path)
     assert "nothing to record" in capsys.readouterr().err
     assert recordings(tmp_path) == []
+
+
+def test_the_given_start_has_the_suns_angle_or_one_drawn():
+    def angle(*overrides: str) -> float:
+        experiment = compose_experiment(["+experiment=fly", "controller=coast", *overrides]).experiment
+        (flight,) = record.flights_of(experiment, Path("unused"))
+        return flight.scenario.sun_angle_rad
+
+    assert angle("sun.angle_deg=90") == math.radians(90)
+    drawn = compose_experiment(
+        ["+experiment=evaluate", "controller=coast", "sun=random", "seed=5"]
+    ).experiment
+    first = evaluation_scenarios(drawn.monte_carlo, drawn.sun, drawn.seed)[0]
+    assert angle("sun=random", "seed=5") == first.sun_angle_rad
+    assert angle("sun=random", "seed=6") != first.sun_angle_rad

@@ -132,3 +132,16 @@ def test_plans_are_evaluated_too(tmp_path: Path) -> None:
     evaluate.run(run, tmp_path)
     assert not np.any(tables.read_parquet(tmp_path, artifacts.EPISODES)["delta_v_m_s"])
     assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["delta_v_m_s"]["maximum"] == 0.0
+
+
+def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path: Path) -> None:
+    source = tmp_path / "mine.json"
+    original = serialize.load(Path("conf/controller/paper.yaml"))
+    source.write_text(serialize.dump_json(original), encoding="utf-8")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    overrides = ("controller=file", f"controller.path={source}")
+    run = prepared(folder, *overrides, experiment="evaluate").experiment
+    evaluate.run(run, folder)
+    source.write_text(serialize.dump_json(replace(original, name="changed")), encoding="utf-8")
+    assert controller_of_run(run, folder).name == original.name

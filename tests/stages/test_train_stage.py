@@ -88,11 +88,11 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: t
     experiment = run.experiment
     template = controller_source.load(experiment.controller, experiment.mission)
     champion = serialize.load(folder / artifacts.CHAMPION)
-    assert champion.name == "paper_champion"
+    assert champion.name == "paper_train"
     assert champion.systems == train.encoding_of(experiment, template).decode(genomes(folder)[-1])
     assert champion.attributes == (("force_axes", "body"),)
     provenance = dict(champion.provenance)
-    assert provenance["trained_by"] == "python -m pipeline +experiment=train"
+    assert provenance["experiment"] == "train"
     assert provenance["seed"] == "1"
     assert provenance["config_hash"] == artifacts.config_hash(run.config)
     assert float(provenance["training_fitness"]) == logbook(folder)[-1]["best"]
