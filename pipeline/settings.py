@@ -117,7 +117,8 @@ class Sensor:
     def __post_init__(self) -> None:
         """Refuse a camera that sees nothing or looks nowhere."""
         checks.positive("sensor.half_angle_deg", self.half_angle_deg, "deg")
-        checks.within("sensor.half_angle_deg", self.half_angle_deg, 0.0, 180.0, "deg")
+        # visibility compares squared cosines, which tell no angle from its supplement
+        checks.within("sensor.half_angle_deg", self.half_angle_deg, 0.0, 89.9, "deg")
         checks.unit_vector("sensor.boresight", self.boresight)
 
 
