@@ -11,8 +11,8 @@ from pipeline.settings import Experiment
 def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
     """Return what a run's later stages fly.
 
-    A fuzzy controller from a file is kept in the run's folder when it is first flown, so that later stages fly
-    the same one whatever becomes of the file.
+    A fuzzy controller from a file is kept in the run's folder when it is first flown, so that later stages
+    fly the same one whatever becomes of the file.
 
     Raises
     ------
