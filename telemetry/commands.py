@@ -114,6 +114,12 @@ def _recover(options: argparse.Namespace) -> None:
         f"{recovery.output} holds {recovery.num_messages} messages{reach}; left behind were "
         f"{recovery.num_damaged_records} damaged records and {recovery.num_bytes_lost} bytes at the end"
     )
+    if recovery.num_messages == 0:
+        print(
+            f"warning: no step of the flight could be rescued from {options.file}, only its description "
+            "(metadata and attachments); fly the episode again",
+            file=sys.stderr,
+        )
 
 
 def _export(options: argparse.Namespace) -> None:
@@ -125,7 +131,8 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _description(recording: Recording) -> list[str]:
-    times = np.concatenate([topic.time_s for topic in recording.topics.values()])
+    # a rescued file may have no topics at all
+    times = np.concatenate([np.empty(0), *(topic.time_s for topic in recording.topics.values())])
     span = f"{times.min():g} to {times.max():g} s" if times.size else "no messages"
     lines = [f"{recording.path}: {recording.path.stat().st_size / 1024:.0f} KiB, {span}"]
     if topics.RECOVERY_METADATA in recording.metadata:

@@ -40,6 +40,24 @@ def test_recover_rescues_a_cut_file(
     assert "the flight may have gone on" in capsys.readouterr().out
 
 
+def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = short_file.read_bytes()
+    path = tmp_path / "cut.mcap"
+    # the attachments are whole, the first chunk is not
+    path.write_bytes(whole[: whole.index(b"controller.json") + 2_000])
+    assert main(["recover", str(path)]) == 0
+    captured = capsys.readouterr()
+    assert "holds 0 messages; " in captured.out
+    assert captured.err.startswith(f"warning: no step of the flight could be rescued from {path}")
+    assert main(["info", str(tmp_path / "cut.recovered.mcap")]) == 0
+    text = capsys.readouterr().out
+    assert "KiB, no messages" in text
+    assert re.search(r"scenario_id +circle-0", text)
+    assert re.search(r"topics\n  none", text)
+
+
 def test_recover_says_that_a_whole_file_needs_none(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
