@@ -58,8 +58,12 @@ def save(paths: Sequence[Path], output: Path) -> None:
     RecordingError
         If a recording cannot be read or shown, or the output cannot be written.
     """
-    recordings = [_showable(read(path)) for path in paths]
-    colours = [PLAIN_COLOUR, *(COMPANION_COLOURS[i % len(COMPANION_COLOURS)] for i in range(len(paths) - 1))]
+    _write([_showable(read(path)) for path in paths], output)
+
+
+def _write(recordings: Sequence[Recording], output: Path) -> None:
+    num_companions = len(recordings) - 1
+    colours = [PLAIN_COLOUR, *(COMPANION_COLOURS[i % len(COMPANION_COLOURS)] for i in range(num_companions))]
     mission = curves.mission_plots(recordings, colours)
     effort = curves.effort_plots(recordings[0])
     fis = curves.fis_plots(recordings[0])
@@ -75,7 +79,7 @@ def save(paths: Sequence[Path], output: Path) -> None:
     _check_writable(output)
     stream = rr.RecordingStream(APPLICATION)
     stream.save(output, default_blueprint=layout)
-    stream.send_recording_name(" + ".join(path.stem for path in paths))
+    stream.send_recording_name(" + ".join(recording.path.stem for recording in recordings))
     _send_scene(stream, recordings[0])
     _send_plots(stream, (*mission, *effort, *fis))
     _send_inferences(stream, recordings[0])
@@ -103,6 +107,8 @@ def show(paths: Sequence[Path], *, in_browser: bool) -> None:
     RecordingError
         If a recording cannot be read or shown, or the viewer cannot open.
     """
+    # a wrong path is wrong on every machine: it is told before a missing display
+    recordings = [_showable(read(path)) for path in paths]
     if not in_browser and not _has_display():
         raise RecordingError(
             "this machine has no display to open the viewer on; "
@@ -110,7 +116,7 @@ def show(paths: Sequence[Path], *, in_browser: bool) -> None:
         )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"{paths[0].stem}.rrd"
-        save(paths, file)
+        _write(recordings, file)
         # by default the viewer would listen on every network interface
         command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(file)]
         if in_browser:

@@ -283,3 +283,18 @@ def test_a_machine_without_a_display_is_told_what_else_to_do(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(RecordingError, match=r"no display.*--web.*--save FILE\.rrd"):
         replay.show([short_file], in_browser=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("none.mcap", "none.mcap cannot be opened: No such file"), ("a.yaml", "not an MCAP file")],
+)
+def test_a_wrong_path_is_told_before_a_missing_display(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_file: Path, name: str, text: str
+) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    (tmp_path / "a.yaml").write_text("kind: mamdani\n")
+    with pytest.raises(RecordingError, match=text):
+        replay.show([short_file, tmp_path / name], in_browser=False)
