@@ -393,6 +393,7 @@ class Experiment:
             )
         self._check_stages()
         self._check_controller()
+        self._check_start()
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
@@ -406,6 +407,19 @@ class Experiment:
             raise SettingError(
                 f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "
                 f"training scenarios; choose one from 0 to {self.starts.num_cases - 1}"
+            )
+
+    def _check_start(self) -> None:
+        if "record" not in self.stages or not self.telemetry.record_start:
+            return
+        deputy = self.mission.deputy
+        distance = math.hypot(*deputy.initial_position_m)
+        # by a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
+        if not deputy.min_distance_m * (1 - 1e-9) <= distance <= deputy.max_distance_m * (1 + 1e-9):
+            raise SettingError(
+                f"deputy.initial_position_m is {distance:.6g} m from the chief, outside the limits of the "
+                f"flight; it must be from deputy.min_distance_m={deputy.min_distance_m:g} to "
+                f"deputy.max_distance_m={deputy.max_distance_m:g} (m): move the start, or a limit"
             )
 
     def _check_controller(self) -> None:

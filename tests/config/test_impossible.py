@@ -176,6 +176,21 @@ def test_unusual_values_that_can_be(key, value):
     experiment_from(config)
 
 
+@pytest.mark.parametrize("position", [[10.0, 0.0, 0.0], [0.0, -200.1, 0.0]])
+def test_a_recorded_start_lies_within_the_limits_of_the_flight(position):
+    config = plain_config()
+    config["deputy"]["initial_position_m"] = position
+    experiment_from(config)
+    config["telemetry"]["record_start"] = True
+    distance = f"{math.dist(position, [0.0, 0.0, 0.0]):g}"
+    with pytest.raises(SettingError) as refusal:
+        experiment_from(config)
+    assert f"deputy.initial_position_m is {distance} m from the chief, outside" in str(refusal.value)
+    assert "from deputy.min_distance_m=15 to deputy.max_distance_m=200 (m): move" in str(refusal.value)
+    config["deputy"]["initial_position_m"] = [0.0, 15.0, 0.0]
+    experiment_from(config)
+
+
 def test_missing_and_unknown_keys_of_a_composed_configuration():
     config = plain_config()
     del config["deputy"]["mass_kg"]
