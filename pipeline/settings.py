@@ -178,6 +178,15 @@ class Mission:
         checks.divides("attitude_period_s", self.attitude_period_s, "control_period_s", self.control_period_s)
         checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
         checks.within("inspection_threshold_percent", self.inspection_threshold_percent, 0.0, 100.0, "%")
+        damping = self.attitude.derivative_gain * self.attitude_period_s
+        # a torque held over a period turns a rate w into (1 - damping) w
+        if self.attitude.mode == "flown" and not damping < 2.0:
+            raise SettingError(
+                f"attitude.derivative_gain is {self.attitude.derivative_gain:g} and attitude_period_s "
+                f"{self.attitude_period_s:g}, with the product {damping:g}; it must be less than 2, or every "
+                f"period turns an error in rate into one {abs(1.0 - damping):.3g} times as great: lower one "
+                "of them"
+            )
 
     @property
     def num_controls(self) -> int:

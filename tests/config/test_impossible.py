@@ -56,6 +56,12 @@ CASES = [
         "sun.mode is 'randm'; it must be one of fixed, random, mixed; did you mean random?",
     ),
     ("attitude.proportional_gain", 0.0, "attitude.proportional_gain is 0.0; it must be greater than 0"),
+    (
+        "attitude.derivative_gain",
+        2.0,
+        "attitude.derivative_gain is 2 and attitude_period_s 1, with the product",
+    ),
+    ("attitude_period_s", 10.0, "an error in rate into one 2.2 times as great: lower one of them"),
     ("attitude.pole_blending", "maybe", "attitude.pole_blending is 'maybe'; it must be true or false"),
     ("guidance.kind", "clustr", "did you mean clusters?"),
     (
@@ -157,7 +163,8 @@ def test_impossible_values(key, value, message):
         ("attitude_period_s", 0.1),
         ("attitude_period_s", 10.0 / 3.0),
         ("sensor.half_angle_deg", 89.9),
-        ("attitude_period_s", 10.0),
+        ("attitude_period_s", 5.0),
+        ("attitude.derivative_gain", 1.99),
         ("deputy.inertia_kg_m2", [[2.0, 0.1, 0.0], [0.1, 3.0, -0.2], [0.0, -0.2, 4.0]]),
         ("deputy.min_distance_m", 0.0),
         ("chief.initial_angular_velocity_rad_s", None),
@@ -189,6 +196,11 @@ def test_a_recorded_start_lies_within_the_limits_of_the_flight(position):
     assert "from deputy.min_distance_m=15 to deputy.max_distance_m=200 (m): move" in str(refusal.value)
     config["deputy"]["initial_position_m"] = [0.0, 15.0, 0.0]
     experiment_from(config)
+
+
+def test_gains_do_not_matter_to_an_attitude_that_is_ideal():
+    config = plain_config("attitude=ideal", "attitude_period_s=10.0")
+    assert experiment_from(config).mission.num_attitude_steps == 1
 
 
 def test_missing_and_unknown_keys_of_a_composed_configuration():
