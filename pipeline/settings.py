@@ -38,6 +38,9 @@ __all__ = [
 #: in the order in which they run: each reads what those before it have written
 STAGES = ("scenario", "train", "evaluate", "record", "report")
 
+#: beyond these a flight fills the memory of any computer
+MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
+
 #: the keys of a controller that is not written out, by its kind
 CONTROLLER_KEYS = {"file": {"path"}, "open_loop": {"kind", "path"}, "coast": {"kind"}}
 
@@ -69,6 +72,7 @@ class Deputy:
     def __post_init__(self) -> None:
         """Refuse bodies and limits that cannot be."""
         checks.positive("deputy.mass_kg", self.mass_kg, "kg")
+        checks.within("deputy.mass_kg", self.mass_kg, 1e-3, math.inf, "kg")
         checks.inertia("deputy.inertia_kg_m2", self.inertia_kg_m2)
         checks.vector("deputy.initial_position_m", self.initial_position_m, "m")
         checks.vector("deputy.initial_velocity_m_s", self.initial_velocity_m_s, "m/s")
@@ -78,6 +82,11 @@ class Deputy:
         checks.ascending(
             "deputy.min_distance_m", self.min_distance_m, "deputy.max_distance_m", self.max_distance_m, "m"
         )
+        if not math.hypot(*self.initial_velocity_m_s) <= 1e3:
+            raise SettingError(
+                f"deputy.initial_velocity_m_s is {list(self.initial_velocity_m_s)}; its length must be at most "
+                "1000 (m/s), for it is relative to the chief"
+            )
         if not math.hypot(*self.initial_position_m) > 1e-6:
             raise SettingError(
                 f"deputy.initial_position_m is {list(self.initial_position_m)}, the chief's own place, "
@@ -105,6 +114,7 @@ class Chief:
             )
         checks.positive("chief.inspection_radius_m", self.inspection_radius_m, "m")
         checks.count("chief.num_points", self.num_points, 1)
+        checks.within("chief.num_points", self.num_points, 1, MOST_POINTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +187,12 @@ class Mission:
         """Refuse clocks that do not fit into one another."""
         checks.divides("attitude_period_s", self.attitude_period_s, "control_period_s", self.control_period_s)
         checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
+        if self.num_controls > MOST_CONTROLS:
+            raise SettingError(
+                f"duration_s is {self.duration_s:g} and control_period_s {self.control_period_s:g}, which makes "
+                f"{self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten the first "
+                "or lengthen the second"
+            )
         checks.within("inspection_threshold_percent", self.inspection_threshold_percent, 0.0, 100.0, "%")
         damping = self.attitude.derivative_gain * self.attitude_period_s
         # a torque held over a period turns a rate w into (1 - damping) w

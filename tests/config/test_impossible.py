@@ -11,6 +11,7 @@ from tests.config.cases import plain_config
 CASES = [
     ("orbit.mean_motion_rad_s", 0.0, "orbit.mean_motion_rad_s is 0.0; it must be greater than 0 (rad/s)"),
     ("deputy.mass_kg", -12.0, "deputy.mass_kg is -12.0; it must be greater than 0 (kg)"),
+    ("deputy.mass_kg", 9e-4, "deputy.mass_kg is 0.0009; it must be at least 0.001 (kg)"),
     ("deputy.mass_kg", math.nan, "deputy.mass_kg is nan; it must be a finite number"),
     ("deputy.mass_kg", math.inf, "deputy.mass_kg is inf; it must be a finite number"),
     ("deputy.mass_kg", "heavy", "deputy.mass_kg is 'heavy'; it must be a number"),
@@ -28,6 +29,7 @@ CASES = [
         [0.0, math.nan, 0.0],
         "initial_velocity_m_s[1] is nan; it must be a finite",
     ),
+    ("deputy.initial_velocity_m_s", [0.0, 800.0, 800.0], "its length must be at most 1000 (m/s)"),
     ("deputy.inertia_kg_m2", [[1, 0, 0], [0, 1, 0]], "it must be three rows of three numbers in kg m^2"),
     (
         "deputy.inertia_kg_m2",
@@ -45,6 +47,7 @@ CASES = [
     ("chief.inertia_kg_m2", [[1, 0, 0], [0, 1, 0], [0, 0, 0]], "chief.inertia_kg_m2 has the principal"),
     ("chief.initial_angular_velocity_rad_s", [0.1], "has 1 numbers; it must have three, [x, y, z] (rad/s)"),
     ("chief.num_points", 0, "chief.num_points is 0; it must be a whole number of at least 1"),
+    ("chief.num_points", 10_001, "chief.num_points is 10001; it must be from 1 to 10000"),
     ("chief.num_points", 99.5, "chief.num_points is 99.5; it must be a whole number"),
     ("chief.placement", "deserto", "it must be one of deserno, fibonacci; did you mean deserno?"),
     ("sensor.half_angle_deg", 0.0, "sensor.half_angle_deg is 0.0; it must be greater than 0 (deg)"),
@@ -74,6 +77,11 @@ CASES = [
     ("attitude_period_s", 20.0, "as 10 s does"),
     ("control_period_s", 7.0, "the first must fit into the second a whole number of times"),
     ("duration_s", 3605.0, "control_period_s is 10.0 s and duration_s is 3605.0 s"),
+    (
+        "duration_s",
+        1_000_010.0,
+        "makes 100001 control periods; there must be at most 100000: shorten the first",
+    ),
     ("duration_s", -3600.0, "duration_s is -3600.0; it must be greater than 0 (s)"),
     (
         "inspection_threshold_percent",
@@ -171,6 +179,9 @@ def test_impossible_values(key, value, message):
         ("optimizer.population_size", 1e3),
         ("optimizer.elitism_rate", 0.0),
         ("duration_s", 10),
+        ("duration_s", 1_000_000),
+        ("chief.num_points", 10_000),
+        ("deputy.mass_kg", 1e-3),
     ],
 )
 def test_unusual_values_that_can_be(key, value):
