@@ -199,6 +199,12 @@ def _samples(arguments: argparse.Namespace) -> Iterator[tuple[FuzzySystem, Float
         raise UserMistake(
             f"the flight has no system {arguments.system!r}; {nearest(arguments.system, names)}"
         )
+    span = flights.span_of_inference(flown_systems)
+    if span is not None and not arguments.time <= span[1]:
+        raise UserMistake(
+            f"--time {arguments.time:g} is not on this flight, whose inferences cover "
+            f"{span[0]:g} to {span[1]:g} s; choose a time among these"
+        )
     for flown in flown_systems:
         if arguments.system in (None, flown.system.name):
             place = int(np.searchsorted(flown.time_s, arguments.time, side="right")) - 1

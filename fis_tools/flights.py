@@ -67,6 +67,18 @@ def read_flight(path: Path | str) -> tuple[FlownSystem, ...]:
     return tuple(_flown(recording, system) for system in _controller_of(recording).systems)
 
 
+def span_of_inference(flown_systems: Iterable[FlownSystem]) -> tuple[float, float] | None:
+    """Return from when until when the inferences of a flight hold, in seconds; None where there are none.
+
+    Each holds until the next; the last is taken to hold for as long as the one before it did.
+    """
+    times = np.unique(np.concatenate([np.empty(0), *(flown.time_s for flown in flown_systems)]))
+    if not len(times):
+        return None
+    hold = times[-1] - times[-2] if len(times) > 1 else 0.0
+    return float(times[0]), float(times[-1] + hold)
+
+
 def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[str, RuleUsage]:
     """Summarise how the rules of a controller fired along one flight or several.
 

@@ -120,6 +120,9 @@ def test_explain_takes_the_inputs_of_a_logged_flight(
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     status, told, _ = run(capsys, "explain", flight, "--time", "15", "--system", "force_z")
     assert status == 0
+    _, at_end, _ = run(capsys, "explain", flight, "--time", "40", "--system", "force_z")
+    _, at_last, _ = run(capsys, "explain", flight, "--time", "30", "--system", "force_z")
+    assert at_end == at_last != told
     _, at_sample, _ = run(capsys, "explain", flight, "--time", "10", "--system", "force_z")
     _, later, _ = run(capsys, "explain", flight, "--time", "20", "--system", "force_z")
     assert told == at_sample != later
@@ -158,6 +161,10 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["explain", "PAPER", "--inputs", "distance=nan"], "write NAME=NUMBER"),
         (["explain", "PAPER", "--time", "1"], "--time is for logged flights"),
         (["explain", "FLIGHT", "--time", "-1"], "decided nothing up to -1 s"),
+        (["explain", "FLIGHT", "--time", "99999"], "--time 99999 is not on this flight"),
+        (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "inferences cover 0 to 40 s"),
+        (["explain", "FLIGHT", "--time", "nan"], "inferences cover 0 to 40 s"),
+        (["explain", "SILENT", "--time", "5"], "decided nothing up to 5 s"),
         (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "invalid choice"),
@@ -176,6 +183,7 @@ def test_a_mistake_ends_in_one_sentence(
     places = {
         "PAPER": controller_path,
         "FLIGHT": flight,
+        "SILENT": log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0),
         "PAPER/x.csv": controller_path / "x.csv",
         "FOLDER": tmp_path,
     }
