@@ -144,6 +144,12 @@ def read_controller(path_text: str) -> FuzzyController:
         If there is none that can be read.
     """
     path = Path(path_text)
+    if not path.suffix and not path.exists():
+        raise ControllerFileError(
+            f"{path}: cannot be read (no such file or directory), and a bare name is not looked up; give the "
+            f"path of a controller file, such as FOLDER/{path.name}.yaml, of a run's folder or of a logged "
+            "flight (.mcap)"
+        )
     if path.is_dir():
         if not (path / CHAMPION).is_file():
             raise ControllerFileError(
