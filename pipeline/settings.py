@@ -84,8 +84,8 @@ class Deputy:
         )
         if not math.hypot(*self.initial_velocity_m_s) <= 1e3:
             raise SettingError(
-                f"deputy.initial_velocity_m_s is {list(self.initial_velocity_m_s)}; its length must be at most "
-                "1000 (m/s), for it is relative to the chief"
+                f"deputy.initial_velocity_m_s is {list(self.initial_velocity_m_s)}; its length must be at "
+                "most 1000 (m/s), for it is relative to the chief"
             )
         if not math.hypot(*self.initial_position_m) > 1e-6:
             raise SettingError(
@@ -189,9 +189,9 @@ class Mission:
         checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
         if self.num_controls > MOST_CONTROLS:
             raise SettingError(
-                f"duration_s is {self.duration_s:g} and control_period_s {self.control_period_s:g}, which makes "
-                f"{self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten the first "
-                "or lengthen the second"
+                f"duration_s is {self.duration_s:g} and control_period_s {self.control_period_s:g}, which "
+                f"makes {self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten "
+                "the first or lengthen the second"
             )
         checks.within("inspection_threshold_percent", self.inspection_threshold_percent, 0.0, 100.0, "%")
         damping = self.attitude.derivative_gain * self.attitude_period_s
