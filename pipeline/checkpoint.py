@@ -2,7 +2,9 @@
 
 import io
 import json
+import random
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +18,9 @@ from pipeline.artifacts import write_atomically
 Floats = NDArray[np.float64]
 
 VERSION = 1
+
+_ARRAYS = ("genomes", "fitness", "parts", "champions")
+_AFRESH = "delete it to start the training afresh"
 
 
 class CheckpointError(ValueError):
@@ -135,39 +140,66 @@ def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
     CheckpointError
         If the file is damaged, of another version, or its fingerprint differs.
     """
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
-            note = json.loads(arrays["note"].tobytes())
-            genomes, fitness, parts, champions = (
-                arrays[name] for name in ("genomes", "fitness", "parts", "champions")
-            )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    note, arrays = _read(path)
+    if note.get("version") != VERSION:
         raise CheckpointError(
-            f"{path} is not a readable checkpoint ({error}); delete it to start the training afresh"
-        ) from error
-    if note["version"] != VERSION:
-        raise CheckpointError(
-            f"{path} has checkpoint version {note['version']}, this program reads {VERSION}; "
-            "delete it to start the training afresh"
+            f"{path} has checkpoint version {note.get('version')}, this program reads {VERSION}; {_AFRESH}"
         )
+    written = note.get("fingerprint")
+    if not isinstance(written, dict):
+        raise _damaged(path)
     for name, value in fingerprint.items():
-        if note["fingerprint"].get(name) != value:
+        if written.get(name) != value:
             raise CheckpointError(
-                f"{path} was written with {name} = {note['fingerprint'].get(name)}, now it is {value}; "
+                f"{path} was written with {name} = {written.get(name)}, now it is {value}; "
                 "resume with the configuration of that run, or start a new one"
             )
+    try:
+        return _state_from(note, arrays)
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise _damaged(path) from error
+
+
+def _damaged(path: Path) -> CheckpointError:
+    return CheckpointError(f"{path} is not a readable checkpoint (damaged, or cut short); {_AFRESH}")
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read the note and the arrays of a file that `save` wrote."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise CheckpointError(f"{path} cannot be read ({error.strerror}); {_AFRESH}") from error
+    if not content.startswith(b"PK"):  # no archive; numpy would speak of pickles
+        raise _damaged(path)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            note = json.loads(archive["note"].tobytes())
+            arrays = {name: archive[name] for name in _ARRAYS}
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise _damaged(path) from error
+    if not isinstance(note, dict):
+        raise _damaged(path)
+    return note, arrays
+
+
+def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
+    """Put a state together and try its random generators."""
     generator = np.random.default_rng()
     generator.bit_generator.state = note["numpy_state"]
     version, internal, gauss = note["python_state"]
+    python_state = (version, tuple(internal), gauss)
+    random.Random().setstate(python_state)  # noqa: S311 - a trial, nothing is drawn
+    rows = zip(note["history"], arrays["champions"], strict=True)
     return State(
         round=note["round"],
         generation=note["generation"],
         evaluations=note["evaluations"],
         step_size=note["step_size"],
-        genomes=genomes,
-        fitness=fitness,
-        parts=dict(zip(note["parts"], parts, strict=True)),
-        python_state=(version, tuple(internal), gauss),
+        genomes=arrays["genomes"],
+        fitness=arrays["fitness"],
+        parts=dict(zip(note["parts"], arrays["parts"], strict=True)),
+        python_state=python_state,
         generator=generator,
-        history=[Generation(champion=c, **row) for row, c in zip(note["history"], champions, strict=True)],
+        history=[Generation(champion=champion, **row) for row, champion in rows],
     )

@@ -1,5 +1,6 @@
 """The loop: what is kept, what is evaluated, and that a seed is all that decides."""
 
+import json
 import random
 
 import numpy as np
@@ -210,6 +211,41 @@ def test_cut_checkpoint_is_refused_in_words(tmp_path, length):
     checkpoint.write_bytes(checkpoint.read_bytes()[:length])
     with pytest.raises(CheckpointError, match=r"checkpoint.npz is not a readable checkpoint .* delete it"):
         evolve(Sphere(), NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint, resume=True)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"nothing of ours", b"PK\x03\x04 nothing of ours", b"\x80\x04}."],
+)
+def test_other_files_are_refused_in_our_own_words(content, tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    checkpoint.write_bytes(content)
+    with pytest.raises(CheckpointError) as refusal:
+        evolve(Sphere(), NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint, resume=True)
+    assert str(refusal.value) == (
+        f"{checkpoint} is not a readable checkpoint (damaged, or cut short); "
+        "delete it to start the training afresh"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("version", "has checkpoint version None, this program reads 1; delete it"),
+        *((name, "is not a readable checkpoint") for name in ("fingerprint", "round", "parts", "history")),
+        *((name, "is not a readable checkpoint") for name in ("python_state", "numpy_state", "step_size")),
+    ],
+)
+def test_a_checkpoint_that_lacks_something_is_refused(name, message, tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint)
+    with np.load(checkpoint) as archive:
+        arrays = dict(archive)
+    note = json.loads(arrays.pop("note").tobytes())
+    del note[name]
+    np.savez(checkpoint, note=np.frombuffer(json.dumps(note).encode(), dtype=np.uint8), **arrays)
+    with pytest.raises(CheckpointError, match=message):
+        evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint, resume=True)
 
 
 def test_interrupt_keeps_the_champion_so_far(tmp_path):
