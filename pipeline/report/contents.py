@@ -4,7 +4,7 @@ import csv
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from pipeline.champion import controller_of_run
 from pipeline.controllers import Controller
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import fly_cases, rank, summarise
+from pipeline.objectives import Fraction, Statistic
 from pipeline.scenarios import given_start, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
@@ -24,6 +25,11 @@ from pipeline.simulation import fly_logged
 Columns = Mapping[str, NDArray[Any]]
 
 POSITION = ("position_x_m", "position_y_m", "position_z_m")
+#: what a summary says of each metric and of each share of flights
+SUMMARY_PARTS: Mapping[str, type] = {
+    **dict.fromkeys(("delta_v_m_s", "inspection_rate_percent", "mean_distance_m"), Statistic),
+    **dict.fromkeys(("success", "violated", "success_and_within_limits"), Fraction),
+}
 LOGBOOK_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", "short")
 
 
@@ -165,7 +171,7 @@ def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
     if episodes is not None and has[artifacts.TRAJECTORIES]:
         tracks = tracks_of(tables.read_parquet(folder, artifacts.TRAJECTORIES), episodes["case"])
     if has[artifacts.SUMMARY]:
-        summary = artifacts.read_json(folder, artifacts.SUMMARY)
+        summary = read_summary(folder)
     else:
         assert episodes is not None  # noqa: S101 - one of the two is there
         summary = {
@@ -174,6 +180,32 @@ def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
             **summarise(episodes, confidence_percent),
         }
     return Flights(episodes, tracks, summary)
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read the summary of the evaluation.
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If it cannot be read, or lacks a number that the stage evaluate writes.
+    """
+    summary = artifacts.read_json(folder, artifacts.SUMMARY)
+    told = summary if isinstance(summary, dict) else {}
+    numbers = {"num_cases": told.get("num_cases")}
+    for name, kind in SUMMARY_PARTS.items():
+        part = told.get(name)
+        numbers |= {
+            f"{name}.{field.name}": part.get(field.name) if isinstance(part, dict) else None
+            for field in fields(kind)
+        }
+    for name, number in numbers.items():
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise artifacts.ArtifactError(
+                f"{folder / artifacts.SUMMARY} has no number {name}, so it is no summary of an evaluation; "
+                f"repeat the stage {artifacts.WRITTEN_BY[artifacts.SUMMARY]}"
+            )
+    return told
 
 
 def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:

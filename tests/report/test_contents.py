@@ -1,11 +1,14 @@
 """What the report reads, in any order and as far as it is there."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
 
-from pipeline.artifacts import ArtifactError
-from pipeline.report.contents import command_of, gather, tracks_of
+from pipeline.artifacts import SUMMARY, ArtifactError, write_json
+from pipeline.monte_carlo import summarise
+from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.scenarios import training_scenarios
 from tests.report.runs import run_of, write_training
 
@@ -30,6 +33,28 @@ def test_trajectories_of_other_flights_are_refused(kept):
     rows = {name: column[kept] for name, column in rows.items()}
     with pytest.raises(ArtifactError, match="different flights; repeat the stage evaluate"):
         tracks_of(rows, np.array([0, 1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "missing"),
+    [
+        (lambda _: {}, "num_cases"),
+        (lambda _: [], "num_cases"),
+        (lambda whole: whole | {"violated": {}}, "violated.count"),
+        (lambda whole: whole | {"success": 0.5}, "success.count"),
+        (lambda whole: whole | {"delta_v_m_s": whole["delta_v_m_s"] | {"low": "none"}}, "delta_v_m_s.low"),
+    ],
+)
+def test_a_summary_without_its_numbers_is_refused_in_words(tmp_path, change, missing):
+    episodes = {name: np.array([1.0, 2.0]) for name in ("delta_v_m_s", "inspection_rate_percent")}
+    episodes |= {"mean_distance_m": np.array([70.0, 71.0])}
+    episodes |= {"success": np.array([True, False]), "violated": np.array([False, False])}
+    whole = {"num_cases": 2, **summarise(episodes, 95.0)}
+    write_json(tmp_path / SUMMARY, whole)
+    assert read_evaluation(tmp_path, 95.0).summary == whole
+    write_json(tmp_path / SUMMARY, change(whole))
+    with pytest.raises(ArtifactError, match=rf"no number {re.escape(missing)},.*repeat the stage evaluate"):
+        read_evaluation(tmp_path, 95.0)
 
 
 def test_the_command_is_the_one_that_was_typed(tmp_path):
