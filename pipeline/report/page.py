@@ -284,11 +284,13 @@ def _controller_facts(contents: Contents) -> list[tuple[str, str]]:
 def _provenance(manifest: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if manifest is None:
         return []
+    # an earlier report is replaced by this one: a repeated page must not differ for it
+    finished = [name for name in manifest["finished_stages"] if name != "report"]
     return [
         ("configuration, SHA-256", str(manifest["config_hash"])),
         ("seed", str(manifest["seed"])),
         ("revision of the sources", str(manifest.get("git_revision", "not in a repository"))),
-        ("stages finished before this page", ", ".join(manifest["finished_stages"]) or "none"),
+        ("stages finished before this page", ", ".join(finished) or "none"),
     ]
 
 

@@ -272,6 +272,10 @@ def test_one_flight_is_reported_alone(tmp_path):
     }
     for section in ("training", "evaluation", "distributions", "convergence"):
         assert "This run has no" in page.text[section]
+    first = (tmp_path / artifacts.REPORT).read_bytes()
+    run_of(tmp_path, ("report",), *overrides)
+    assert "report" in artifacts.read_manifest(tmp_path)["finished_stages"]
+    assert (tmp_path / artifacts.REPORT).read_bytes() == first
 
 
 def test_names_are_text_and_no_markup(trained):
