@@ -53,6 +53,8 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parent.parent
 MANIFEST_VERSION: Final = 1
+#: what is read of a manifest again
+MANIFEST_KEYS: Final[Mapping[str, type]] = {"config_hash": str, "finished_stages": list}
 #: packages whose version may change a result or a file
 LIBRARIES: Final = (
     "numpy",
@@ -231,7 +233,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     Raises
     ------
     ArtifactError
-        If it is missing, cannot be read or is of another version.
+        If it is missing, cannot be read, is of another version or lacks what is read of it.
     """
     manifest = read_json(folder, MANIFEST)
     version = manifest.get("manifest_version") if isinstance(manifest, dict) else None
@@ -240,6 +242,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{folder / MANIFEST} has manifest version {version}, this program reads {MANIFEST_VERSION}; "
             "use the program that made the run"
         )
+    for name, kind in MANIFEST_KEYS.items():
+        if not isinstance(manifest.get(name), kind):
+            raise ArtifactError(
+                f"{folder / MANIFEST} is damaged, it has no proper {name}; restore it, or start a new run"
+            )
     return dict(manifest)
 
 
