@@ -27,6 +27,7 @@ from pipeline.config import (
     check_overrides,
     compose_experiment,
     conf_folder,
+    differences,
     options,
     parse,
     rewrite_controller_paths,
@@ -68,11 +69,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
         return INTERRUPTED
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         if os.environ.get("HYDRA_FULL_ERROR") == "1":
             raise
-        sys.stderr.write(f"error: {error}\n")
+        sys.stderr.write(f"error: {_sentence(error)}\n")
         return MISTAKE
+
+
+def _sentence(error: Exception) -> str:
+    """Say what went wrong; an exhausted memory says little by itself."""
+    if not isinstance(error, MemoryError):
+        return str(error)
+    return (
+        "there is not enough memory for this; lower monte_carlo.num_cases, optimizer.population_size or "
+        "duration_s, or lengthen control_period_s"
+    )
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -157,37 +168,77 @@ def _experiment(arguments: Sequence[str], asked: argparse.Namespace, written: Se
     resumed = [text.partition("=")[2] for text in written if text.startswith("resume=")]
     if resumed:
         return _resume(Path(resumed[-1]).expanduser(), parsed)
-    given = [override.value() for override in parsed if override.key_or_group == "hydra.run.dir"]
-    if given and not asked.multirun and (Path(str(given[-1])) / artifacts.CONFIG).exists():
-        return _repeat(Path(str(given[-1])), parsed, asked)
+    folder = None if asked.multirun else _run_folder(parsed)
+    if folder is not None and any(
+        (folder / name).exists() for name in (artifacts.CONFIG, artifacts.MANIFEST)
+    ):
+        return _repeat(folder, parsed, asked)
+    keys = {override.key_or_group for override in parsed}
+    if folder is not None and "stages" in keys and EXPERIMENT not in keys:
+        raise ConfigError(
+            f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
+            "+experiment=NAME to start one there"
+        )
     if not (asked.cfg or asked.info):
         for single in single_runs(parsed):
-            _check_controller(compose_experiment(single, _own_folder(asked)).experiment)
+            _check_before(compose_experiment(single, _own_folder(asked)).experiment)
     options_alone = [word for word in arguments if word not in set(written)]
     outcomes: list[int] = []
     _through_hydra([*options_alone, *overrides], lambda config: outcomes.append(_job(config)))
     return max(outcomes, default=OK)
 
 
+def _run_folder(overrides: Sequence[Override]) -> Path | None:
+    """Return the folder that is asked for, None without one."""
+    given = [override.value() for override in overrides if override.key_or_group == "hydra.run.dir"]
+    return Path(str(given[-1])) if given else None
+
+
 def _job(config: DictConfig) -> int:
     """Run one job in the folder that Hydra has made for it."""
     plain = OmegaConf.to_container(config, resolve=True)
     assert isinstance(plain, dict)  # noqa: S101 - the composed configuration is a mapping
-    return _run({str(key): value for key, value in plain.items()}, Path(HydraConfig.get().runtime.output_dir))
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    own = {str(key): value for key, value in plain.items()}
+    try:
+        _check_vacant(folder, own)
+    except (ValueError, OSError) as error:
+        sys.stderr.write(f"error: {error}\n")
+        return MISTAKE
+    return _run(own, folder)
+
+
+def _check_vacant(folder: Path, config: dict[str, Any]) -> None:
+    """Refuse a folder whose files another run has made; the same run may be made again."""
+    if not (folder / artifacts.MANIFEST).exists():
+        return
+    if artifacts.read_manifest(folder)["config_hash"] != artifacts.config_hash(config):
+        shown = _shown(folder)
+        raise ConfigError(
+            f"{shown} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
+            f"with it by resume={shown}"
+        )
+
+
+def _shown(folder: Path) -> Path:
+    """Return a folder as it is told to people: from where they are, if it lies there."""
+    return Path(os.path.relpath(folder)) if folder.is_relative_to(Path.cwd()) else folder
 
 
 def _run(
     config: dict[str, Any], folder: Path, stages: Sequence[str] | None = None, *, resume: bool = False
 ) -> int:
     """Run stages in a folder and say where the files are."""
-    shown = Path(os.path.relpath(folder)) if folder.is_relative_to(Path.cwd()) else folder
+    shown = _shown(folder)
     sys.stderr.write(f"run folder: {shown}\n")
     try:
         run_stages(experiment_from(config, resume=resume), config, shown, stages)
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         if os.environ.get("HYDRA_FULL_ERROR") == "1":
             raise
-        sys.stderr.write(f"error: {error}\n(what the program was doing: {shown / artifacts.LOG})\n")
+        sys.stderr.write(
+            f"error: {_sentence(error)}\n(what the program was doing: {shown / artifacts.LOG})\n"
+        )
         return MISTAKE
     sys.stdout.write(f"{shown}\n")
     return OK
@@ -204,6 +255,17 @@ def _check_sweeps(overrides: Sequence[Override], asked: argparse.Namespace) -> N
             )
 
 
+def _check_before(experiment: Experiment) -> None:
+    """Refuse what a stage would refuse, before anything is made."""
+    guidance = experiment.mission.guidance
+    if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
+        raise ConfigError(
+            "guidance.engine is sklearn, which flies one flight at a time; "
+            "train with guidance.engine=compiled"
+        )
+    _check_controller(experiment)
+
+
 def _check_controller(experiment: Experiment) -> None:
     """Read the controller once before anything is made, for its mistakes to be told now."""
     from pipeline.controller_source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
@@ -214,26 +276,27 @@ def _check_controller(experiment: Experiment) -> None:
 def _resume(folder: Path, overrides: Sequence[Override]) -> int:
     """Go on where a run stopped, with its own configuration."""
     config = _config_of(folder)
+    experiment = _experiment_of(folder, config)
     for override in overrides:
-        if override.key_or_group != EXPERIMENT or override.value() != config["name"]:
+        if override.key_or_group != EXPERIMENT or override.value() != config.get("name"):
             raise ConfigError(
                 f"resume goes on with the run's own configuration; drop {override.input_line}, or start "
                 "a new run"
             )
-    experiment = experiment_from(config)
     finished = finished_stages(folder)
     left = [stage for stage in experiment.stages if stage not in finished]
     if not left:
         sys.stderr.write(f"nothing is left to do: {', '.join(finished)} are finished\n")
         sys.stdout.write(f"{folder}\n")
         return OK
-    _check_controller(experiment)
+    _check_before(replace(experiment, stages=tuple(left)))
     return _run(config, folder, left, resume=True)
 
 
 def _repeat(folder: Path, overrides: Sequence[Override], asked: argparse.Namespace) -> int:
     """Repeat stages on the files of an earlier run, with its configuration."""
     config = _config_of(folder)
+    _experiment_of(folder, config)
     stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
     if not isinstance(stages, list):
         raise ConfigError(
@@ -244,29 +307,42 @@ def _repeat(folder: Path, overrides: Sequence[Override], asked: argparse.Namespa
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], _own_folder(asked)).config
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        for key in sorted({*config, *new} - own - {"stages"}):
-            if new.get(key) != config.get(key):
-                raise ConfigError(
-                    f"{folder} was made with another {key}; drop what changes it, or start a new run "
-                    f"(then: {config.get(key)}, now: {new.get(key)})"
-                )
+        if changed := differences(config, new, {*own, "stages"}):
+            raise ConfigError(
+                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
+                "new run"
+            )
         config = {**new, "stages": config["stages"]}
     experiment = replace(experiment_from(config), stages=tuple(asked_for))
-    _check_controller(experiment)
+    _check_before(experiment)
     return _run(config, folder, asked_for)
 
 
 def _config_of(folder: Path) -> dict[str, Any]:
     """Read a run's configuration and refuse one that was edited since."""
     config = artifacts.read_config(folder)
-    if (folder / artifacts.MANIFEST).exists():
-        expected = artifacts.read_manifest(folder)["config_hash"]
-        if artifacts.config_hash(config) != expected:
-            raise artifacts.ArtifactError(
-                f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
-                "manifest's); restore it, or start a new run"
-            )
+    if not (folder / artifacts.MANIFEST).exists():
+        raise artifacts.ArtifactError(
+            f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
+            "outputs/NAME/TIME"
+        )
+    if artifacts.config_hash(config) != artifacts.read_manifest(folder)["config_hash"]:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
+            "manifest's); restore it, or start a new run"
+        )
     return config
+
+
+def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
+    """Build the experiment of a run's configuration, which this program may not have made."""
+    try:
+        return experiment_from(config)
+    except ValueError as error:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "
+            "that made the run, or start a new run"
+        ) from error
 
 
 def _through_hydra(arguments: Sequence[str], job: Callable[[DictConfig], None]) -> None:

@@ -5,7 +5,7 @@ is made: misspelled keys and options (also behind ``+`` and ``++``), missing cho
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from fnmatch import fnmatch
 from pathlib import Path
@@ -21,13 +21,15 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from pipeline.nearest import did_you_mean, nearest
-from pipeline.schema import all_keys, experiment_from, is_key
+from pipeline.schema import FREE, all_keys, experiment_from, is_key
 from pipeline.settings import Experiment
 
 CONFIG_NAME = "config"
 EXPERIMENT = "experiment"
 VERSION_BASE = "1.3"
 CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
+#: characters of a value in a message
+MOST_SHOWN = 60
 
 
 class ConfigError(ValueError):
@@ -244,6 +246,42 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
         raise ConfigError(_in_words(error, folders)) from error
     plain = cast(dict[str, Any], config)
     return Composed(plain, experiment_from(plain))
+
+
+def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection[str]) -> list[str]:
+    """Name the keys in which two configurations differ, each with both values, in short.
+
+    Parameters
+    ----------
+    then, now : mapping
+        Plain data.
+    but : collection of str
+        Keys of the first level that do not count.
+
+    Returns
+    -------
+    list of str
+        Such as ``seed (then 1, now 2)``; a controller is one value.
+    """
+
+    def walk(one: Any, other: Any, key: str) -> Iterator[str]:
+        if one == other:
+            return
+        if isinstance(one, Mapping) and isinstance(other, Mapping) and key != FREE:
+            for name in sorted({*one, *other}):
+                yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
+        else:
+            yield f"{key} (then {_short(one)}, now {_short(other)})"
+
+    first, second = (
+        {key: value for key, value in config.items() if key not in but} for config in (then, now)
+    )
+    return list(walk(first, second, ""))
+
+
+def _short(value: Any) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."
 
 
 def _missing(keys: Sequence[str], experiments: Sequence[str]) -> str:

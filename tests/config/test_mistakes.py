@@ -55,6 +55,10 @@ MISTAKES = [
     ([*FLY, "deputy.mass_kg=nan"], "deputy.mass_kg is nan; it must be a finite number"),
     ([*FLY, "attitude_period_s=3"], "the first must fit into the second a whole number of times"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),
+    (
+        ["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"],
+        "guidance.engine is sklearn, which flies one flight at a time; train with guidance.engine=compiled",
+    ),
     # files
     (
         ["+experiment=fly", "controller=nowhere.json"],

@@ -8,6 +8,7 @@ import yaml
 
 from pipeline import artifacts
 from pipeline.cli import main
+from pipeline.config import conf_folder
 from tests.config.cases import use_stages
 
 FLY = ["+experiment=fly", "controller=coast"]
@@ -204,6 +205,113 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, c
     assert "holds a run already" in capsys.readouterr().err
     assert main(["stages=[reprt]", f"hydra.run.dir={folder}"]) == 2
     assert "did you mean report?" in capsys.readouterr().err
+
+
+def test_what_differs_from_an_earlier_run_is_told_in_short(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(["+experiment=evaluate", "controller=paper"])
+    folder = run_folder("evaluate")
+    capsys.readouterr()
+    again = ["stages=[evaluate]", f"hydra.run.dir={folder}"]
+    assert main(["+experiment=evaluate", *again, "controller=paper", "seed=9", "deputy.mass_kg=13"]) == 2
+    assert capsys.readouterr().err == (
+        f"error: {folder} was made with another deputy.mass_kg (then 12.0, now 13), seed (then 1, now 9); "
+        "drop what changes that, or start a new run\n"
+    )
+    assert main([*again, "seed=9", "controller=coast"]) == 2
+    told = capsys.readouterr().err
+    assert "controller (then {'schema': " in told
+    assert "..., now {'kind': 'coast'}), name (then evaluate, now pipeline), seed (" in told
+    assert len(told) < 600
+
+
+@pytest.mark.parametrize("is_there", [False, True])
+def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, capsys):
+    called = use_stages(monkeypatch)
+    if is_there:
+        Path("typo").mkdir()
+    assert main(["stages=[report]", "hydra.run.dir=typo"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(
+        "error: typo holds no run; give the folder of a run to repeat stages of it, or add"
+    )
+    assert called == []
+    assert Path("typo").exists() is is_there
+    assert not Path("typo", ".hydra").exists()
+
+
+def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]
+    assert main([*sweep, "seed=1,2"]) == 0
+    before = {path: path.read_bytes() for path in Path("sweep").glob("?/[a-z]*.*")}
+    called = use_stages(monkeypatch)
+    capsys.readouterr()
+    assert main([*sweep, "seed=3,2"]) == 2
+    told = capsys.readouterr().err
+    assert f"{Path('sweep', '0')} holds another run; choose another hydra.run.dir" in told
+    assert f"resume={Path('sweep', '0')}" in told
+    assert [experiment.seed for _, experiment, _ in called] == [2]
+    assert all(path.read_bytes() == before[path] for path in before if path.parent.name == "0")
+
+
+def test_a_run_is_not_put_where_the_files_of_another_lie(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(EVALUATE)
+    folder = run_folder("evaluate")
+    called = use_stages(monkeypatch)
+    (folder / "config.yaml").unlink()
+    assert main([*FLY, f"hydra.run.dir={folder}"]) == 2
+    assert "has no config.yaml; choose the folder of a run" in capsys.readouterr().err
+    assert called == []
+
+
+@pytest.mark.parametrize("key", ["config_hash", "finished_stages"])
+def test_a_damaged_manifest_is_told(key, monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(FLY)
+    folder = run_folder("fly")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    del manifest[key]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    for words in (["stages=[record]", f"hydra.run.dir={folder}"], [f"resume={folder}"]):
+        assert main(words) == 2
+        told = capsys.readouterr().err
+        assert f"manifest.json is damaged, it has no proper {key}; restore it" in told
+        assert "Traceback" not in told
+
+
+def test_a_configuration_that_lacks_a_key_is_told(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(FLY)
+    folder = run_folder("fly")
+    config = artifacts.read_config(folder)
+    del config["name"]
+    artifacts.write_config(folder, config)
+    artifacts.write_json(
+        folder / "manifest.json",
+        {**artifacts.read_manifest(folder), "config_hash": artifacts.config_hash(config)},
+    )
+    assert main([f"resume={folder}", "+experiment=fly"]) == 2
+    told = capsys.readouterr().err
+    assert "config.yaml is no configuration of this program's (the key name is missing" in told
+    assert "Traceback" not in told
+
+
+def test_our_own_configurations_are_no_run(capsys):
+    assert main([f"resume={conf_folder()}"]) == 2
+    assert f"{conf_folder()} is no run's folder, it has no manifest.json" in capsys.readouterr().err
+
+
+def test_memory_that_is_not_enough_is_told_in_a_sentence(monkeypatch, capsys):
+    def fail(_experiment, _folder):
+        raise MemoryError
+
+    use_stages(monkeypatch, record=fail)
+    assert main(FLY) == 2
+    told = capsys.readouterr().err
+    assert "error: there is not enough memory for this; lower monte_carlo.num_cases" in told
+    assert "Traceback" not in told
 
 
 @pytest.mark.parametrize("error", [artifacts.ArtifactError("champion.json is missing"), OSError("disk full")])
