@@ -27,6 +27,8 @@ from pipeline.settings import Experiment
 CONFIG_NAME = "config"
 EXPERIMENT = "experiment"
 VERSION_BASE = "1.3"
+CONTROLLER = "controller"
+TABLE_SUFFIX = ".csv"
 CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
 #: characters of a value in a message
 MOST_SHOWN = 60
@@ -102,7 +104,7 @@ def rewrite_controller_paths(overrides: Iterable[str]) -> list[str]:
     rewritten = []
     for text in overrides:
         key, _, value = text.partition("=")
-        paths = _controllers(text, value) if key == "controller" else []
+        paths = _controllers(text, value) if key == CONTROLLER else []
         are_paths = [path.lower().endswith(CONTROLLER_SUFFIXES) for path in paths]
         if not any(are_paths):
             rewritten.append(text)
@@ -160,9 +162,15 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
     for choice in _choices(override, known):
         if choice not in known:
+            if group == CONTROLLER and choice.lower().endswith(TABLE_SUFFIX):
+                raise ConfigError(
+                    f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
+                    f"controller.path={choice}"
+                )
             raise ConfigError(
-                f"there is no {group}={choice}{did_you_mean(choice, known) or ';'} "
-                f"The choices are {', '.join(known)}"
+                f"there is no {group}={choice}"
+                + (f"{guess} The" if (guess := did_you_mean(choice, known)) else "; the")
+                + f" choices are {', '.join(known)}"
             )
 
 
@@ -294,6 +302,11 @@ def _missing(keys: Sequence[str], experiments: Sequence[str]) -> str:
 def _in_words(error: Exception, folders: Sequence[Path]) -> str:
     """Turn an error of Hydra's or OmegaConf's into a sentence, with the nearest option for a missing one."""
     text = _first_line(error)
+    if "'controller.path'" in text:
+        return (
+            "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
+            "table of forces controller=open_loop controller.path=PATH"
+        )
     _, marker, rest = str(error).partition("Could not find '")
     if marker:
         wanted = rest.partition("'")[0]

@@ -470,9 +470,11 @@ class Experiment:
             raise SettingError(f"stages is empty; name at least one of {', '.join(STAGES)}")
         for stage in self.stages:
             if stage not in STAGES:
+                guess = did_you_mean(stage, STAGES)
                 raise SettingError(
-                    f"stages has {stage!r}{did_you_mean(stage, STAGES) or ';'} "
-                    f"The stages are {', '.join(STAGES)}"
+                    f"stages has {stage!r}"
+                    + (f"{guess} The" if guess else "; the")
+                    + f" stages are {', '.join(STAGES)}"
                 )
         if list(self.stages) != sorted(set(self.stages), key=STAGES.index):
             raise SettingError(

@@ -32,12 +32,26 @@ MISTAKES = [
     (["+experiment=trian"], "there is no experiment=trian; did you mean train?"),
     (["+experiment=train,trian", "-m"], "there is no experiment=trian; did you mean train?"),
     ([*FLY, "sun=randm"], "there is no sun=randm; did you mean random? The choices are fixed, mixed, random"),
+    ([*FLY, "sun=qqqqqq"], "there is no sun=qqqqqq; the choices are fixed, mixed, random\n"),
+    (
+        [*FLY, "stages=[qqqqqq]"],
+        "stages has 'qqqqqq'; the stages are scenario, train, evaluate, record, report",
+    ),
     ([*FLY, "+sun=random"], "sun is chosen already; write sun=random without the +"),
     ([*FLY, "++sun=randm"], "did you mean random?"),
     (["+experiment=fly", "controller=cost"], "there is no controller=cost; did you mean coast?"),
     (
         ["+experiment=fly", "controller=file"],
         "the key controller.path has no value yet; add controller.path=",
+    ),
+    (
+        ["+experiment=fly", "controller=a/Forces.CSV"],
+        "controller=a/Forces.CSV is a table of forces, no fuzzy controller; "
+        "write controller=open_loop controller.path=a/Forces.CSV",
+    ),
+    (
+        ["+experiment=fly", "controller.path=own.json"],
+        "the controller that is chosen has no path; for a fuzzy controller write controller=PATH",
     ),
     # choices not made
     (["seed=3", "controller=coast"], "no experiment is chosen; add +experiment=NAME, where NAME is one of"),
