@@ -8,6 +8,8 @@ A state moves exactly, ``s(k+1) = Phi(T) s(k) + Gamma(T) f(k)`` (`pipeline.physi
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
 """
 
+from math import cos, sin
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -44,6 +46,8 @@ from pipeline.lanes import (
     RY,
     RZ,
     SPENT,
+    SUN_COS,
+    SUN_SIN,
     TRAVELLED,
     VX,
     VY,
@@ -177,7 +181,9 @@ def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> Non
 
 
 @njit(cache=True, error_model="numpy")
-def start_lanes(world: World, work: Workspace, starts: Floats, first: int, num_lanes: int) -> None:
+def start_lanes(
+    world: World, work: Workspace, starts: Floats, sun_angles: Floats, first: int, num_lanes: int
+) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
     lanes = work.lanes
     lanes[:] = 0.0
@@ -188,6 +194,8 @@ def start_lanes(world: World, work: Workspace, starts: Floats, first: int, num_l
         start = starts[first + min(lane, num_lanes - 1)]
         for component in range(6):
             lanes[RX + LANES * component + lane] = start[component]
+        sun_angle = sun_angles[first + min(lane, num_lanes - 1)]
+        lanes[SUN_COS + lane], lanes[SUN_SIN + lane] = cos(sun_angle), sin(sun_angle)
         lanes[Q4 + lane] = 1.0
         lanes[WZ + lane] = 2.0 * world.mean_motion  # inertial: n relative to Hill, and Hill's own
         lanes[NEAREST + lane] = np.inf
@@ -231,7 +239,7 @@ def fly(
     for system in range(len(law.axes)):
         for place in range(3):
             needs_angles |= law.signals[system, place] == LAMBDA_U or law.signals[system, place] == ETA_U
-    start_lanes(world, work, starts, first, num_lanes)
+    start_lanes(world, work, starts, sun_angles, first, num_lanes)
     lanes = work.lanes
     target, count = np.zeros(3), 0
     for k in range(world.num_controls + 1):
@@ -241,7 +249,7 @@ def fly(
             aim_plainly(world, work, lane, 0, 1, k == 0)
             for component in range(4):
                 lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
-        count = sense(world, work, sun_angles, first, num_lanes, k, needs_angles, target)
+        count = sense(world, work, num_lanes, k, needs_angles, target)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]

@@ -27,6 +27,8 @@ from pipeline.lanes import (
     RX,
     RY,
     RZ,
+    SUN_COS,
+    SUN_SIN,
     TRAVELLED,
     VELOCITY_BODY,
     VX,
@@ -148,8 +150,6 @@ def choose_cluster(
 def sense(
     world: World,
     work: Workspace,
-    sun_angles: Floats,
-    first: int,
     num_lanes: int,
     k: int,
     needs_angles: bool,
@@ -161,9 +161,12 @@ def sense(
     """
     lanes = work.lanes
     turned = world.mean_motion * world.control_period * k
+    turned_cos, turned_sin = cos(turned), sin(turned)
     count = 0.0
     for lane in range(num_lanes):
-        angle = sun_angles[first + lane] - turned
+        # by the addition theorem, so that no lane calls the library's functions
+        sun_cos = lanes[SUN_COS + lane] * turned_cos + lanes[SUN_SIN + lane] * turned_sin
+        sun_sin = lanes[SUN_SIN + lane] * turned_cos - lanes[SUN_COS + lane] * turned_sin
         rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
         vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
         q1, q2, q3, q4 = lanes[Q1 + lane], lanes[Q2 + lane], lanes[Q3 + lane], lanes[Q4 + lane]
@@ -204,8 +207,8 @@ def sense(
             c11 * b[0] + c21 * b[1] + c31 * b[2],
             c12 * b[0] + c22 * b[1] + c32 * b[2],
             c13 * b[0] + c23 * b[1] + c33 * b[2],
-            cos(angle),
-            sin(angle),
+            sun_cos,
+            sun_sin,
             world.sun_threshold,
             world.horizon,
             world.cos_half_angle_squared,

@@ -94,11 +94,12 @@ class Workspace(NamedTuple):
 
 
 # Rows of `Workspace.lanes`, as offsets: position, velocity, attitude, inertial rate, force as commanded,
-# force as applied, what has been spent and seen so far.
+# force as applied, what has been spent and seen so far, the Sun at the start.
 RX, RY, RZ, VX, VY, VZ, Q1, Q2, Q3, Q4, WX, WY, WZ = (LANES * row for row in range(13))
 GX, GY, GZ, FX, FY, FZ = (LANES * row for row in range(13, 19))
 SPENT, TRAVELLED, NEAREST, FARTHEST, LEFT, POLES, BEYOND = (LANES * row for row in range(19, 26))
-NUM_ROWS = 26
+SUN_COS, SUN_SIN = (LANES * row for row in range(26, 28))
+NUM_ROWS = 28
 
 
 class Log(NamedTuple):
