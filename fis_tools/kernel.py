@@ -122,7 +122,7 @@ def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Indices, int, int]:
 def _require_compilable(system: FuzzySystem) -> None:
     def refuse(fact: str) -> None:
         raise NotCompilable(
-            f"system {system.name!r} cannot be compiled: {fact}; evaluate it with the reference engine"
+            f"system {system.name!r} cannot be compiled: {fact}; evaluate it with fis_tools.inference"
         )
 
     if not 1 <= len(system.inputs) <= MAX_INPUTS:
@@ -163,7 +163,7 @@ def pack(*systems: FuzzySystem) -> Packed:
             if not is_unimodal(sampled):
                 raise NotCompilable(
                     f"system {system.name!r} cannot be compiled: output term {term.name!r} has more than "
-                    "one peak; evaluate it with the reference engine"
+                    "one peak; evaluate it with fis_tools.inference"
                 )
         default = 0.0 if output.default is None else output.default
         fill_output(values, rules, row, *_ends(output), np.array([default]), memberships[np.newaxis])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.kernel import Packed, layout_of, pack
+from fis_tools.kernel import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline import lanes
 from pipeline.lanes import Law
@@ -92,7 +92,8 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
     Raises
     ------
     ControllerError
-        If a system senses or drives something unknown, or an attribute is missing.
+        If a system senses or drives something unknown, an attribute is missing, or the compiled flight does
+        not cover a system.
     """
     attributes = dict(fuzzy.attributes)
     force_axes = attributes.get("force_axes", "")
@@ -131,6 +132,10 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
                 f"output {names[0]!r} of {system.name!r} is in {system.outputs[0].unit!r}; use N"
             )
         driven[names[0]] = system.name
+    try:
+        pack(*fuzzy.systems)
+    except NotCompilable as error:
+        raise ControllerError(f"controller {fuzzy.name!r} cannot fly: {error}") from error
     return Controller(fuzzy.name, fuzzy.systems, force_axes, fuzzy=fuzzy)
 
 

@@ -97,7 +97,7 @@ FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
 def test_what_the_kernel_does_not_cover_is_refused_with_the_way_out(system: FuzzySystem, fact: str) -> None:
     assert problems(system) == []
     with pytest.raises(
-        NotCompilable, match=f"'sparse' cannot be compiled: {fact}.*; evaluate it with the ref"
+        NotCompilable, match=f"'sparse' cannot be compiled: {fact}.*; evaluate it with fis_tools"
     ):
         pack(system)
 

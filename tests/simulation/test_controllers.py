@@ -51,6 +51,11 @@ def driving(system: FuzzySystem, *outputs: Variable) -> FuzzySystem:
             r"'steer_x' and 'steer_y' both drive force_x; give each axis one system",
         ),
         ((driving(X, replace(X.outputs[0], unit="mN")),), BODY, r"'force_x' of 'steer_x' is in 'mN'; use N"),
+        (
+            (replace(X, and_operator="product"),),
+            BODY,
+            r"'tried' cannot fly: system 'steer_x' cannot be compiled: only minimum",
+        ),
     ],
 )
 def test_what_cannot_fly_is_told_why(
