@@ -32,7 +32,8 @@ def test_every_option_composes(group):
     for name in options([conf_folder()])[group]:
         if "/" not in group:
             starts = ["starts=random"] if (group, name) == ("optimizer", "champion") else []
-            compose_experiment(["+experiment=fly", "controller=coast", f"{group}={name}", *starts])
+            composed = compose_experiment(["+experiment=fly", "controller=coast", f"{group}={name}", *starts])
+            assert composed.experiment.name == "fly"
 
 
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.relative_to(conf_folder()).as_posix())

@@ -191,7 +191,7 @@ def test_unusual_values_that_can_be(key, value):
     for group in groups:
         node = node[group]
     node[last] = value
-    experiment_from(config)
+    assert experiment_from(config).name == config["name"]
 
 
 @pytest.mark.parametrize("position", [[10.0, 0.0, 0.0], [0.0, -200.1, 0.0]])
