@@ -2,11 +2,13 @@
 
 numba's own cache looks at the file that holds a compiled function, not at the files of the functions it
 calls, so a change in a callee would be missed. The cache folder is therefore named after a hash of every
-source file of the packages that take part: any change of any of them starts an empty folder.
+source file that compiled code can depend on: the files that compile, and whatever they import from the same
+packages, at any remove. Any change of any of them starts an empty folder.
 """
 
 import hashlib
 import os
+import re
 import shutil
 import sys
 import time
@@ -19,17 +21,24 @@ import numba
 CACHE_NAME = "fuzzy-spacecraft-inspection"
 KEPT_DAYS = 30
 
+#: What marks a file that compiles, and the imports of a file: `from X import Y, …` and `import X`.
+COMPILES = re.compile(rb"^@(numba\.)?n?jit\b", re.MULTILINE)
+IMPORTS = re.compile(
+    rb"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE
+)
+
 #: numba makes its attributes at run time, out of a type checker's sight
 _numba_config: Any = numba.config
 
 
 def source_hash(packages: tuple[Path, ...]) -> str:
-    """Hash the Python sources of some packages together with the versions that shape compiled code.
+    """Hash the sources that compiled code depends on, together with the versions that shape it.
 
     Parameters
     ----------
     packages : tuple of Path
-        Package folders; every ``*.py`` below them counts.
+        Package folders. Of the ``*.py`` below them those count that hold a compiled function, and those that
+        they import.
 
     Returns
     -------
@@ -37,11 +46,39 @@ def source_hash(packages: tuple[Path, ...]) -> str:
         Sixteen hexadecimal digits.
     """
     digest = hashlib.sha256(f"{sys.version_info[:3]} {numba.__version__}".encode())
-    for package in packages:
-        for path in sorted(package.rglob("*.py")):
-            digest.update(path.relative_to(package.parent).as_posix().encode())
-            digest.update(path.read_bytes())
+    contents = {
+        path.relative_to(package.parent).as_posix(): path.read_bytes()
+        for package in packages
+        for path in package.rglob("*.py")
+    }
+    for name in sorted(_taking_part(contents)):
+        digest.update(name.encode())
+        digest.update(contents[name])
     return digest.hexdigest()[:16]
+
+
+def _taking_part(contents: dict[str, bytes]) -> set[str]:
+    """Return the files that compile and all that these import from among the same files."""
+    modules = {
+        name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): name for name in contents
+    }
+    found: set[str] = set()
+    waiting = [name for name, content in contents.items() if COMPILES.search(content)]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += [modules[word] for word in _imported(contents[name]) if word in modules]
+    return found
+
+
+def _imported(content: bytes) -> list[str]:
+    """Return every dotted name that may be a module among the imports of a file."""
+    words = []
+    for parent, children, whole in IMPORTS.findall(content):
+        names = [word.split()[0] for word in re.split(rb"[,()\n]", children or whole) if word.strip()]
+        words += [parent, *(parent + b"." + name for name in names)] if parent else names
+    return [word.decode() for word in words]
 
 
 def cache_root() -> Path:

@@ -27,30 +27,46 @@ def package(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_change_of_any_source_file_is_another_state(package: Path) -> None:
+#: What compiled code of the fuzzy tools depends on: the kernel, and all that it imports.
+TAKING_PART = ["kernel.py", "membership.py", "model.py", "validate.py"]
+
+
+@pytest.mark.parametrize("name", TAKING_PART)
+def test_a_change_of_a_file_that_compiled_code_depends_on_is_another_state(package: Path, name: str) -> None:
     before = compilation.source_hash((package,))
-    sources = sorted(package.rglob("*.py"))
-    assert any(path.parent != package for path in sources)
-    seen = {before}
-    for path in sources:
-        content = path.read_bytes()
-        path.write_bytes(content + b"\n")
-        seen.add(compilation.source_hash((package,)))
-        path.write_bytes(content)
-    assert len(seen) == 1 + len(sources)
+    with (package / name).open("a") as file:
+        file.write("\n")
+    assert compilation.source_hash((package,)) != before
+
+
+def test_a_change_of_any_other_file_is_the_same_state(package: Path) -> None:
+    before = compilation.source_hash((package,))
+    (package / "serialize.py").write_text("")
+    (package / "formats" / "new.py").write_text("x = 1\n")
     assert compilation.source_hash((package,)) == before
+    (package / "formats" / "new.py").write_text("@njit(cache=True)\ndef f():\n    return 1\n")
+    assert compilation.source_hash((package,)) != before
 
 
-def test_new_removed_and_renamed_source_files_are_other_states(package: Path) -> None:
-    states = [compilation.source_hash((package,))]
-    (package / "formats" / "new.py").write_text("")
-    states.append(compilation.source_hash((package,)))
-    (package / "formats" / "new.py").rename(package / "formats" / "newer.py")
-    states.append(compilation.source_hash((package,)))
-    (package / "formats" / "newer.py").unlink()
-    (package / "membership.py").unlink()
-    states.append(compilation.source_hash((package,)))
-    assert len(set(states)) == 4
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from kernels.inner import width",
+        "from kernels import inner",
+        "import kernels.inner",
+        "from kernels import (\n    caller,\n    inner,\n)",
+        "from kernels import inner as other, caller",
+    ],
+)
+def test_imports_count_at_any_remove_and_in_any_form(tmp_path: Path, line: str) -> None:
+    (tmp_path / "kernels").mkdir()
+    texts = KERNELS | {"between": line + "\n", "inner": "width = 3\n"}
+    texts["caller"] = "from kernels import between\n" + texts["caller"]
+    for name, text in texts.items():
+        (tmp_path / "kernels" / f"{name}.py").write_text(text)
+    before = compilation.source_hash((tmp_path / "kernels",))
+    (tmp_path / "kernels" / "inner.py").write_text("width = 4\n")
+    assert compilation.source_hash((tmp_path / "kernels",)) != before
 
 
 def test_other_files_and_the_place_do_not_count(package: Path, tmp_path: Path) -> None:
