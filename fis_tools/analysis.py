@@ -120,6 +120,25 @@ def firing(system: FuzzySystem, inputs: Floats) -> Floats:
     return inference.firing_strengths(system, inputs)
 
 
+def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
+    """Return samples that fill the box of a system's universes evenly, the same at each call.
+
+    The points of a Halton sequence (J. H. Halton, Numerische Mathematik 2, 1960) without its first, which
+    lies in a corner.
+
+    Returns
+    -------
+    (num_samples, num_inputs)
+    """
+    from scipy.stats import qmc  # noqa: PLC0415 - takes long to import, and few commands need it
+
+    sequence = qmc.Halton(len(system.inputs), scramble=False)
+    sequence.fast_forward(1)
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    return low + (high - low) * np.asarray(sequence.random(num_samples), dtype=np.float64)
+
+
 def surface(
     system: FuzzySystem,
     x: str | None = None,

@@ -99,19 +99,44 @@ def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[s
     ControllerFileError
         If a flight cannot be read, or the flights carry different rules.
     """
-    strengths: dict[str, list[Floats]] = {}
-    rules: dict[str, FuzzySystem] = {}
+    gathered = _gather(paths, "firing_strengths")
+    return {name: rule_usage(rows, threshold) for name, rows in gathered.items() if len(rows)}
+
+
+def inputs_along(paths: Iterable[Path | str]) -> dict[str, Floats]:
+    """Return what the systems of a controller sensed along one flight or several.
+
+    Parameters
+    ----------
+    paths : iterable of paths
+        Flights of the same controller.
+
+    Returns
+    -------
+    dict
+        By the system's name, (n, num_inputs), before values are clipped to the universes.
+
+    Raises
+    ------
+    ControllerFileError
+        If a flight cannot be read, or the flights carry different rules.
+    """
+    return _gather(paths, "inputs")
+
+
+def _gather(paths: Iterable[Path | str], column: str) -> dict[str, Floats]:
+    rows: dict[str, list[Floats]] = {}
+    systems: dict[str, FuzzySystem] = {}
     for path in paths:
         for flown in read_flight(path):
             name = flown.system.name
-            if rules.setdefault(name, flown.system) != flown.system:
+            if systems.setdefault(name, flown.system) != flown.system:
                 raise ControllerFileError(
                     f"{path} was flown with another system {name!r} than the flights before it; look at "
                     "flights of one controller at a time"
                 )
-            strengths.setdefault(name, []).append(flown.firing_strengths)
-    gathered = {name: np.concatenate(parts) for name, parts in strengths.items()}
-    return {name: rule_usage(rows, threshold) for name, rows in gathered.items() if len(rows)}
+            rows.setdefault(name, []).append(getattr(flown, column))
+    return {name: np.concatenate(parts) for name, parts in rows.items()}
 
 
 def _read(path: Path | str, topics: tuple[str, ...]) -> reader.Recording:

@@ -5,7 +5,15 @@ import pytest
 from sample_controllers import force_x_system, force_z_system, general_controller
 from scipy.special import erf
 
-from fis_tools.analysis import coverage, distinguishability, evaluate, firing, rule_usage, surface
+from fis_tools.analysis import (
+    coverage,
+    distinguishability,
+    evaluate,
+    firing,
+    rule_usage,
+    spread_inputs,
+    surface,
+)
 from fis_tools.model import Gaussian, Term, Triangular, Variable
 from fis_tools.skfuzzy_build import ReferenceEngine
 
@@ -122,3 +130,15 @@ def test_rule_usage_counts() -> None:
     np.testing.assert_array_equal(usage.max_strength, [0.9, 0.6, 0.0])
     with pytest.raises(ValueError, match="at least one"):
         rule_usage(np.empty((0, 3)))
+
+
+def test_spread_inputs_fill_the_box_evenly() -> None:
+    system = force_z_system()
+    samples = spread_inputs(system, 1024)
+    assert samples.shape == (1024, len(system.inputs))
+    np.testing.assert_array_equal(samples, spread_inputs(system, 1024))
+    for variable, column in zip(system.inputs, samples.T, strict=True):
+        counts, _ = np.histogram(column, bins=8, range=(variable.minimum, variable.maximum))
+        assert counts.sum() == 1024
+        assert counts.min() >= 124
+        assert counts.max() <= 132

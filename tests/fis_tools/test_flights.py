@@ -8,7 +8,7 @@ import pytest
 from sample_controllers import force_x_system, force_z_system, general_controller, paper_like_controller
 
 from fis_tools.analysis import rule_usage
-from fis_tools.flights import read_controller, read_flight, usage_along
+from fis_tools.flights import inputs_along, read_controller, read_flight, usage_along
 from fis_tools.formats.text import sentences
 from fis_tools.inference import infer
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -113,3 +113,10 @@ def test_a_log_that_does_not_fit_its_controller_is_refused(tmp_path: Path) -> No
             writer.fis(0.0, "force_x", [1.0, 2.0], np.zeros(25), 0.0)
         with pytest.raises(ControllerFileError, match=words):
             read_flight(path)
+
+
+def test_inputs_are_gathered_over_all_flights(tmp_path: Path) -> None:
+    controller = paper_like_controller()
+    paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
+    flown = [read_flight(path)[1].inputs for path in paths]
+    np.testing.assert_array_equal(inputs_along(paths)["force_z"], np.concatenate(flown))

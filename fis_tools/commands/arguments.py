@@ -1,0 +1,94 @@
+"""What the commands share: how a controller, a system, inputs and a place to write are asked for."""
+
+import argparse
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.validate import nearest
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+CONTROLLER_HELP = (
+    "a controller file (.json, .yaml), the folder of a run (its champion.json), or a logged flight (.mcap)"
+)
+
+
+class UserMistake(ValueError):  # noqa: N818
+    """What the person at the keyboard can put right, told in a sentence."""
+
+
+def add_command(
+    commands: Commands,
+    name: str,
+    run: Callable[[argparse.Namespace], None],
+    summary: str,
+) -> argparse.ArgumentParser:
+    """Add a command that is about one controller."""
+    command = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:])
+    command.set_defaults(run=run)
+    command.add_argument("controller", metavar="CONTROLLER", help=CONTROLLER_HELP)
+    command.add_argument("--system", metavar="NAME", help="only this system of the controller")
+    return command
+
+
+def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
+    """Keep only the system that is asked for, where one is."""
+    if name is None:
+        return controller
+    names = [system.name for system in controller.systems]
+    if name not in names:
+        raise UserMistake(f"controller {controller.name!r} has no system {name!r}; {nearest(name, names)}")
+    systems = tuple(system for system in controller.systems if system.name == name)
+    return FuzzyController(controller.name, systems, controller.attributes, controller.provenance)
+
+
+def the_system(controller: FuzzyController, name: str | None) -> FuzzySystem:
+    """Return the system that is asked for, or the only one."""
+    systems = chosen(controller, name).systems
+    if len(systems) > 1:
+        names = ", ".join(system.name for system in systems)
+        raise UserMistake(f"controller {controller.name!r} has several systems; add --system, one of {names}")
+    return systems[0]
+
+
+def assignments(words: str) -> dict[str, float]:
+    """Read ``NAME=NUMBER,NAME=NUMBER``."""
+    values = {}
+    for word in filter(None, (word.strip() for word in words.split(","))):
+        name, equals, number = word.partition("=")
+        try:
+            values[name.strip()] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals or values[name.strip()] != values[name.strip()]:
+            raise UserMistake(f"{word!r} gives no input a number; write NAME=NUMBER,NAME=NUMBER")
+    return values
+
+
+def file_name(name: str) -> str:
+    """Return a name that every file system takes."""
+    return re.sub(r"[^\w.-]+", "_", name).strip(".") or "_"
+
+
+def place_for(path: Path) -> Path:
+    """Make the folder that a file goes into; return the file's path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def write(output: str | None, content: str) -> None:
+    """Write a text to a file, or print it where none is named."""
+    if output is None:
+        print(content, end="")
+    else:
+        place_for(Path(output)).write_text(content, encoding="utf-8")
+
+
+def count(word: str) -> int:
+    """Read a number of points."""
+    if not word.isdecimal() or not 2 <= int(word) <= 1000:
+        raise argparse.ArgumentTypeError(f"{word!r} is no whole number from 2 to 1000")
+    return int(word)

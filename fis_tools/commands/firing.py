@@ -1,0 +1,56 @@
+"""`firing`: which rules fired along logged flights."""
+
+import argparse
+
+import numpy as np
+
+from fis_tools import analysis, flights
+from fis_tools.commands.arguments import Commands, chosen
+from fis_tools.formats import text
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser("firing", help="print which rules fired along logged flights")
+    command.set_defaults(run=run)
+    command.add_argument(
+        "flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) of one controller"
+    )
+    command.add_argument("--system", metavar="NAME", help="only this system")
+    command.add_argument(
+        "--threshold",
+        type=float,
+        default=analysis.FIRED,
+        help=f"a rule counts as fired from this strength on (default: {analysis.FIRED:g})",
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print which rules fired along logged flights."""
+    usages = flights.usage_along(arguments.flights, arguments.threshold)
+    controller = chosen(flights.read_controller(arguments.flights[0]), arguments.system)
+    blocks = []
+    for system in controller.systems:
+        if system.name not in usages:
+            blocks.append([f"{system.name}: it never decided anything on these flights"])
+            continue
+        usage = usages[system.name]
+        order = np.argsort(-usage.fired, kind="stable")
+        rows = [["fired", "leading", "mean", "max", "rule"]]
+        for place in order:
+            numbers = (usage.fired[place], usage.leading[place])
+            strengths = (usage.mean_strength[place], usage.max_strength[place])
+            rows.append(
+                [
+                    *(f"{100 * number:5.1f} %" for number in numbers),
+                    *(f"{number:.2f}" for number in strengths),
+                    f"{place + 1}. {text.sentence(system.rules[place])}",
+                ]
+            )
+        idle = int(np.count_nonzero(usage.fired == 0))
+        head = (
+            f"{system.name}: {usage.num_samples} inferences; {idle} of {len(system.rules)} rules never fire "
+            f"at {arguments.threshold:g} or more"
+        )
+        blocks.append([head, *text.aligned(rows, 2)])
+    print("\n\n".join("\n".join(block) for block in blocks))
