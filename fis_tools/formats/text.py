@@ -204,8 +204,8 @@ def explain(inference: Inference, most_rules: int = 8) -> str:
     lines = [f"{system.name}: {summary(system)}", "", "1. How far each input belongs to each of its terms"]
     steps = zip(system.inputs, inference.inputs, inference.clipped, inference.memberships, strict=True)
     for variable, given, clipped, memberships in steps:
-        note = f", taken as {_quantity(variable, clipped)}, the end of its range" if given != clipped else ""
-        lines.append(f"   {variable.name} = {_quantity(variable, given)}{note}")
+        note = f", taken as {quantity(variable, clipped)}, the end of its range" if given != clipped else ""
+        lines.append(f"   {variable.name} = {quantity(variable, given)}{note}")
         lines += _bars([(term.name, mu) for term, mu in zip(variable.terms, memberships, strict=True)])
     lines += ["", "2. How strongly the rules fire", *_firing_lines(inference, most_rules)]
     lines += ["", "3. What they conclude"]
@@ -214,7 +214,8 @@ def explain(inference: Inference, most_rules: int = 8) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _quantity(variable: Variable, value: float) -> str:
+def quantity(variable: Variable, value: float) -> str:
+    """Write a value of a variable with its unit, as ``0.05 m/s``."""
     return f"{number(value)} {variable.unit}".rstrip()
 
 
@@ -241,17 +242,18 @@ def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
 def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
     variable = output.variable
     cuts = [(term.name, cut) for term, cut in zip(variable.terms, output.cuts, strict=True) if cut > 0]
-    result = f"   {variable.name} = {_quantity(variable, output.value)}"
+    result = f"   {variable.name} = {quantity(variable, output.value)}"
     if output.is_default:
         return [f"{result}, its default: no rule that concludes on it fires"]
     return [
         f"   {variable.name}",
         *_bars(cuts),
-        f"{result}, the {_METHODS[system.defuzzifier]} of these terms",
+        f"{result}, the {METHODS[system.defuzzifier]} of these terms",
     ]
 
 
-_METHODS = {
+#: What a defuzzifier gives, in words.
+METHODS = {
     "centroid": "centre of area",
     "bisector": "bisector of the area",
     "mom": "mean of the highest points",
