@@ -5,12 +5,40 @@ value is not known is left out.
 """
 
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Final
 
 from telemetry.errors import RecordingError
 
 JsonValue = float | str | list[float] | list[str]
+
+#: under which a record in a file carries the checksum of its other entries: MCAP has none for metadata
+CHECKSUM_KEY: Final = "crc32"
+
+
+def sealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
+    """Add the checksum with which a metadata record stands in a file."""
+    return {**entries, CHECKSUM_KEY: _checksum(name, entries)}
+
+
+def unsealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
+    """Take the checksum off a metadata record; one that carries none, of another writer, stays as it is.
+
+    Raises
+    ------
+    ValueError
+        If the entries are not those that were sealed.
+    """
+    found = {key: value for key, value in entries.items() if key != CHECKSUM_KEY}
+    if CHECKSUM_KEY in entries and entries[CHECKSUM_KEY] != _checksum(name, found):
+        raise ValueError(f"metadata {name} does not agree with its checksum")
+    return found
+
+
+def _checksum(name: str, entries: Mapping[str, str]) -> str:
+    return f"{zlib.crc32(json.dumps([name, sorted(entries.items())]).encode()):08x}"
 
 
 @dataclass(frozen=True, kw_only=True)

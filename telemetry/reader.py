@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from telemetry import columns, topics
 from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
-from telemetry.metadata import EpisodeDescription, FisDescription
+from telemetry.metadata import EpisodeDescription, FisDescription, unsealed
 
 __all__ = ["Recording", "RecordingError", "read"]
 
@@ -165,7 +165,7 @@ def read(
         _check_summary(stream)
         reader = SeekingReader(stream, validate_crcs=True)
         chosen = _chosen_channels(path, reader, wanted)
-        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
         log_times, payloads = _messages(reader, chosen.keys(), start_s, end_s)
         return Recording(

@@ -20,6 +20,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from telemetry import topics
 from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
+from telemetry.metadata import sealed, unsealed
 from telemetry.partial_file import PARTIAL_SUFFIX, PartialFile
 from telemetry.reader import DAMAGE
 
@@ -194,7 +195,10 @@ def _parse(record_bytes: bytes) -> McapRecord:
         (checksum,) = _CHECKSUM.unpack(record_bytes[-_CHECKSUM.size :])
         if zlib.crc32(record_bytes[_FRAME.size : -_CHECKSUM.size]) != checksum:
             raise ValueError("attachment checksum")
-    return next(StreamReader(BytesIO(record_bytes), skip_magic=True, emit_chunks=True).records)
+    record = next(StreamReader(BytesIO(record_bytes), skip_magic=True, emit_chunks=True).records)
+    if isinstance(record, Metadata):
+        return Metadata(record.name, unsealed(record.name, record.metadata))
+    return record
 
 
 def _chunk_records(chunk: Chunk) -> list[McapRecord]:
@@ -222,12 +226,12 @@ def _write(source: Path, output: Path, salvage: _Salvage) -> None:
 def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
     writer.start(library="fuzzy-spacecraft-inspection telemetry recover")
     for metadata in salvage.metadata:
-        writer.add_metadata(metadata.name, metadata.metadata)
+        writer.add_metadata(metadata.name, sealed(metadata.name, metadata.metadata))
     log_times = salvage.log_times
     remark = {"source": source.name, "num_messages": str(len(log_times))}
     if log_times:
         remark["end_s"] = str(max(log_times) / NANOSECONDS)
-    writer.add_metadata(topics.RECOVERY_METADATA, remark)
+    writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
     for attachment in salvage.attachments:
         writer.add_attachment(
             attachment.create_time,

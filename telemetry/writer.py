@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from telemetry import messages, topics
 from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS, row
+from telemetry.metadata import sealed
 from telemetry.partial_file import PARTIAL_SUFFIX, PartialFile
 from telemetry.schema.inspection_pb2 import (
     AttitudeHistory,
@@ -346,7 +347,7 @@ class EpisodeWriter:
     def _write_preamble(self) -> None:
         self._mcap.start(profile="", library="fuzzy-spacecraft-inspection telemetry")
         for name, entries in self._metadata.items():
-            self._mcap.add_metadata(name, entries)
+            self._mcap.add_metadata(name, sealed(name, entries))
         for name, content in self._attachments.items():
             media_type = _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
             self._mcap.add_attachment(0, 0, name, media_type, content)

@@ -150,6 +150,24 @@ def test_a_damaged_attachment_does_not_come_back(short_file: Path, tmp_path: Pat
     assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
 
 
+def test_damaged_metadata_does_not_come_back(short_file: Path, tmp_path: Path) -> None:
+    """MCAP gives metadata no checksum, so a record carries one of its own."""
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(short_file.read_bytes().replace(b"circle-0", b"circle-8"))
+    with pytest.raises(RecordingError, match="metadata episode does not agree with its checksum"):
+        telemetry.read(path)
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    rescued = telemetry.read(tmp_path / "rescued.mcap")
+    assert set(rescued.metadata) == {"fis.f_x", "fis.f_y", "fis.f_z", "recovery"}
+    assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
+
+
+def test_metadata_of_another_writer_is_read_without_a_checksum(short_file: Path, tmp_path: Path) -> None:
+    plain = uncompressed(short_file, tmp_path)
+    assert telemetry.read(plain).metadata == {"episode": {"scenario_id": "plain"}}
+
+
 def test_a_damaged_chunk_costs_that_chunk_alone(
     short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
 ) -> None:
