@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.membership import sample_terms
-from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Variable
+from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +30,8 @@ class OutputInference:
     variable : Variable
         The output.
     cuts : (num_terms,)
-        The height each term is cut at: the strongest of its rules. NaN for a term that no rule concludes.
+        The height each term is cut at: the strongest of its rules, or as the variable accumulates them. NaN
+        for a term that no rule concludes.
     universe : (m,)
         The variable's universe with the points inserted where a cut crosses its own membership function.
     aggregated : (m,)
@@ -176,31 +178,27 @@ def _checked(system: FuzzySystem, rows: Floats) -> Floats:
 
 
 def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
-    places = {variable.name: place for place, variable in enumerate(system.inputs)}
-
-    def degree(expression: Expression) -> Floats:
-        match expression:
-            case Is(name, term):
-                place = places[name]
-                return memberships[place][:, system.inputs[place].term_index(term)]
-            case Not(operand):
-                return 1.0 - degree(operand)
-            case And(operands):
-                conjunction: Callable[[Floats, Floats], Floats] = (
-                    np.fmin if system.and_operator == "min" else np.multiply
-                )
-                return reduce(conjunction, [degree(operand) for operand in operands])
-            case Or(operands):
-                disjunction: Callable[[Floats, Floats], Floats] = (
-                    np.fmax if system.or_operator == "max" else _probabilistic_sum
-                )
-                return reduce(disjunction, [degree(operand) for operand in operands])
-
-    return np.stack([degree(rule.antecedent) for rule in system.rules], axis=1)
+    degrees = {
+        (variable.name, term.name): rows[:, index]
+        for variable, rows in zip(system.inputs, memberships, strict=True)
+        for index, term in enumerate(variable.terms)
+    }
+    return np.stack([_degree(system, rule, rule.antecedent, degrees) for rule in system.rules], axis=1)
 
 
-def _probabilistic_sum(a: Floats, b: Floats) -> Floats:
-    return a + b - a * b
+def _degree(
+    system: FuzzySystem, rule: Rule, expression: Expression, degrees: dict[tuple[str, str], Floats]
+) -> Floats:
+    match expression:
+        case Is(variable, term):
+            return degrees[variable, term]
+        case Not(operand):
+            return 1.0 - _degree(system, rule, operand, degrees)
+        case And(operands):
+            combine = AND_OPERATORS[system.and_operator_of(rule)]
+        case Or(operands):
+            combine = OR_OPERATORS[system.or_operator_of(rule)]
+    return reduce(combine, [_degree(system, rule, operand, degrees) for operand in operands])
 
 
 def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> OutputInference:
@@ -210,17 +208,20 @@ def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> Ou
     if is_default:
         value = variable.default if variable.default is not None else 0.0
     else:
-        value = _DEFUZZIFIERS[system.defuzzifier](universe, aggregated)
+        value = _DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)
 
 
 def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+    accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
     for strength, rule in zip(firing, system.rules, strict=True):
         for consequent in rule.consequents:
             if consequent.variable == variable.name:
                 index = variable.term_index(consequent.term)
-                cuts[index] = np.fmax(strength * consequent.weight, cuts[index])
+                activation = strength * consequent.weight
+                is_first = np.isnan(cuts[index])
+                cuts[index] = activation if is_first else accumulate(activation, cuts[index])
     return cuts
 
 

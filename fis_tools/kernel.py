@@ -128,8 +128,13 @@ def _require_compilable(system: FuzzySystem) -> None:
     if not 1 <= len(system.inputs) <= MAX_INPUTS:
         refuse(f"it has {len(system.inputs)} inputs, 1 to {MAX_INPUTS} are covered")
     if conjunctions(system) is None:
-        refuse("its rules are not plain conjunctions that conclude one term of one output with weight 1")
-    if (system.and_operator, system.or_operator, system.defuzzifier) != ("min", "max", "centroid"):
+        refuse(
+            "its rules are not plain conjunctions that conclude one term of one output with weight 1, "
+            "without operators of their own"
+        )
+    output = system.outputs[0]
+    methods = (system.and_operator, system.or_operator, output.accumulation, system.defuzzifier_of(output))
+    if methods != ("min", "max", "max", "centroid"):
         refuse("only minimum, maximum and centroid are covered")
     for variable in (*system.inputs, *system.outputs):
         if len(variable.terms) > MAX_TERMS:

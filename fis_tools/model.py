@@ -14,8 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom"]
-AndOperator = Literal["min", "product"]
-OrOperator = Literal["max", "probabilistic_sum"]
+AndOperator = Literal[
+    "min",
+    "product",
+    "bounded_difference",
+    "einstein_product",
+    "hamacher_product",
+    "drastic_product",
+    "nilpotent_minimum",
+]
+OrOperator = Literal[
+    "max",
+    "probabilistic_sum",
+    "bounded_sum",
+    "einstein_sum",
+    "hamacher_sum",
+    "drastic_sum",
+    "nilpotent_maximum",
+]
+Accumulation = Literal[OrOperator, "product"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +63,99 @@ class Trapezoidal:
 
 
 @dataclass(frozen=True, slots=True)
+class TwoSidedGaussian:
+    """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond."""
+
+    left_mean: float
+    left_standard_deviation: float
+    right_mean: float
+    right_standard_deviation: float
+
+
+@dataclass(frozen=True, slots=True)
+class GeneralizedBell:
+    """``1 / (1 + |(x - centre) / width|^(2 slope))``: one half at `width` from the `centre`."""
+
+    width: float
+    slope: float
+    centre: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sigmoid:
+    """``1 / (1 + exp(-slope (x - inflection)))``: 1/2 at the `inflection`; a negative `slope` falls."""
+
+    inflection: float
+    slope: float
+
+
+@dataclass(frozen=True, slots=True)
+class SigmoidDifference:
+    """The first sigmoid less the second, each as in `Sigmoid`; the first must be the higher one."""
+
+    first_inflection: float
+    first_slope: float
+    second_inflection: float
+    second_slope: float
+
+
+@dataclass(frozen=True, slots=True)
+class SigmoidProduct:
+    """The product of two sigmoids, each as in `Sigmoid`."""
+
+    first_inflection: float
+    first_slope: float
+    second_inflection: float
+    second_slope: float
+
+
+@dataclass(frozen=True, slots=True)
+class SShape:
+    """Two parabolas that rise from zero at `foot` over one half in the middle to one at `top`."""
+
+    foot: float
+    top: float
+
+
+@dataclass(frozen=True, slots=True)
+class ZShape:
+    """Two parabolas that fall from one at `top` over one half in the middle to zero at `foot`."""
+
+    top: float
+    foot: float
+
+
+@dataclass(frozen=True, slots=True)
+class PiShape:
+    """An S from `left` to `left_top`, one to `right_top`, a Z from there to `right`."""
+
+    left: float
+    left_top: float
+    right_top: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
 class Sampled:
     """Any shape: one membership value in [0, 1] for each point of the variable's universe."""
 
     values: tuple[float, ...]
 
 
-MembershipFunction = Gaussian | Triangular | Trapezoidal | Sampled
+MembershipFunction = (
+    Gaussian
+    | Triangular
+    | Trapezoidal
+    | TwoSidedGaussian
+    | GeneralizedBell
+    | Sigmoid
+    | SigmoidDifference
+    | SigmoidProduct
+    | SShape
+    | ZShape
+    | PiShape
+    | Sampled
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +188,11 @@ class Variable:
         For an output: the value when no rule fires.
     description : str
         What the variable means, in a sentence.
+    defuzzifier : str, optional
+        For an output: how it becomes a number; None for the way of its system.
+    accumulation : str
+        For an output: how the strengths of several rules that conclude one term become the height it is cut
+        at, one rule after the other. Different terms always combine by their maximum.
     """
 
     name: str
@@ -96,6 +204,8 @@ class Variable:
     points: tuple[float, ...] | None = None
     default: float | None = None
     description: str = ""
+    defuzzifier: Defuzzifier | None = None
+    accumulation: Accumulation = "max"
 
     @cached_property
     def universe(self) -> NDArray[np.float64]:
@@ -162,11 +272,21 @@ class Consequent:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """If `antecedent` then all of `consequents`."""
+    """If `antecedent` then all of `consequents`.
+
+    A rule has operators of its own where it departs from its system.
+    """
 
     antecedent: Expression
     consequents: tuple[Consequent, ...]
     label: str = ""
+    and_operator: AndOperator | None = None
+    or_operator: OrOperator | None = None
+
+    @property
+    def has_own_operators(self) -> bool:
+        """Whether it says itself how its statements combine."""
+        return self.and_operator is not None or self.or_operator is not None
 
 
 @dataclass(frozen=True)
@@ -182,9 +302,9 @@ class FuzzySystem:
     rules : tuple of Rule
         In the order in which firing strengths are reported.
     and_operator, or_operator : str
-        How statements combine.
+        How statements combine, in rules that do not say it themselves.
     defuzzifier : str
-        How the aggregated output becomes a number, by scikit-fuzzy's names.
+        How an aggregated output becomes a number, by scikit-fuzzy's names, unless it says so itself.
     """
 
     name: str
@@ -208,6 +328,18 @@ class FuzzySystem:
                 return variable
         known = ", ".join(v.name for v in (*self.inputs, *self.outputs))
         raise KeyError(f"system {self.name!r} has no variable {name!r}; its variables are {known}")
+
+    def and_operator_of(self, rule: Rule) -> AndOperator:
+        """Return how `and` combines in one of its rules."""
+        return rule.and_operator or self.and_operator
+
+    def or_operator_of(self, rule: Rule) -> OrOperator:
+        """Return how `or` combines in one of its rules."""
+        return rule.or_operator or self.or_operator
+
+    def defuzzifier_of(self, output: Variable) -> Defuzzifier:
+        """Return how one of its outputs becomes a number."""
+        return output.defuzzifier or self.defuzzifier
 
 
 @dataclass(frozen=True)
@@ -272,7 +404,7 @@ def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
     """Return the consequents of a full rule table as output term indices, or None for any other rule base.
 
     A full table has one output, one rule for each combination of input terms, in the order of
-    `table_antecedents`, each of weight one.
+    `table_antecedents`, each of weight one and without operators of its own.
 
     Returns
     -------
@@ -288,7 +420,7 @@ def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
     cells = table_antecedents(system.inputs)
     term_indices = {term.name: index for index, term in enumerate(output.terms)}
     for index, (cell, rule) in enumerate(zip(cells, system.rules, strict=True)):
-        if rule.antecedent != cell or len(rule.consequents) != 1:
+        if rule.antecedent != cell or len(rule.consequents) != 1 or rule.has_own_operators:
             return None
         consequent = rule.consequents[0]
         if consequent.variable != output.name or consequent.weight != 1.0:
@@ -306,8 +438,9 @@ def table_cells(inputs: Sequence[Variable]) -> NDArray[np.int64]:
 def conjunctions(system: FuzzySystem) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
     """Return the rules of a system as numbers where each is a plain conjunction, or None.
 
-    Such a rule base has one output, and each rule asks for at most one term of each input and concludes one
-    term with weight one. A full rule table is one, a table with cells missing too.
+    Such a rule base has one output, and each rule asks for at most one term of each input, concludes one
+    term with weight one and has no operators of its own. A full rule table is one, a table with cells missing
+    too.
 
     Returns
     -------
@@ -329,7 +462,7 @@ def conjunctions(system: FuzzySystem) -> tuple[NDArray[np.int64], NDArray[np.int
             place = places[statement.variable]
             cells[index, place] = system.inputs[place].term_index(statement.term)
         consequent = rule.consequents[0]
-        if len(rule.consequents) != 1 or consequent.weight != 1.0:
+        if len(rule.consequents) != 1 or consequent.weight != 1.0 or rule.has_own_operators:
             return None
         consequents[index] = system.outputs[0].term_index(consequent.term)
     return cells, consequents

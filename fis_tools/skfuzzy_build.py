@@ -4,7 +4,6 @@ Every call builds fresh variables. scikit-fuzzy keeps state on classes, keyed by
 control systems on the same variables can read each other's cached memberships.
 """
 
-from collections.abc import Callable
 from functools import reduce
 from operator import and_, or_
 from typing import Any
@@ -17,6 +16,7 @@ from skfuzzy.control.controlsystem import CrispValueCalculator
 
 from fis_tools.membership import sample
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.validate import validate
 
 Floats = NDArray[np.float64]
@@ -25,20 +25,12 @@ Floats = NDArray[np.float64]
 RUNS_KEPT = 1000
 
 
-def probabilistic_sum(a: Floats, b: Floats) -> Floats:
-    """Return ``a + b - a b``, the disjunction that belongs to the product."""
-    return a + b - a * b
-
-
-_AND_FUNCTIONS: dict[str, Callable[..., Any]] = {"min": np.fmin, "product": np.multiply}
-_OR_FUNCTIONS: dict[str, Callable[..., Any]] = {"max": np.fmax, "probabilistic_sum": probabilistic_sum}
-
-
 def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     """Build a scikit-fuzzy ControlSystem with variables of its own.
 
     Rules carry their labels, or their numbers from 1 on where they have none. The rule graph is composed at
-    once: ``addrule`` walks the whole graph for every rule, some seconds for 125 rules.
+    once: ``addrule`` walks the whole graph for every rule, some seconds for 125 rules. All variables are in
+    it, in order, also those that no rule mentions.
 
     Raises
     ------
@@ -47,23 +39,29 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     """
     validate(system)
     inputs = {v.name: _with_terms(control.Antecedent(v.universe, v.name), v) for v in system.inputs}
-    outputs = {
-        v.name: _with_terms(control.Consequent(v.universe, v.name, system.defuzzifier), v)
-        for v in system.outputs
-    }
+    outputs = {v.name: _with_terms(_build_output(system, v), v) for v in system.outputs}
     labels = _unique_labels(system)
     rules = [
         _build_rule(system, rule, label, inputs, outputs)
         for rule, label in zip(system.rules, labels, strict=True)
     ]
     control_system = control.ControlSystem()
-    control_system.graph = nx.compose_all([rule.graph for rule in rules])
+    variables = nx.DiGraph()
+    variables.add_nodes_from((*inputs.values(), *outputs.values()))
+    control_system.graph = nx.compose_all([variables, *(rule.graph for rule in rules)])
     return control_system
 
 
 def build_simulation(system: FuzzySystem) -> control.ControlSystemSimulation:
     """Build a simulation on a control system of its own; two simulations on one would share their inputs."""
     return control.ControlSystemSimulation(build_control_system(system))
+
+
+def _build_output(system: FuzzySystem, variable: Variable) -> control.Consequent:
+    output = control.Consequent(variable.universe, variable.name, system.defuzzifier_of(variable))
+    if variable.accumulation != "max":
+        output.accumulation_method = ACCUMULATIONS[variable.accumulation]
+    return output
 
 
 def _with_terms(fuzzy_variable: Any, variable: Variable) -> Any:
@@ -90,8 +88,8 @@ def _build_rule(
         antecedent=_build_expression(rule.antecedent, inputs),
         consequent=[_build_consequent(consequent, outputs) for consequent in rule.consequents],
         label=label,
-        and_func=_AND_FUNCTIONS[system.and_operator],
-        or_func=_OR_FUNCTIONS[system.or_operator],
+        and_func=AND_OPERATORS[system.and_operator_of(rule)],
+        or_func=OR_OPERATORS[system.or_operator_of(rule)],
     )
 
 
@@ -127,7 +125,6 @@ class ReferenceEngine:
             build_control_system(system), flush_after_run=2 * RUNS_KEPT
         )
         self._runs = 0
-        self._input_names = {variable.label for variable in self._simulation.ctrl.antecedents}
         self._outputs = {variable.label: variable for variable in self._simulation.ctrl.consequents}
 
     def compute(self, inputs: Floats) -> Floats:
@@ -157,8 +154,7 @@ class ReferenceEngine:
         if self._runs % RUNS_KEPT == 0:
             self._simulation.reset()
         for variable, value in zip(self.system.inputs, values, strict=True):
-            if variable.name in self._input_names:
-                self._simulation.input[variable.name] = float(value)
+            self._simulation.input[variable.name] = float(value)
         # A repeated input that fires no rule leaves the previous output in place: start from none.
         self._simulation.output = {}
         with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
@@ -173,7 +169,7 @@ class ReferenceEngine:
 
     def _fires(self, variable: Variable) -> bool:
         """Tell whether anything is left to defuzzify; scikit-fuzzy asks this for areas only."""
-        if self.system.defuzzifier in {"centroid", "bisector"}:
+        if self.system.defuzzifier_of(variable) in {"centroid", "bisector"}:
             return True
         calculator = CrispValueCalculator(self._outputs[variable.name], self._simulation)
         _, aggregated, _ = calculator.find_memberships()

@@ -9,8 +9,9 @@ from typing import get_args
 
 import numpy as np
 
-from fis_tools.membership import sample
+from fis_tools.membership import shape_values
 from fis_tools.model import (
+    Accumulation,
     And,
     AndOperator,
     Defuzzifier,
@@ -18,15 +19,22 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Gaussian,
+    GeneralizedBell,
     Is,
+    MembershipFunction,
     Not,
     Or,
     OrOperator,
+    PiShape,
+    Rule,
     Sampled,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
 )
 
 #: The terms of each variable, in order.
@@ -34,6 +42,8 @@ Vocabulary = dict[str, dict[str, None]]
 
 #: Names that a suggestion looks at.
 MOST_NAMES = 50
+#: Memberships that rounding may put outside [0, 1].
+ROUNDING = 1e-12
 #: How deep and, or and not may be nested in one antecedent.
 MAX_NESTING = 20
 
@@ -82,13 +92,7 @@ def problems(system: FuzzySystem) -> list[str]:
     """
     where = f"system {system.name!r}"
     found = list(_name_problems("a system", system.name))
-    for kind, chosen, allowed in (
-        ("and_operator", system.and_operator, get_args(AndOperator)),
-        ("or_operator", system.or_operator, get_args(OrOperator)),
-        ("defuzzifier", system.defuzzifier, get_args(Defuzzifier)),
-    ):
-        if chosen not in allowed:
-            found.append(f"{where}: {kind} {chosen!r} is not known; use one of {', '.join(allowed)}")
+    found += (f"{where}: {problem}" for problem in _choice_problems(system))
     for kind, variables in (("inputs", system.inputs), ("outputs", system.outputs)):
         if not variables:
             found.append(f"{where} has no {kind}; a system needs at least one, so add a variable")
@@ -96,9 +100,26 @@ def problems(system: FuzzySystem) -> list[str]:
     found += _duplicates(where, "variables", (variable.name for variable in everything))
     for variable in everything:
         found += (f"{where}, {problem}" for problem in _variable_problems(variable))
-    found += (f"{where}, {problem}" for problem in _default_problems(system))
+    found += (f"{where}, {problem}" for problem in _output_problems(system))
     found += (f"{where}, {problem}" for problem in _rule_base_problems(system))
     return found
+
+
+_CHOICES = {
+    "and_operator": get_args(AndOperator),
+    "or_operator": get_args(OrOperator),
+    "defuzzifier": get_args(Defuzzifier),
+    "accumulation": get_args(Accumulation),
+}
+
+
+def _choice_problems(chooser: FuzzySystem | Variable | Rule) -> Iterator[str]:
+    """Tell which operators and methods do not exist; None leaves the choice to the system."""
+    for kind, allowed in _CHOICES.items():
+        chosen = getattr(chooser, kind, allowed[0])
+        is_left = chosen is None and not isinstance(chooser, FuzzySystem)
+        if chosen not in allowed and not is_left:
+            yield f"{kind} {chosen!r} is not known; use one of {', '.join(allowed)}"
 
 
 def _name_problems(what: str, name: str) -> Iterator[str]:
@@ -158,44 +179,71 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
 
 
 def _shape_problems(variable: Variable, term: Term) -> Iterator[str]:
-    match term.membership:
-        case Gaussian(mean, standard_deviation):
-            if not (math.isfinite(mean) and math.isfinite(standard_deviation)):
-                yield f"mean {mean} and standard deviation {standard_deviation} must be finite numbers"
-            elif not standard_deviation > 0:
-                yield f"standard deviation {standard_deviation} is not positive; give a number above 0"
-            elif not 0 < 2 * standard_deviation * standard_deviation < math.inf:
-                yield f"the square of standard deviation {standard_deviation} under- or overflows; change it"
-        case Triangular(left, peak, right):
-            yield from _corner_problems("left, peak, right", (left, peak, right))
-        case Trapezoidal(left, left_top, right_top, right):
-            yield from _corner_problems(
-                "left, left_top, right_top, right", (left, left_top, right_top, right)
-            )
-        case Sampled(values):
-            if len(values) != variable.num_points:
-                yield (
-                    f"{len(values)} membership values are given for a universe of {variable.num_points} "
-                    "points; give one for each point"
-                )
-            if not all(0.0 <= value <= 1.0 for value in values):
-                yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
+    shape = term.membership
+    if isinstance(shape, Sampled):
+        yield from _value_problems(variable, shape)
+        return
+    parameters = {name: getattr(shape, name) for name in shape.__slots__}
+    if not all(math.isfinite(value) for value in parameters.values()):
+        yield f"{_listed(parameters)} must be finite numbers"
+        return
+    match shape:
+        case Gaussian(_, standard_deviation):
+            yield from _spread_problems("standard deviation", standard_deviation)
+        case TwoSidedGaussian(left_mean, left, right_mean, right):
+            yield from _spread_problems("left standard deviation", left)
+            yield from _spread_problems("right standard deviation", right)
+            if left_mean > right_mean:
+                yield f"left_mean, right_mean = {(left_mean, right_mean)} do not ascend; put them in order"
+        case GeneralizedBell(width, slope, _):
+            for name, value in (("width", width), ("slope", slope)):
+                if not value > 0:
+                    yield f"{name} {value} is not positive; give a number above 0"
+        case Triangular() | Trapezoidal() | SShape() | ZShape() | PiShape():
+            yield from _corner_problems(shape, parameters)
 
 
-def _corner_problems(names: str, corners: tuple[float, ...]) -> Iterator[str]:
-    if not all(math.isfinite(corner) for corner in corners):
-        yield f"{names} = {corners} must be finite numbers"
-    elif list(corners) != sorted(corners):
-        yield f"{names} = {corners} do not ascend; put them in order"
+def _listed(parameters: dict[str, float]) -> str:
+    values = tuple(parameters.values())
+    return f"{', '.join(parameters)} = {values if len(values) > 1 else values[0]}"
+
+
+def _spread_problems(name: str, value: float) -> Iterator[str]:
+    if not value > 0:
+        yield f"{name} {value} is not positive; give a number above 0"
+    elif not 0 < 2 * value * value < math.inf:
+        yield f"the square of {name} {value} under- or overflows; change it"
+
+
+def _corner_problems(shape: MembershipFunction, corners: dict[str, float]) -> Iterator[str]:
+    values = list(corners.values())
+    if values != sorted(values):
+        yield f"{_listed(corners)} do not ascend; put them in order"
+        return
+    flanks = {SShape: [(0, 1)], ZShape: [(0, 1)], PiShape: [(0, 1), (2, 3)]}.get(type(shape), [])
+    if any(values[left] == values[right] for left, right in flanks):
+        yield f"{_listed(corners)} leave a flank no width; make it wider, or use a trapezoidal shape"
+
+
+def _value_problems(variable: Variable, shape: Sampled) -> Iterator[str]:
+    if len(shape.values) != variable.num_points:
+        yield (
+            f"{len(shape.values)} membership values are given for a universe of {variable.num_points} "
+            "points; give one for each point"
+        )
+    if not all(0.0 <= value <= 1.0 for value in shape.values):
+        yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
 
 
 def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
-    values = sample(variable, term)
+    values = shape_values(variable.universe, term.membership)
     if not np.all(np.isfinite(values)):
         yield "a sampled membership is not a number; the parameters are too extreme, so change them"
+    elif values.min() < -ROUNDING:
+        yield f"the membership falls to {values.min():.3g}, below 0; make the first sigmoid the higher one"
 
 
-def _default_problems(system: FuzzySystem) -> Iterator[str]:
+def _output_problems(system: FuzzySystem) -> Iterator[str]:
     for variable in system.outputs:
         if variable.default is None:
             yield (
@@ -204,9 +252,12 @@ def _default_problems(system: FuzzySystem) -> Iterator[str]:
             )
         elif not math.isfinite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
+        yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
     for variable in system.inputs:
-        if variable.default is not None:
-            yield f"input {variable.name!r} has a default; only outputs have one, so drop it"
+        for key, unset in (("default", None), ("defuzzifier", None), ("accumulation", "max")):
+            if getattr(variable, key) != unset:
+                article = "an" if key[0] == "a" else "a"
+                yield f"input {variable.name!r} has {article} {key}; only outputs have one, so drop it"
 
 
 def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
@@ -219,6 +270,7 @@ def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
         where = f"rule {number}"
         if rule.label and not rule.label.isprintable():
             yield f"{where}: the label {rule.label!r} is not printable; drop the control characters"
+        yield from (f"{where}: {problem}" for problem in _choice_problems(rule))
         yield from (f"{where}: {problem}" for problem in _expression_problems(inputs, rule.antecedent, 0))
         if not rule.consequents:
             yield f"{where} concludes nothing; give it at least one consequent"

@@ -96,8 +96,9 @@ def pack(systems: Sequence[FuzzySystem]) -> PackedSystems:
 
 
 def _table(system: FuzzySystem) -> Integers:
-    table = rule_table(system)
-    if table is None or system.and_operator != "min" or system.defuzzifier != "centroid":
+    table, output = rule_table(system), system.outputs[0]
+    methods = (system.and_operator, output.accumulation, system.defuzzifier_of(output))
+    if table is None or methods != ("min", "max", "centroid"):
         raise ValueError(
             f"system {system.name!r} is not a full rule table with minimum and centroid, which is all the "
             "reference flight evaluates; fly it with another engine"

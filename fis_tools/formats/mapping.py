@@ -3,12 +3,14 @@
 The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, ``attributes``,
 ``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and ``rules``. A variable has
 ``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of it), ``terms``, maybe a
-``description``, and, for an output, ``default``. The keys of a term tell its shape. A full rule table is
-the list of its output terms, the last input changing fastest; any other rule base is a list of ``{if: ...,
-then: [...]}`` with ``is``, ``and``, ``or``, ``not`` nested.
+``description``, and, for an output, ``default`` and maybe ``defuzzifier`` and ``accumulation``. The keys of
+a term tell its shape, where ``shape`` does not. A full rule table is the list of its output terms, the last
+input changing fastest; any other rule base is a list of ``{if: ..., then: [...]}`` with ``is``, ``and``,
+``or``, ``not`` nested, and maybe a ``label``, an ``and_operator`` and an ``or_operator``.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from typing import Any, TypeVar
 
 from fis_tools.model import (
@@ -18,16 +20,24 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Gaussian,
+    GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
+    PiShape,
     Rule,
     Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
     rule_table,
     table_rules,
 )
@@ -47,11 +57,24 @@ MOST_POINTS = 10_001
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
 
-_SHAPES: dict[str, tuple[type[Gaussian | Triangular | Trapezoidal], tuple[str, ...]]] = {
-    "gaussian": (Gaussian, ("mean", "standard_deviation")),
-    "triangular": (Triangular, ("left", "peak", "right")),
-    "trapezoidal": (Trapezoidal, ("left", "left_top", "right_top", "right")),
+_SHAPES: dict[str, type[MembershipFunction]] = {
+    "gaussian": Gaussian,
+    "triangular": Triangular,
+    "trapezoidal": Trapezoidal,
+    "sampled": Sampled,
+    "two_sided_gaussian": TwoSidedGaussian,
+    "generalized_bell": GeneralizedBell,
+    "sigmoid": Sigmoid,
+    "sigmoid_difference": SigmoidDifference,
+    "sigmoid_product": SigmoidProduct,
+    "s_shape": SShape,
+    "z_shape": ZShape,
+    "pi_shape": PiShape,
 }
+#: The keys of each shape, which are the names of its parameters.
+_KEYS = {name: tuple(str(field.name) for field in fields(shape)) for name, shape in _SHAPES.items()}
+#: Shapes that their keys alone tell.
+_TOLD_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
 _Item = TypeVar("_Item")
 
 # Writing.
@@ -101,6 +124,10 @@ def _variable_mapping(variable: Variable) -> dict[str, Any]:
         mapping["universe"] = [float(point) for point in variable.points]
     if variable.default is not None:
         mapping["default"] = float(variable.default)
+    if variable.defuzzifier is not None:
+        mapping["defuzzifier"] = variable.defuzzifier
+    if variable.accumulation != "max":
+        mapping["accumulation"] = variable.accumulation
     mapping["terms"] = [
         {"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms
     ]
@@ -110,8 +137,9 @@ def _variable_mapping(variable: Variable) -> dict[str, Any]:
 def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
     if isinstance(membership, Sampled):
         return {"values": [float(value) for value in membership.values]}
-    names = next(names for shape, names in _SHAPES.values() if isinstance(membership, shape))
-    return {name: float(getattr(membership, name)) for name in names}
+    name = next(name for name, shape in _SHAPES.items() if isinstance(membership, shape))
+    told = {} if name in _TOLD_BY_KEYS else {"shape": name}
+    return {**told, **{key: float(getattr(membership, key)) for key in _KEYS[name]}}
 
 
 def _rules_list(system: FuzzySystem) -> list[Any]:
@@ -122,7 +150,8 @@ def _rules_list(system: FuzzySystem) -> list[Any]:
 
 
 def _rule_mapping(rule: Rule) -> dict[str, Any]:
-    mapping: dict[str, Any] = {"label": rule.label} if rule.label else {}
+    own = (("label", rule.label), ("and_operator", rule.and_operator), ("or_operator", rule.or_operator))
+    mapping: dict[str, Any] = {key: word for key, word in own if word}
     mapping["if"] = _expression_mapping(rule.antecedent)
     mapping["then"] = [
         {"variable": c.variable, "term": c.term, "weight": float(c.weight)} for c in rule.consequents
@@ -243,17 +272,16 @@ def _fact(value: Any, where: str) -> str:
 
 
 def _system(value: Any, where: str) -> FuzzySystem:
-    options = {"and_operator": "min", "or_operator": "max", "defuzzifier": "centroid"}
-    _check_keys(value, where, ("name", "inputs", "outputs", "rules"), tuple(options))
+    options = ("and_operator", "or_operator", "defuzzifier")
+    _check_keys(value, where, ("name", "inputs", "outputs", "rules"), options)
     inputs = tuple(_items(value["inputs"], f"{where}.inputs", _variable))
     outputs = tuple(_items(value["outputs"], f"{where}.outputs", _output))
-    chosen = {key: _text(value.get(key, default), f"{where}.{key}") for key, default in options.items()}
     return FuzzySystem(
         name=_text(value["name"], f"{where}.name"),
         inputs=inputs,
         outputs=outputs,
         rules=_rules(value["rules"], f"{where}.rules", inputs, outputs),
-        **chosen,  # type: ignore[arg-type]  # `controller_problems` refuses unknown names
+        **_chosen(value, where, options),
     )
 
 
@@ -262,13 +290,17 @@ def _output(value: Any, where: str) -> Variable:
         raise ControllerFileError(
             f"{where} has no default; declare default: the output when no rule fires (0 is usual for a force)"
         )
-    return _variable(value, where, ("default",))
+    return _variable(value, where, ("default",), ("defuzzifier", "accumulation"))
 
 
-def _variable(value: Any, where: str, more: tuple[str, ...] = ()) -> Variable:
+def _variable(
+    value: Any, where: str, required: tuple[str, ...] = (), optional: tuple[str, ...] = ()
+) -> Variable:
     is_listed = isinstance(value, Mapping) and "universe" in value
     extent = ("universe",) if is_listed else ("range",)
-    _check_keys(value, where, ("name", *extent, "terms", *more), ("unit", "points", "description"))
+    _check_keys(
+        value, where, ("name", *extent, "terms", *required), ("unit", "points", "description", *optional)
+    )
     points: tuple[float, ...] | None = None
     if is_listed:
         points = tuple(_items(value["universe"], f"{where}.universe", _number))
@@ -290,35 +322,41 @@ def _variable(value: Any, where: str, more: tuple[str, ...] = ()) -> Variable:
         terms=tuple(_items(value["terms"], f"{where}.terms", _term)),
         num_points=len(points) if points else _count(value.get("points", 101), f"{where}.points"),
         points=points,
-        default=_number(value["default"], f"{where}.default") if more else None,
+        default=_number(value["default"], f"{where}.default") if required else None,
         description=_text(value.get("description", ""), f"{where}.description"),
+        **_chosen(value, where, optional),
     )
+
+
+def _chosen(value: Any, where: str, keys: Sequence[str]) -> dict[str, Any]:
+    """Read words that name an operator or a method; `controller_problems` refuses unknown ones."""
+    return {key: _text(value[key], f"{where}.{key}") for key in keys if key in value}
 
 
 def _term(value: Any, where: str) -> Term:
     shape = _shape_of(value, where)
-    keys = ("values",) if shape == "sampled" else _SHAPES[shape][1]
-    _check_keys(value, where, ("name", *keys), ("shape",))
+    _check_keys(value, where, ("name", *_KEYS[shape]), ("shape",))
     name = _text(value["name"], f"{where}.name")
     if shape == "sampled":
         return Term(name, Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
-    return Term(name, _SHAPES[shape][0](*(_number(value[key], f"{where}.{key}") for key in keys)))
+    numbers = {key: _number(value[key], f"{where}.{key}") for key in _KEYS[shape]}
+    return Term(name, _SHAPES[shape](**numbers))  # type: ignore[arg-type]  # only `Sampled` takes no numbers
 
 
 def _shape_of(value: Any, where: str) -> str:
     """Name the shape of a term: what it says itself, or the one that most of its keys belong to."""
-    keys_of = {shape: set(keys) for shape, (_, keys) in _SHAPES.items()} | {"sampled": {"values"}}
     if not isinstance(value, Mapping):
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected a mapping with name, mean, standard_deviation"
         )
     if "shape" in value:
         shape = _text(value["shape"], f"{where}.shape")
-        if shape not in keys_of:
-            raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, keys_of)}")
+        if shape not in _SHAPES:
+            raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, _SHAPES)}")
         return shape
     given = set(value)
-    return max(keys_of, key=lambda shape: (len(keys_of[shape] & given), -len(keys_of[shape] - given)))
+    missed = {shape: len(set(_KEYS[shape]) - given) for shape in _TOLD_BY_KEYS}
+    return max(_TOLD_BY_KEYS, key=lambda shape: (len(_KEYS[shape]) - missed[shape], -missed[shape]))
 
 
 def _rules(
@@ -338,11 +376,13 @@ def _rules(
 
 
 def _rule(value: Any, where: str) -> Rule:
-    _check_keys(value, where, ("if", "then"), ("label",))
+    operators = ("and_operator", "or_operator")
+    _check_keys(value, where, ("if", "then"), ("label", *operators))
     return Rule(
         antecedent=_expression(value["if"], f"{where}.if", 0),
         consequents=tuple(_items(value["then"], f"{where}.then", _consequent)),
         label=_text(value.get("label", ""), f"{where}.label"),
+        **_chosen(value, where, operators),
     )
 
 

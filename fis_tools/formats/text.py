@@ -13,15 +13,23 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Gaussian,
+    GeneralizedBell,
     Is,
     Not,
     Or,
+    PiShape,
     Rule,
     Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
     rule_table,
 )
 
@@ -70,8 +78,14 @@ def consequent_words(consequents: Sequence[Consequent]) -> str:
 
 
 def sentence(rule: Rule) -> str:
-    """Say a rule: ``If distance is near and velocity is still then force is PS``."""
-    return f"If {antecedent_words(rule.antecedent)} then {consequent_words(rule.consequents)}"
+    """Say a rule: ``If distance is near and velocity is still then force is PS``.
+
+    Operators of its own stand before the conclusion: ``If ... (and: product) then ...``.
+    """
+    named = (("and", rule.and_operator), ("or", rule.or_operator))
+    own = ", ".join(f"{word}: {operator}" for word, operator in named if operator)
+    note = f" ({own})" if own else ""
+    return f"If {antecedent_words(rule.antecedent)}{note} then {consequent_words(rule.consequents)}"
 
 
 def sentences(system: FuzzySystem) -> list[str]:
@@ -79,7 +93,7 @@ def sentences(system: FuzzySystem) -> list[str]:
     return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
 
 
-def shape_words(term: Term) -> str:
+def shape_words(term: Term) -> str:  # noqa: PLR0911 - one a shape
     """Say a term's membership function: ``Gaussian, mean 0, standard deviation 25``."""
     match term.membership:
         case Gaussian(mean, standard_deviation):
@@ -87,10 +101,37 @@ def shape_words(term: Term) -> str:
         case Triangular(left, peak, right):
             return f"triangle from {number(left)} over {number(peak)} to {number(right)}"
         case Trapezoidal(left, left_top, right_top, right):
-            top = f"{number(left_top)} to {number(right_top)}"
-            return f"trapezoid from {number(left)} over {top} to {number(right)}"
+            top_words = f"{number(left_top)} to {number(right_top)}"
+            return f"trapezoid from {number(left)} over {top_words} to {number(right)}"
+        case TwoSidedGaussian():
+            return _two_sided_words(term.membership)
+        case GeneralizedBell(width, slope, centre):
+            return f"bell, half width {number(width)}, slope {number(slope)}, centre {number(centre)}"
+        case Sigmoid(inflection, slope):
+            return _sigmoid_words(inflection, slope)
+        case SigmoidDifference(first, first_slope, second, second_slope):
+            return f"{_sigmoid_words(first, first_slope)}, less {_sigmoid_words(second, second_slope)}"
+        case SigmoidProduct(first, first_slope, second, second_slope):
+            return f"{_sigmoid_words(first, first_slope)}, times {_sigmoid_words(second, second_slope)}"
+        case SShape(foot, top):
+            return f"S shape from {number(foot)} up to {number(top)}"
+        case ZShape(top, foot):
+            return f"Z shape from {number(top)} down to {number(foot)}"
+        case PiShape(left, left_top, right_top, right):
+            top_words = f"{number(left_top)} to {number(right_top)}"
+            return f"pi shape from {number(left)} over {top_words} to {number(right)}"
         case Sampled(values):
             return f"sampled at {len(values)} points"
+
+
+def _two_sided_words(shape: TwoSidedGaussian) -> str:
+    means = f"{number(shape.left_mean)} to {number(shape.right_mean)}"
+    spreads = f"{number(shape.left_standard_deviation)} and {number(shape.right_standard_deviation)}"
+    return f"two-sided Gaussian, one from {means}, standard deviations {spreads}"
+
+
+def _sigmoid_words(inflection: float, slope: float) -> str:
+    return f"sigmoid, inflection {number(inflection)}, slope {number(slope)}"
 
 
 def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
@@ -148,9 +189,11 @@ def summary(system: FuzzySystem) -> str:
     """Say in one line what a system is made of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
+    own = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
+    own += [f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"]
     return (
         f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "
-        f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}"
+        f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(own)}"
     )
 
 

@@ -1,0 +1,96 @@
+"""How degrees of truth combine: the operators behind `and` and `or`, by name.
+
+Each takes arrays, or numbers, in [0, 1]. The or-operators are the duals of the and-operators in the same
+place: ``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar and Pap, *Triangular Norms*
+(2000), names as in fuzzylite and Octave's fuzzy-logic-toolkit.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.model import Accumulation, AndOperator, OrOperator
+
+Floats = NDArray[np.float64]
+Operator = Callable[[Floats, Floats], Floats]
+
+
+def bounded_difference(a: Floats, b: Floats) -> Floats:
+    """Return ``max(a + b - 1, 0)``, the conjunction of Łukasiewicz."""
+    return np.fmax(a + b - 1.0, 0.0)
+
+
+def einstein_product(a: Floats, b: Floats) -> Floats:
+    """Return ``a b / (2 - (a + b - a b))``."""
+    return a * b / (2.0 - (a + b - a * b))
+
+
+def hamacher_product(a: Floats, b: Floats) -> Floats:
+    """Return ``a b / (a + b - a b)``; zero where both are zero."""
+    both = a * b
+    either = a + b - both
+    return both / np.where(either == 0.0, 1.0, either)
+
+
+def drastic_product(a: Floats, b: Floats) -> Floats:
+    """Return the one where the other is one, else zero."""
+    return np.where(b == 1.0, a, np.where(a == 1.0, b, 0.0))
+
+
+def nilpotent_minimum(a: Floats, b: Floats) -> Floats:
+    """Return the smaller where ``a + b > 1``, else zero."""
+    return np.where(a + b > 1.0, np.fmin(a, b), 0.0)
+
+
+def probabilistic_sum(a: Floats, b: Floats) -> Floats:
+    """Return ``a + b - a b``, the disjunction that belongs to the product."""
+    return a + b - a * b
+
+
+def bounded_sum(a: Floats, b: Floats) -> Floats:
+    """Return ``min(a + b, 1)``, the disjunction of Łukasiewicz."""
+    return np.fmin(a + b, 1.0)
+
+
+def einstein_sum(a: Floats, b: Floats) -> Floats:
+    """Return ``(a + b) / (1 + a b)``."""
+    return (a + b) / (1.0 + a * b)
+
+
+def hamacher_sum(a: Floats, b: Floats) -> Floats:
+    """Return ``(a + b - 2 a b) / (1 - a b)``; one where both are one."""
+    both = a * b
+    return np.where(both == 1.0, 1.0, (a + b - 2.0 * both) / np.where(both == 1.0, 1.0, 1.0 - both))
+
+
+def drastic_sum(a: Floats, b: Floats) -> Floats:
+    """Return the one where the other is zero, else one."""
+    return np.where(b == 0.0, a, np.where(a == 0.0, b, 1.0))
+
+
+def nilpotent_maximum(a: Floats, b: Floats) -> Floats:
+    """Return the larger where ``a + b < 1``, else one."""
+    return np.where(a + b < 1.0, np.fmax(a, b), 1.0)
+
+
+AND_OPERATORS: dict[AndOperator, Operator] = {
+    "min": np.fmin,
+    "product": np.multiply,
+    "bounded_difference": bounded_difference,
+    "einstein_product": einstein_product,
+    "hamacher_product": hamacher_product,
+    "drastic_product": drastic_product,
+    "nilpotent_minimum": nilpotent_minimum,
+}
+OR_OPERATORS: dict[OrOperator, Operator] = {
+    "max": np.fmax,
+    "probabilistic_sum": probabilistic_sum,
+    "bounded_sum": bounded_sum,
+    "einstein_sum": einstein_sum,
+    "hamacher_sum": hamacher_sum,
+    "drastic_sum": drastic_sum,
+    "nilpotent_maximum": nilpotent_maximum,
+}
+ACCUMULATIONS: dict[Accumulation, Operator] = {"product": np.multiply}
+ACCUMULATIONS.update(OR_OPERATORS.items())
