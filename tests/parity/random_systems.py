@@ -1,31 +1,49 @@
 """Random fuzzy systems and inputs that look for trouble: everything drawn from the generator given."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model import (
+    Accumulation,
     And,
+    AndOperator,
     Consequent,
+    Defuzzifier,
     Expression,
     FuzzySystem,
     Gaussian,
+    GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
+    OrOperator,
+    PiShape,
     Rule,
     Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
     table_rules,
 )
 
 Floats = NDArray[np.float64]
-DEFUZZIFIERS = ("centroid", "bisector", "mom", "som", "lom")
+DEFUZZIFIERS: tuple[Defuzzifier, ...] = get_args(Defuzzifier)
+AND_OPERATORS: tuple[AndOperator, ...] = get_args(AndOperator)
+OR_OPERATORS: tuple[OrOperator, ...] = get_args(OrOperator)
+ACCUMULATIONS: tuple[Accumulation, ...] = get_args(Accumulation)
+_Choice = TypeVar("_Choice")
 
 
 def full_table_system(
@@ -106,23 +124,49 @@ def _peak(variable: Variable, term: Term) -> float:
     return term.membership.mean if isinstance(term.membership, Gaussian) else variable.universe[0]
 
 
-def general_system(generator: np.random.Generator) -> FuzzySystem:
-    """Rule trees with and, or, not; weights; several outputs; every shape, operator and defuzzifier."""
+def random_general_system(generator: np.random.Generator) -> FuzzySystem:
+    """Every shape, operator, accumulation and defuzzifier; uneven universes, rule trees, weights, outputs.
+
+    Half of the systems are of minimum, maximum and centroid with nothing that departs from them.
+    """
+    is_plain = generator.random() < 0.5
     inputs = tuple(_any_variable(generator, f"x{place}") for place in range(int(generator.integers(1, 4))))
     outputs = tuple(
-        replace(_any_variable(generator, f"y{place}"), default=float(generator.normal()))
+        replace(
+            _any_variable(generator, f"y{place}"),
+            default=float(generator.normal()),
+            defuzzifier=None if is_plain else _maybe(generator, DEFUZZIFIERS),
+            accumulation="max" if is_plain else _maybe(generator, ACCUMULATIONS) or "max",
+        )
         for place in range(int(generator.integers(1, 4)))
     )
-    rules = tuple(_any_rule(generator, inputs, outputs) for _ in range(int(generator.integers(1, 9))))
+    rules = [_any_rule(generator, inputs, outputs) for _ in range(int(generator.integers(1, 9)))]
+    if is_plain:
+        return FuzzySystem("random", inputs, outputs, tuple(rules))
     return FuzzySystem(
         "random",
         inputs,
         outputs,
-        rules,
-        and_operator="min" if generator.random() < 0.5 else "product",
-        or_operator="max" if generator.random() < 0.5 else "probabilistic_sum",
-        defuzzifier=DEFUZZIFIERS[int(generator.integers(len(DEFUZZIFIERS)))],
+        tuple(
+            replace(
+                rule,
+                and_operator=_maybe(generator, AND_OPERATORS),
+                or_operator=_maybe(generator, OR_OPERATORS),
+            )
+            for rule in rules
+        ),
+        and_operator=_any_of(generator, AND_OPERATORS),
+        or_operator=_any_of(generator, OR_OPERATORS),
+        defuzzifier=_any_of(generator, DEFUZZIFIERS),
     )
+
+
+def _any_of(generator: np.random.Generator, choices: Sequence[_Choice]) -> _Choice:
+    return choices[int(generator.integers(len(choices)))]
+
+
+def _maybe(generator: np.random.Generator, choices: Sequence[_Choice]) -> _Choice | None:
+    return _any_of(generator, choices) if generator.random() < 0.3 else None
 
 
 def _any_variable(generator: np.random.Generator, name: str) -> Variable:
@@ -134,28 +178,48 @@ def _any_variable(generator: np.random.Generator, name: str) -> Variable:
         inner = generator.uniform(low, high, num_points - 2)
         points = tuple(float(point) for point in np.unique([low, *inner, high]))
         num_points = len(points)
+    variable = Variable(name, "", low, high, (), num_points=num_points, points=points)
     terms = tuple(
-        Term(f"t{index}", _any_shape(generator, low, high, num_points))
-        for index in range(int(generator.integers(1, 6)))
+        Term(f"t{index}", any_shape(generator, variable)) for index in range(int(generator.integers(1, 6)))
     )
-    return Variable(name, "", low, high, terms, num_points=num_points, points=points)
+    return replace(variable, terms=terms)
 
 
-def _any_shape(
-    generator: np.random.Generator, low: float, high: float, num_points: int
-) -> MembershipFunction:
-    margin = 0.2 * (high - low)
-    corners = [float(x) for x in np.sort(generator.uniform(low - margin, high + margin, 4))]
-    kind = generator.integers(4)
-    if kind == 0:
-        return Gaussian(corners[1], float((high - low) * 10.0 ** generator.uniform(-2.5, 0.0)))
-    if kind == 1:
-        left, peak, right = corners[:3]
-        return Triangular(peak if generator.random() < 0.2 else left, peak, right)
-    if kind == 2:
-        left, left_top, right_top, right = corners
-        return Trapezoidal(left, left_top, right_top, right_top if generator.random() < 0.2 else right)
-    values = np.clip(generator.uniform(-0.5, 1.5, num_points), 0.0, 1.0)
+def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipFunction:  # noqa: PLR0911
+    """One of all shapes; corners lie inside the universe, a little outside, or on its points."""
+    low, high = variable.minimum, variable.maximum
+    width = high - low
+    margin = 0.2 * width
+    anywhere = generator.uniform(low - margin, high + margin, 4)
+    drawn = generator.choice(variable.universe, 4) if generator.random() < 0.2 else anywhere
+    a, b, c, d = (float(x) for x in np.sort(drawn))
+    spreads = [float(width * 10.0 ** generator.uniform(-2.5, 0.0)) for _ in range(2)]
+    steepness = [float(10.0 ** generator.uniform(0, 2) / width) for _ in range(2)]
+    is_steep = generator.random() < 0.2
+    match int(generator.integers(12)):
+        case 0:
+            return Gaussian(b, spreads[0])
+        case 1:
+            return Triangular(b if is_steep else a, b, c)
+        case 2:
+            return Trapezoidal(a, b, c, c if is_steep else d)
+        case 3:
+            return TwoSidedGaussian(b, spreads[0], c, spreads[1])
+        case 4:
+            return GeneralizedBell(spreads[0], float(generator.uniform(0.5, 6.0)), b)
+        case 5:
+            return Sigmoid(b, steepness[0] * float(generator.choice([-1.0, 1.0])))
+        case 6:
+            return SigmoidDifference(b, steepness[0], c, steepness[0])
+        case 7:
+            return SigmoidProduct(b, steepness[0], c, -steepness[1])
+        case 8 if a < c:
+            return SShape(a, c)
+        case 9 if b < d:
+            return ZShape(b, d)
+        case 10 if a < b and c < d:
+            return PiShape(a, b, c, d)
+    values = np.clip(generator.uniform(-0.5, 1.5, variable.num_points), 0.0, 1.0)
     return Sampled(tuple(float(value) for value in values))
 
 
@@ -164,8 +228,8 @@ def _any_rule(
 ) -> Rule:
     consequents = []
     for _ in range(int(generator.integers(1, 4))):
-        output = outputs[int(generator.integers(len(outputs)))]
-        term = output.terms[int(generator.integers(len(output.terms)))]
+        output = _any_of(generator, outputs)
+        term = _any_of(generator, output.terms)
         weight = float(generator.choice([1.0, 0.0, generator.random()], p=[0.6, 0.1, 0.3]))
         consequents.append(Consequent(output.name, term.name, weight))
     return Rule(_any_expression(generator, inputs, 0), tuple(consequents))
@@ -174,8 +238,8 @@ def _any_rule(
 def _any_expression(generator: np.random.Generator, inputs: tuple[Variable, ...], depth: int) -> Expression:
     kind = generator.random()
     if depth == 3 or kind < 0.4:
-        variable = inputs[int(generator.integers(len(inputs)))]
-        return Is(variable.name, variable.terms[int(generator.integers(len(variable.terms)))].name)
+        variable = _any_of(generator, inputs)
+        return Is(variable.name, _any_of(generator, variable.terms).name)
     if kind < 0.55:
         return Not(_any_expression(generator, inputs, depth + 1))
     count = int(generator.integers(1, 4))

@@ -1,13 +1,26 @@
 """The readable inference against scikit-fuzzy's own ``compute()``, to the last bit."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
-from random_systems import DEFUZZIFIERS, full_table_system, general_system, inputs_for
+from random_systems import (
+    ACCUMULATIONS,
+    AND_OPERATORS,
+    DEFUZZIFIERS,
+    OR_OPERATORS,
+    full_table_system,
+    inputs_for,
+    random_general_system,
+)
 
 from fis_tools import inference
 from fis_tools.inference import infer
+from fis_tools.model import MembershipFunction
 from fis_tools.skfuzzy_build import ReferenceEngine
 from fis_tools.validate import problems
+
+NUM_SYSTEMS = 100
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -28,10 +41,10 @@ def test_a_table_of_three_inputs_agrees_bit_for_bit() -> None:
         np.testing.assert_array_equal(infer(system, inputs).values, engine.compute(inputs))
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(NUM_SYSTEMS))
 def test_general_systems_agree_bit_for_bit(seed: int) -> None:
     generator = np.random.default_rng([3, seed])
-    system = general_system(generator)
+    system = random_general_system(generator)
     assert problems(system) == []
     engine = ReferenceEngine(system)
     rows = inputs_for(system, generator, 8)
@@ -41,14 +54,16 @@ def test_general_systems_agree_bit_for_bit(seed: int) -> None:
 
 
 def test_the_general_systems_above_cover_what_they_should() -> None:
-    generators = [np.random.default_rng([3, seed]) for seed in range(60)]
-    systems = [general_system(generator) for generator in generators]
-    assert {system.defuzzifier for system in systems} == set(DEFUZZIFIERS)
-    assert {(system.and_operator, system.or_operator) for system in systems} == {
-        (and_operator, or_operator)
-        for and_operator in ("min", "product")
-        for or_operator in ("max", "probabilistic_sum")
-    }
+    generators = [np.random.default_rng([3, seed]) for seed in range(NUM_SYSTEMS)]
+    systems = [random_general_system(generator) for generator in generators]
+    rules = [(system, rule) for system in systems for rule in system.rules]
+    outputs = [(system, output) for system in systems for output in system.outputs]
+    shapes = {type(t.membership) for s in systems for v in (*s.inputs, *s.outputs) for t in v.terms}
+    assert {system.and_operator_of(rule) for system, rule in rules} == set(AND_OPERATORS)
+    assert {system.or_operator_of(rule) for system, rule in rules} == set(OR_OPERATORS)
+    assert {system.defuzzifier_of(output) for system, output in outputs} == set(DEFUZZIFIERS)
+    assert {output.accumulation for _, output in outputs} == set(ACCUMULATIONS)
+    assert shapes == set(get_args(MembershipFunction))
     defaults = computed = 0
     for system, generator in zip(systems, generators, strict=True):
         for inputs in inputs_for(system, generator, 8):
