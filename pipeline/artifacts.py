@@ -76,6 +76,10 @@ class ArtifactError(ValueError):
     """A file of a run that is missing or cannot be read."""
 
 
+class WriteError(OSError):
+    """A file of a run that the disk refuses; the one it was to replace still stands."""
+
+
 def write_atomically(path: Path, content: bytes | str) -> None:
     """Write a file so that at every moment either the old or the new content stands, never a part.
 
@@ -85,7 +89,23 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         Its folder is made where it is missing.
     content : bytes or str
         Text is written as UTF-8 with its line ends unchanged.
+
+    Raises
+    ------
+    WriteError
+        If the disk is full, or the folder may not be written to.
     """
+    try:
+        _write_beside(path, content)
+    except OSError as error:
+        raise WriteError(
+            f"{path} cannot be written: {error.strerror or error}; make room, or choose a folder that may be "
+            "written to"
+        ) from error
+
+
+def _write_beside(path: Path, content: bytes | str) -> None:
+    """Write a file under another name and, once it is safely on disk, give it its own."""
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:

@@ -14,7 +14,7 @@ from pipeline import artifacts, controller_source, tables
 from pipeline.checkpoint import Generation
 from pipeline.compile_notice import announce_compilation
 from pipeline.controllers import Controller, ControllerError, law_of
-from pipeline.evolution import Evaluate, Evolution, evolve_rounds
+from pipeline.evolution import Evaluate, evolve_rounds
 from pipeline.objectives import fitness_parts
 from pipeline.progress import TrainingProgress
 from pipeline.scenarios import training_scenarios
@@ -40,25 +40,55 @@ def run(experiment: Experiment, folder: Path) -> None:
         )
     encoding = encoding_of(experiment, template)
     announce_compilation()
+    kept: list[Generation] = []
     with TrainingProgress(experiment) as progress:
 
         def keep(history: Sequence[Generation]) -> None:
+            kept[:] = history
             write_history(folder, history)
             progress.show(history[-1])
 
-        result = evolve_rounds(
-            lambda round_index: fitness_of_round(experiment, template, encoding, round_index),
-            encoding.num_genes,
-            experiment.optimizer,
-            experiment.seed,
-            initial=encoding.encode(template.systems)[np.newaxis],
-            checkpoint=folder / artifacts.CHECKPOINT,
-            resume=experiment.resume,
-            on_generation=keep,
-        )
-    write_champion(folder, experiment, template.fuzzy, encoding, result)
+        try:
+            result = evolve_rounds(
+                lambda round_index: fitness_of_round(experiment, template, encoding, round_index),
+                encoding.num_genes,
+                experiment.optimizer,
+                experiment.seed,
+                initial=encoding.encode(template.systems)[np.newaxis],
+                checkpoint=folder / artifacts.CHECKPOINT,
+                resume=experiment.resume,
+                on_generation=keep,
+            )
+        except artifacts.WriteError as error:
+            if not kept:
+                raise
+            raise _stopped(error, folder, experiment, template.fuzzy, encoding, kept) from error
+    write_champion(
+        folder, experiment, template.fuzzy, encoding, result.history, interrupted=result.interrupted
+    )
     if result.interrupted:
         raise KeyboardInterrupt
+
+
+def _stopped(
+    error: artifacts.WriteError,
+    folder: Path,
+    experiment: Experiment,
+    template: FuzzyController,
+    encoding: Encoding,
+    history: Sequence[Generation],
+) -> artifacts.WriteError:
+    """Keep the champion of a training that the disk has stopped; say where it is and how to go on."""
+    place = artifacts.CHAMPION
+    try:
+        write_champion(folder, experiment, template, encoding, history, interrupted=True)
+    except artifacts.WriteError:
+        # the checkpoint of the last generation that found room stands
+        place = artifacts.CHECKPOINT
+    return artifacts.WriteError(
+        f"{error}. The training stopped after {len(history)} generations and its champion is kept in "
+        f"{folder / place}. To go on: python -m pipeline resume={folder}"
+    )
 
 
 def encoding_of(experiment: Experiment, template: Controller) -> Encoding:
@@ -114,23 +144,30 @@ def write_history(folder: Path, history: Sequence[Generation]) -> None:
 
 
 def write_champion(
-    folder: Path, experiment: Experiment, template: FuzzyController, encoding: Encoding, result: Evolution
+    folder: Path,
+    experiment: Experiment,
+    template: FuzzyController,
+    encoding: Encoding,
+    history: Sequence[Generation],
+    *,
+    interrupted: bool,
 ) -> None:
     """Write the last champion as a controller file that says where it comes from."""
+    last = history[-1]
     provenance = {
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
         "product_version": artifacts.product_version(),
         "git_revision": artifacts.git_revision() or "none",
-        "training_fitness": repr(result.fitness),
-        "generations": str(len(result.history)),
-        "interrupted": str(result.interrupted).lower(),
+        "training_fitness": repr(last.best),
+        "generations": str(len(history)),
+        "interrupted": str(interrupted).lower(),
     }
     champion = replace(
         template,
         name=f"{template.name}_{experiment.name}",
-        systems=encoding.decode(result.champion),
+        systems=encoding.decode(last.champion),
         provenance=tuple(sorted(provenance.items())),
     )
     artifacts.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
