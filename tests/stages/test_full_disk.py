@@ -28,7 +28,7 @@ class Disk:
         self.begin = tempfile.mkstemp
         monkeypatch.setattr(tempfile, "mkstemp", self.mkstemp)
 
-    def mkstemp(self, prefix: str, dir: Path) -> tuple[int, str]:  # noqa: A002 - the function's own name
+    def mkstemp(self, prefix: str, dir: Path) -> tuple[int, str]:
         self.room -= 1
         if self.room < 0 and not prefix.startswith(self.spared):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -107,7 +107,7 @@ def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(
 
     monkeypatch.setattr(partial_file, "open_stream", open_once)
     telemetry = replace(run.experiment.telemetry, record_ranked=False)
-    with pytest.raises(artifacts.ArtifactError, match="No space left on device.*make room"):
+    with pytest.raises(artifacts.ArtifactError, match=r"No space left on device.*make room"):
         record.run(replace(run.experiment, telemetry=telemetry), folder)
     assert (folder / artifacts.CHAMPION).read_bytes() == before
     assert [path.name for path in (folder / artifacts.RECORDINGS).iterdir()] == ["training-0.mcap"]
