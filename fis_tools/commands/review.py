@@ -1,0 +1,39 @@
+"""`review`: one page of everything about a controller, to sign off from."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from fis_tools.commands.arguments import Commands, add_command, chosen, place_for
+from fis_tools.source import read_controller
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands, "review", run, "write one HTML page to review a controller and sign it off"
+    )
+    command.add_argument(
+        "--flights",
+        metavar="FLIGHT",
+        nargs="+",
+        default=[],
+        help="logged flights (.mcap) to review it along (default: CONTROLLER, if it is one)",
+    )
+    command.add_argument(
+        "-o", "--output", metavar="FILE", default="review.html", help="where to (default: review.html)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the review page."""
+    from fis_tools.review import page  # noqa: PLC0415 - the other commands start without templates
+
+    controller = chosen(read_controller(arguments.controller), arguments.system)
+    paths = arguments.flights
+    if not paths and Path(arguments.controller).suffix == ".mcap":
+        paths = [arguments.controller]
+    text = page.write(controller, paths)
+    path = place_for(Path(arguments.output))
+    path.write_text(text, encoding="utf-8")
+    print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)

@@ -1,0 +1,116 @@
+"""What a page computes with: systems and flights as plain data that JSON holds without loss."""
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fis_tools.flights import FlownSystem
+from fis_tools.formats.text import sentence
+from fis_tools.inference import Floats
+from fis_tools.membership import sample
+from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+
+#: so many inferences of a system are carried at most, shared out among the flights
+MOST_SAMPLES = 4000
+
+
+def system_data(system: FuzzySystem) -> dict[str, Any]:
+    """Return a system as plain data: membership functions sampled, names in rules as places."""
+    return {
+        "name": system.name,
+        "inputs": [_variable(variable) for variable in system.inputs],
+        "outputs": [
+            _variable(variable)
+            | {
+                "default": variable.default,
+                "defuzzifier": system.defuzzifier_of(variable),
+                "accumulation": variable.accumulation,
+            }
+            for variable in system.outputs
+        ],
+        "rules": [_rule(rule, system) for rule in system.rules],
+    }
+
+
+def flight_data(
+    name: str, flown: Mapping[str, FlownSystem], systems: Sequence[FuzzySystem], num_flights: int
+) -> dict[str, Any]:
+    """Return one of several flights as plain data: what each system sensed, evenly thinned where it is long.
+
+    Parameters
+    ----------
+    name : str
+        What the flight is called.
+    flown : mapping of str to FlownSystem
+        By the system's name.
+    systems : sequence of FuzzySystem
+        In the order in which the page has them.
+    num_flights : int
+        How many flights share the room.
+    """
+    most = max(2, MOST_SAMPLES // num_flights)
+    return {"name": name, "systems": [_flown(flown.get(system.name), most) for system in systems]}
+
+
+def as_json(data: Any) -> str:
+    """Write plain data as JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
+    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def kept_rows(num_rows: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return which rows of many are kept: the first, the last, and evenly spaced ones between them."""
+    return np.unique(np.linspace(0, num_rows - 1, min(num_rows, most)).round().astype(np.int64))
+
+
+def _flown(flown: FlownSystem | None, most: int) -> dict[str, str] | None:
+    if flown is None or not len(flown.time_s):
+        return None
+    rows = kept_rows(len(flown.time_s), most)
+    return {"time_s": _doubles(flown.time_s[rows]), "inputs": _doubles(flown.inputs[rows])}
+
+
+def _variable(variable: Variable) -> dict[str, Any]:
+    return {
+        "name": variable.name,
+        "unit": variable.unit,
+        "minimum": variable.minimum,
+        "maximum": variable.maximum,
+        "universe": _doubles(variable.universe),
+        "terms": [{"name": term.name, "values": _doubles(sample(variable, term))} for term in variable.terms],
+    }
+
+
+def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:
+    outputs = [variable.name for variable in system.outputs]
+    return {
+        "words": sentence(rule),
+        "and_operator": system.and_operator_of(rule),
+        "or_operator": system.or_operator_of(rule),
+        "antecedent": _expression(rule.antecedent, system),
+        "consequents": [
+            [outputs.index(c.variable), system.variable(c.variable).term_index(c.term), c.weight]
+            for c in rule.consequents
+        ],
+    }
+
+
+def _expression(expression: Expression, system: FuzzySystem) -> list[Any]:
+    match expression:
+        case Is(name, term):
+            place = [variable.name for variable in system.inputs].index(name)
+            return ["is", place, system.inputs[place].term_index(term)]
+        case Not(operand):
+            return ["not", _expression(operand, system)]
+        case And(operands):
+            return ["and", [_expression(operand, system) for operand in operands]]
+        case Or(operands):
+            return ["or", [_expression(operand, system) for operand in operands]]
+
+
+def _doubles(values: Floats) -> str:
+    """Return numbers to the last bit: base64 of little-endian doubles."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")

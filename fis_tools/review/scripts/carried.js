@@ -1,0 +1,42 @@
+// What the page carries: the controller's systems and its flights, decoded once.
+
+/** Decode the base64 of little-endian doubles. */
+function decodeDoubles(text) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Float64Array(bytes.buffer);
+}
+
+function decodeVariable(variable) {
+  const terms = variable.terms.map((term) => ({ ...term, values: decodeDoubles(term.values) }));
+  return { ...variable, universe: decodeDoubles(variable.universe), terms };
+}
+
+function decodeSystem(system) {
+  return {
+    ...system,
+    inputs: system.inputs.map(decodeVariable),
+    outputs: system.outputs.map(decodeVariable),
+  };
+}
+
+/** Decode a flight: for each system its times, and its inputs a row a sample. */
+function decodeFlight(flight) {
+  const systems = flight.systems.map((flown) => {
+    if (flown === null) return null;
+    const times = decodeDoubles(flown.time_s);
+    const flat = decodeDoubles(flown.inputs);
+    const width = flat.length / times.length;
+    const inputs = Array.from(times, (_, row) => flat.subarray(row * width, (row + 1) * width));
+    return { times, inputs };
+  });
+  return { name: flight.name, systems };
+}
+
+function readCarried() {
+  const carried = JSON.parse(document.getElementById("carried").textContent);
+  return {
+    systems: carried.systems.map(decodeSystem),
+    flights: carried.flights.map(decodeFlight),
+    brightness: carried.brightness,
+  };
+}

@@ -1,0 +1,185 @@
+// What a system did along a flight: its output, which rules fired, and the moment that all views show.
+
+const MOST_ROWS = 40;
+const FIRED = 0.05;
+const STRIP = { left: 64, right: 14, top: 10, output: 84, gap: 12, row: 11, foot: 38 };
+
+/** The flight and the time that all systems of the page show together. */
+class FlightClock {
+  constructor(flights) {
+    this.flights = flights;
+    this.flight = 0;
+    this.time = 0;
+    this.listeners = [];
+  }
+
+  set(flight, time) {
+    this.flight = flight;
+    this.time = time;
+    this.listeners.forEach((listener) => listener());
+  }
+
+  follow(listener) {
+    this.listeners.push(listener);
+    listener();
+  }
+}
+
+/** Infer a whole flight: outputs and firing strengths, a row a sample. */
+function inferFlight(system, flown) {
+  const firing = flown.inputs.map((row) => fire(system, fuzzify(system, clipInputs(system, row))));
+  const outputs = firing.map((strengths) => system.outputs.map((_, output) => conclude(system, output, strengths).value));
+  const strongest = system.rules.map((_, rule) => firing.reduce((most, row) => Math.max(most, row[rule]), 0));
+  const shares = system.rules.map((_, rule) => firing.filter((row) => row[rule] >= FIRED).length / firing.length);
+  return { ...flown, firing, outputs, strongest, shares };
+}
+
+/** Which rules have a row: those that fire at all, by how often or by their number. */
+function rowsOf(inferred, isByNumber) {
+  const fired = inferred.shares.map((_, rule) => rule).filter((rule) => inferred.shares[rule] > 0);
+  fired.sort((a, b) => inferred.shares[b] - inferred.shares[a] || a - b);
+  const rows = fired.slice(0, MOST_ROWS);
+  return { rows: isByNumber ? rows.sort((a, b) => a - b) : rows, left: fired.length - rows.length };
+}
+
+function stripHeight(numRows) {
+  return STRIP.top + STRIP.output + STRIP.gap + numRows * STRIP.row + STRIP.foot;
+}
+
+function paintOutputOverTime(context, system, inferred, x, right, colours) {
+  const [variable] = system.outputs;
+  const values = inferred.outputs.map(([value]) => value);
+  const low = values.reduce((a, b) => Math.min(a, b));
+  const high = values.reduce((a, b) => Math.max(a, b));
+  const room = high > low ? 0 : Math.abs(high) || 1;
+  const y = linear(low - room, high + room, STRIP.top + STRIP.output, STRIP.top);
+  context.lineWidth = 1;
+  context.textAlign = "right";
+  for (const value of ticks(low - room, high + room, 3)) {
+    context.strokeStyle = value === 0 ? colours.muted : colours.grid;
+    polygon(context, [[STRIP.left, y(value)], [right, y(value)]]);
+    context.stroke();
+    context.fillStyle = colours.muted;
+    context.fillText(shown(value, 3), STRIP.left - 6, y(value) + 4);
+  }
+  context.fillStyle = colours.ink;
+  turnedText(context, withUnit(variable), 12, STRIP.top + STRIP.output / 2);
+  context.strokeStyle = colours.accent;
+  context.lineWidth = 1.6;
+  const steps = values.flatMap((value, i) => (i ? [[x(inferred.times[i]), y(values[i - 1])], [x(inferred.times[i]), y(value)]] : [[x(inferred.times[0]), y(value)]]));
+  polygon(context, steps);
+  context.stroke();
+}
+
+function paintFiring(context, inferred, rows, x, right, scale, colours) {
+  const top = STRIP.top + STRIP.output + STRIP.gap;
+  const { times, firing } = inferred;
+  rows.forEach((rule, place) => {
+    const y = top + place * STRIP.row;
+    times.forEach((time, i) => {
+      context.fillStyle = rgb(scale(firing[i][rule]));
+      const end = i + 1 < times.length ? x(times[i + 1]) : right;
+      context.fillRect(x(time), y, end - x(time) + 0.6, STRIP.row - 1);
+    });
+    context.fillStyle = colours.muted;
+    context.textAlign = "right";
+    context.fillText(`rule ${rule + 1}`, STRIP.left - 6, y + 9);
+  });
+  return top + rows.length * STRIP.row;
+}
+
+function paintTimes(context, times, x, bottom, width, colours) {
+  context.textAlign = "center";
+  context.fillStyle = colours.muted;
+  for (const time of ticks(times[0], times.at(-1), 6)) {
+    context.fillRect(x(time), bottom, 1, 4);
+    context.fillText(shown(time, 6), x(time), bottom + 16);
+  }
+  context.fillStyle = colours.ink;
+  context.fillText("time (s)", (STRIP.left + width - STRIP.right) / 2, bottom + 32);
+}
+
+/** Draw the output and the firing strengths over time; return the map from time to the canvas. */
+function paintStrip(canvas, system, inferred, rows, scale, time) {
+  const { context, width } = sharpContext(canvas);
+  const colours = themeColours();
+  const right = width - STRIP.right;
+  const { times } = inferred;
+  const x = linear(times[0], times.at(-1), STRIP.left, right - (right - STRIP.left) / times.length);
+  paintOutputOverTime(context, system, inferred, x, right, colours);
+  const bottom = paintFiring(context, inferred, rows, x, right, scale, colours);
+  paintTimes(context, times, x, bottom, width, colours);
+  context.strokeStyle = colours.mark;
+  context.lineWidth = 2;
+  polygon(context, [[x(time), STRIP.top], [x(time), bottom]]);
+  context.stroke();
+  return x;
+}
+
+/** The last sample that is not after a time; the first where all are. */
+function sampleAt(times, time) {
+  return Math.max(placeIn(times, time), 0);
+}
+
+/** Fill an element with what a system did along the flights. */
+function flightView(element, state, place, clock, scale) {
+  const { system } = state;
+  const known = new Map();
+  const inferredOf = (flight) => {
+    const flown = clock.flights[flight].systems[place];
+    if (flown && !known.has(flight)) known.set(flight, inferFlight(system, flown));
+    return known.get(flight) ?? null;
+  };
+  const canvas = make("canvas", { class: "strip", role: "img", "aria-label": `Output of ${system.name} and firing of its rules over time` });
+  const slider = make("input", { type: "range", min: "0", step: "1", "aria-label": "Time along the flight" });
+  const now = make("output", { class: "number" });
+  const note = make("p", { class: "note" });
+  let isByNumber = false;
+  let along = null;
+  let drawn = null;
+
+  const paint = keepDrawn(canvas, () => {
+    if (!drawn) return;
+    along = paintStrip(canvas, system, drawn.inferred, drawn.rows, scale, drawn.inferred.times[drawn.sample]);
+  });
+  const show = () => {
+    const inferred = inferredOf(clock.flight);
+    canvas.hidden = slider.hidden = now.hidden = inferred === null;
+    if (inferred === null) {
+      drawn = null;
+      note.textContent = `${system.name} decided nothing on this flight.`;
+      return;
+    }
+    const sample = sampleAt(inferred.times, clock.time);
+    const { rows, left } = rowsOf(inferred, isByNumber);
+    drawn = { inferred, rows, sample };
+    canvas.style.height = `${stripHeight(rows.length)}px`;
+    slider.max = String(inferred.times.length - 1);
+    slider.value = String(sample);
+    now.value = `${shown(inferred.times[sample], 6)} s`;
+    slider.setAttribute("aria-valuetext", now.value);
+    const silent = inferred.shares.filter((share) => share === 0).length;
+    const more = left ? ` The ${left} that fire least often have no row.` : "";
+    note.textContent = `${silent} of ${system.rules.length} rules never fire at ${FIRED} or more on this flight.${more} Brighter is stronger. Moving the time sets the inputs of every system on this page.`;
+    state.setInputs(inferred.inputs[sample]);
+    paint();
+  };
+  const goTo = (event) => {
+    if (!drawn || !along || (event.type === "pointermove" && event.buttons !== 1)) return;
+    const [start, end] = [drawn.inferred.times[0], drawn.inferred.times.at(-1)];
+    const back = linear(along(start), along(end), start, end);
+    clock.set(clock.flight, Math.min(Math.max(back(event.offsetX), start), end));
+  };
+  canvas.addEventListener("pointerdown", goTo);
+  canvas.addEventListener("pointermove", goTo);
+  slider.addEventListener("input", () => clock.set(clock.flight, drawn.inferred.times[Number(slider.value)]));
+  const names = clock.flights.map(({ name }) => name);
+  const flights = choice("Flight", names, 0, (chosen) => clock.set(chosen, clock.time));
+  const orders = choice("Rules by", ["how often they fire", "their number"], 0, (chosen) => ((isByNumber = chosen === 1), show()));
+  const time = make("div", { class: "control time" }, make("span", {}, "Time"), now, slider);
+  element.append(make("div", { class: "controls" }, flights.element, orders.element, time), canvas, note);
+  clock.follow(() => {
+    flights.select.value = String(clock.flight);
+    show();
+  });
+}

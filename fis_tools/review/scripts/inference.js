@@ -1,0 +1,203 @@
+// Mamdani inference, step by step, with the arithmetic of fis_tools/inference.py in the same order.
+
+const SMALLEST_AREA = 2 ** -52;
+
+/** The place of the last point of an ascending grid that is not above x; -1 below the first. */
+function placeIn(grid, x) {
+  let low = 0;
+  let high = grid.length;
+  while (low < high) {
+    const middle = (low + high) >>> 1;
+    if (grid[middle] <= x) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+/** Interpolate at x, which lies at or after grid[place] and before the next point, as numpy does. */
+function interpolate(x, grid, values, place) {
+  if (x === grid[place] || place === grid.length - 1) return values[place];
+  const slope = (values[place + 1] - values[place]) / (grid[place + 1] - grid[place]);
+  return slope * (x - grid[place]) + values[place];
+}
+
+/** Bring each input into its universe. */
+function clipInputs(system, inputs) {
+  return system.inputs.map(({ universe }, place) =>
+    Math.max(Math.min(inputs[place], universe[universe.length - 1]), universe[0]),
+  );
+}
+
+/** How far each clipped input belongs to each of its terms: an array an input. */
+function fuzzify(system, clipped) {
+  return system.inputs.map(({ universe, terms }, input) => {
+    const place = placeIn(universe, clipped[input]);
+    return terms.map((term) => interpolate(clipped[input], universe, term.values, place));
+  });
+}
+
+/** How far an expression of a rule holds: ["is", input, term], ["not", x], ["and" or "or", [x, …]]. */
+function degree(rule, expression, memberships) {
+  const [kind, operand, term] = expression;
+  if (kind === "is") return memberships[operand][term];
+  if (kind === "not") return 1 - degree(rule, operand, memberships);
+  const combine = kind === "and" ? AND_OPERATORS[rule.and_operator] : OR_OPERATORS[rule.or_operator];
+  let combined = degree(rule, operand[0], memberships);
+  for (let i = 1; i < operand.length; i++) combined = combine(combined, degree(rule, operand[i], memberships));
+  return combined;
+}
+
+/** How strongly each rule fires, before weights. */
+function fire(system, memberships) {
+  return Float64Array.from(system.rules, (rule) => degree(rule, rule.antecedent, memberships));
+}
+
+/** The height each term of an output is cut at; NaN for a term that no rule concludes. */
+function cutTerms(system, output, firing) {
+  const accumulate = ACCUMULATIONS[system.outputs[output].accumulation];
+  const cuts = new Float64Array(system.outputs[output].terms.length).fill(NaN);
+  system.rules.forEach((rule, index) => {
+    for (const [variable, term, weight] of rule.consequents) {
+      if (variable !== output) continue;
+      const activation = firing[index] * weight;
+      cuts[term] = Number.isNaN(cuts[term]) ? activation : accumulate(activation, cuts[term]);
+    }
+  });
+  return cuts;
+}
+
+/** Add to `found` where a membership function crosses its cut between two points of the grid. */
+function addCrossings(found, grid, values, cut) {
+  const reaches = cut === 0 ? (value) => value > cut : (value) => value >= cut;
+  for (let i = 0; i + 1 < grid.length; i++) {
+    if (reaches(values[i]) !== reaches(values[i + 1])) {
+      found.push(grid[i] + ((cut - values[i]) * (grid[i + 1] - grid[i])) / (values[i + 1] - values[i]));
+    }
+  }
+}
+
+/** The highest of the cut terms, at the universe's points and at the crossings: [points, heights]. */
+function aggregate(variable, cuts) {
+  const grid = variable.universe;
+  const concluded = variable.terms.map((_, term) => term).filter((term) => !Number.isNaN(cuts[term]));
+  const crossings = [];
+  for (const term of concluded) addCrossings(crossings, grid, variable.terms[term].values, cuts[term]);
+  const points = Float64Array.from([...grid, ...crossings])
+    .sort()
+    .filter((point, place, all) => place === 0 || point !== all[place - 1]);
+  const heights = new Float64Array(points.length);
+  let place = 0;
+  for (let i = 0; i < points.length; i++) {
+    while (place + 1 < grid.length && grid[place + 1] <= points[i]) place++;
+    for (const term of concluded) {
+      const membership = interpolate(points[i], grid, variable.terms[term].values, place);
+      heights[i] = Math.max(heights[i], Math.min(cuts[term], membership));
+    }
+  }
+  return [points, heights];
+}
+
+/** The centre of area of a polygon, summed segment by segment. */
+function centroid(x, y) {
+  let moment = 0;
+  let area = 0;
+  for (let i = 0; i + 1 < x.length; i++) {
+    const [y1, y2] = [y[i], y[i + 1]];
+    if (y1 === 0 && y2 === 0) continue;
+    const width = x[i + 1] - x[i];
+    let centre;
+    let segment;
+    if (y1 === y2) {
+      centre = 0.5 * (x[i] + x[i + 1]);
+      segment = width * y1;
+    } else if (y1 === 0) {
+      centre = (2 / 3) * width + x[i];
+      segment = 0.5 * width * y2;
+    } else if (y2 === 0) {
+      centre = (1 / 3) * width + x[i];
+      segment = 0.5 * width * y1;
+    } else {
+      centre = ((2 / 3) * width * (y2 + 0.5 * y1)) / (y1 + y2) + x[i];
+      segment = 0.5 * width * (y1 + y2);
+    }
+    moment += centre * segment;
+    area += segment;
+  }
+  return moment / Math.max(area, SMALLEST_AREA);
+}
+
+/** Where half of the area lies on either side, as scikit-fuzzy takes it where the polygon has a gap. */
+function bisector(x, y) {
+  const areas = new Float64Array(x.length - 1);
+  let total = 0;
+  for (let i = 0; i + 1 < x.length; i++) {
+    if (y[i] === 0 && y[i + 1] === 0) continue;
+    if (y[i] === y[i + 1]) total += (x[i + 1] - x[i]) * y[i];
+    else total += 0.5 * (x[i + 1] - x[i]) * (y[i] + y[i + 1]);
+    areas[i] = total;
+  }
+  const i = areas.findIndex((area) => area >= total / 2);
+  const rest = total / 2 - (i > 0 ? areas[i - 1] : 0);
+  const [x1, x2, y1, y2] = [x[i], x[i + 1], y[i], y[i + 1]];
+  if (y1 === y2) return rest / y1 + x1;
+  if (y1 === 0) return x1 + Math.sqrt((2 * rest * (x2 - x1)) / y2);
+  if (y2 === 0) return x2 - Math.sqrt((x2 - x1) * (x2 - x1) - (2 * rest * (x2 - x1)) / y1);
+  const slope = (y2 - y1) / (x2 - x1);
+  return x1 - (y1 - Math.sqrt(y1 * y1 + 2 * slope * rest)) / slope;
+}
+
+/** The points where a polygon is highest. */
+function highest(x, y) {
+  const height = y.reduce((a, b) => Math.max(a, b));
+  return x.filter((_, i) => y[i] === height);
+}
+
+const DEFUZZIFIERS = {
+  centroid,
+  bisector,
+  mom: (x, y) => {
+    const points = highest(x, y);
+    return points.reduce((a, b) => a + b, 0) / points.length;
+  },
+  som: (x, y) => highest(x, y)[0],
+  lom: (x, y) => highest(x, y).at(-1),
+};
+
+/** What the rules conclude on one output: cuts, the aggregated polygon, and the number it becomes. */
+function conclude(system, output, firing) {
+  const variable = system.outputs[output];
+  const cuts = cutTerms(system, output, firing);
+  const [points, heights] = aggregate(variable, cuts);
+  const isDefault = heights.every((height) => height === 0);
+  const value = isDefault ? (variable.default ?? 0) : DEFUZZIFIERS[variable.defuzzifier](points, heights);
+  return { cuts, points, heights, value, isDefault };
+}
+
+/** All steps of one inference. */
+function infer(system, inputs) {
+  const clipped = clipInputs(system, inputs);
+  const memberships = fuzzify(system, clipped);
+  const firing = fire(system, memberships);
+  const outputs = system.outputs.map((_, output) => conclude(system, output, firing));
+  return { clipped, memberships, firing, outputs };
+}
+
+/** One output alone, as a number. */
+function evaluate(system, inputs, output) {
+  const firing = fire(system, fuzzify(system, clipInputs(system, inputs)));
+  return conclude(system, output, firing).value;
+}
+
+/** What each rule that fires moved an output by: the output less what it were had the rule been silent. */
+function contributions(system, output, inference) {
+  const { firing, outputs } = inference;
+  const moved = new Float64Array(firing.length);
+  firing.forEach((strength, rule) => {
+    const isAsked = system.rules[rule].consequents.some(([variable]) => variable === output);
+    if (strength === 0 || !isAsked) return;
+    const silent = firing.slice();
+    silent[rule] = 0;
+    moved[rule] = outputs[output].value - conclude(system, output, silent).value;
+  });
+  return moved;
+}

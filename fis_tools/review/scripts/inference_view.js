@@ -1,0 +1,167 @@
+// One inference step by step: sliders, fuzzified inputs, fired rules, the aggregated output and its number.
+
+const MOST_RULES = 8;
+const SHOWN_FROM = 0.005;
+
+/** A slider and a number field for one input, which follow the state and set it. */
+function inputControl(state, place, id) {
+  const variable = state.system.inputs[place];
+  const limits = { min: variable.minimum, max: variable.maximum, step: "any" };
+  const set = (field) => () => {
+    const value = Number(field.value);
+    if (field.value !== "" && Number.isFinite(value)) state.setInput(place, value);
+  };
+  const slider = make("input", { type: "range", id: `${id}-slider`, ...limits, "aria-label": `${withUnit(variable)}, slider` });
+  const field = make("input", { type: "number", id, step: "any" });
+  slider.addEventListener("input", set(slider));
+  field.addEventListener("input", set(field));
+  slider.addEventListener("keydown", (event) => {
+    const direction = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 }[event.key];
+    if (!direction) return;
+    event.preventDefault();
+    const moved = Number(slider.value) + (direction * (variable.maximum - variable.minimum)) / 100;
+    state.setInput(place, Math.min(Math.max(moved, variable.minimum), variable.maximum));
+  });
+  state.follow(() => {
+    const value = state.inputs[place];
+    slider.value = String(value);
+    slider.setAttribute("aria-valuetext", quantity(value, variable));
+    if (document.activeElement !== field || Number(field.value) !== value) {
+      field.value = String(Number(value.toPrecision(6)));
+    }
+  });
+  const label = make("label", { for: id }, withUnit(variable));
+  return make("div", { class: "control" }, label, field, slider);
+}
+
+/** Say to which terms a value belongs, the best first. */
+function membershipWords(variable, memberships) {
+  const belonging = Array.from(memberships, (value, term) => ({ value, name: variable.terms[term].name }))
+    .filter(({ value }) => value >= SHOWN_FROM)
+    .sort((a, b) => b.value - a.value);
+  return belonging.map(({ value, name }) => `${name} ${value.toFixed(2)}`).join(" · ") || "belongs to no term";
+}
+
+function inputStep(state, place, id) {
+  const variable = state.system.inputs[place];
+  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`);
+  const words = make("p", { class: "belongs" });
+  state.follow(() => {
+    const { clipped, memberships } = state.inference;
+    const x = chart.x(clipped[place]);
+    const dots = Array.from(memberships[place], (value, term) =>
+      value >= SHOWN_FROM ? draw("circle", { class: `dot term-${term % 7}`, cx: x, cy: chart.y(value), r: 3.6 }) : "",
+    );
+    chart.over.replaceChildren(draw("line", { class: "cursor", x1: x, x2: x, y1: chart.y(0), y2: chart.y(1) }), ...dots);
+    const isOutside = clipped[place] !== state.inputs[place];
+    const given = `${variable.name} = ${quantity(state.inputs[place], variable, 5)}`;
+    const taken = isOutside ? `, taken as ${quantity(clipped[place], variable, 5)}, the end of its range` : "";
+    words.textContent = `${given}${taken}: ${membershipWords(variable, memberships[place])}`;
+  });
+  return make("div", { class: "input" }, inputControl(state, place, id), chart.svg, words);
+}
+
+/** A bar from nothing to a strength in [0, 1]. */
+function strengthBar(strength) {
+  const bar = make("span", { class: "bar", "aria-hidden": "true" }, make("span"));
+  bar.firstChild.style.width = `${(100 * Math.min(strength, 1)).toFixed(1)}%`;
+  return bar;
+}
+
+function firedRules(state, output, id) {
+  const { system, inference } = state;
+  const variable = system.outputs[output];
+  const moved = contributions(system, output, inference);
+  const firing = Array.from(inference.firing.keys()).filter((rule) => inference.firing[rule] > 0);
+  firing.sort((a, b) => inference.firing[b] - inference.firing[a] || a - b);
+  const rows = firing.slice(0, MOST_RULES).filter((rule, place) => place === 0 || inference.firing[rule] >= SHOWN_FROM);
+  const items = rows.map((rule) =>
+    make(
+      "li",
+      {},
+      make("a", { href: `#${id}-r${rule + 1}` }, `Rule ${rule + 1}`),
+      strengthBar(inference.firing[rule]),
+      make("span", { class: "number" }, inference.firing[rule].toFixed(2)),
+      make("span", { class: "number moved" }, `${moved[rule] > 0 ? "+" : ""}${quantity(moved[rule], variable, 3)}`),
+      make("span", { class: "words" }, system.rules[rule].words),
+    ),
+  );
+  const left = firing.length - rows.length;
+  return { items, note: left ? `${left} more fire${left === 1 ? "s" : ""} less strongly.` : firing.length ? "" : "No rule fires." };
+}
+
+const METHODS = {
+  centroid: "the centre of this area",
+  bisector: "what halves this area",
+  mom: "the mean of the highest points",
+  som: "the lowest of the highest points",
+  lom: "the greatest of the highest points",
+};
+
+function outputStep(state, output, chart) {
+  const { system, inference } = state;
+  const variable = system.outputs[output];
+  const { points, heights, value, isDefault, cuts } = inference.outputs[output];
+  const clipped = variable.terms.map((term, i) => {
+    const lowered = term.values.map((membership) => Math.min(membership, Number.isNaN(cuts[i]) ? 0 : cuts[i]));
+    return draw("path", { class: `clipped term-${i % 7}`, d: areaUnder(variable.universe, lowered, chart.x, chart.y) });
+  });
+  chart.under.replaceChildren(...clipped, draw("path", { class: "aggregated", d: areaUnder(points, heights, chart.x, chart.y) }));
+  const x = chart.x(Math.min(Math.max(value, variable.minimum), variable.maximum));
+  chart.over.replaceChildren(
+    draw("line", { class: "result", x1: x, x2: x, y1: chart.y(0) + 4, y2: chart.y(1) }),
+    draw("path", { class: "result-mark", d: `M${x - 5} ${chart.y(0) + 10}h10l-5 -9z` }),
+  );
+  return isDefault ? "No rule that concludes on it fires: this is its default." : `This is ${METHODS[variable.defuzzifier]}.`;
+}
+
+/** Say what the smallest change of one input is that turns the sign of an output. */
+function signWords(state, output) {
+  const { system, inputs, inference } = state;
+  const found = signChange(system, inputs, output);
+  const name = system.outputs[output].name;
+  if (inference.outputs[output].value === 0) return `${name} is zero here.`;
+  if (!found) return `No change of one input alone turns the sign of ${name} from here.`;
+  const variable = system.inputs[found.input];
+  const by = `${found.by > 0 ? "+" : ""}${quantity(found.by, variable, 3)}`;
+  const share = shown((100 * Math.abs(found.by)) / (variable.maximum - variable.minimum), 2);
+  return `The sign of ${name} turns soonest where ${variable.name} changes by ${by}, to ${quantity(found.at, variable, 4)} (${share} % of its range).`;
+}
+
+/** Fill an element with the inference view of a system. */
+function inferenceView(element, state, id) {
+  const { system } = state;
+  let output = 0;
+  let chart = null;
+  const rules = make("ol", { class: "fired" });
+  const note = make("p", { class: "note" });
+  const picture = make("div");
+  const result = make("output", { class: "value", for: system.inputs.map((_, i) => `${id}-x${i + 1}`).join(" ") });
+  const how = make("p", { class: "note" });
+  const sign = make("p", { class: "note sign" });
+  const show = () => {
+    const variable = system.outputs[output];
+    const fired = firedRules(state, output, id);
+    rules.replaceChildren(...fired.items);
+    note.textContent = fired.note;
+    how.textContent = outputStep(state, output, chart);
+    result.value = `${variable.name} = ${quantity(state.inference.outputs[output].value, variable, 5)}`;
+    sign.textContent = signWords(state, output);
+  };
+  const choose = (chosen) => {
+    output = chosen;
+    chart = membershipChart(system.outputs[output], `Terms of ${system.outputs[output].name}, cut and put together`);
+    picture.replaceChildren(chart.svg);
+    show();
+  };
+  const names = system.outputs.map(withUnit);
+  const chooser = names.length > 1 ? [choice("Output", names, 0, choose).element] : [];
+  const steps = [
+    ["1. Inputs and their terms", ...system.inputs.map((_, place) => inputStep(state, place, `${id}-x${place + 1}`))],
+    ["2. Rules that fire, and what each moves", rules, note],
+    ["3. Output", ...chooser, result, picture, how, sign],
+  ];
+  element.append(...steps.map(([title, ...parts]) => make("div", { class: "step" }, make("h4", {}, title), ...parts)));
+  choose(0);
+  state.follow(show);
+}

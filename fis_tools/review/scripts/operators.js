@@ -1,0 +1,30 @@
+// How degrees of truth combine, by name, with the arithmetic of fis_tools/operators.py.
+
+const AND_OPERATORS = {
+  min: Math.min,
+  product: (a, b) => a * b,
+  bounded_difference: (a, b) => Math.max(a + b - 1, 0),
+  einstein_product: (a, b) => (a * b) / (2 - (a + b - a * b)),
+  hamacher_product: (a, b) => {
+    const both = a * b;
+    const either = a + b - both;
+    return both / (either === 0 ? 1 : either);
+  },
+  drastic_product: (a, b) => (b === 1 ? a : a === 1 ? b : 0),
+  nilpotent_minimum: (a, b) => (a + b > 1 ? Math.min(a, b) : 0),
+};
+
+const OR_OPERATORS = {
+  max: Math.max,
+  probabilistic_sum: (a, b) => a + b - a * b,
+  bounded_sum: (a, b) => Math.min(a + b, 1),
+  einstein_sum: (a, b) => (a + b) / (1 + a * b),
+  hamacher_sum: (a, b) => {
+    const both = a * b;
+    return both === 1 ? 1 : (a + b - 2 * both) / (1 - both);
+  },
+  drastic_sum: (a, b) => (b === 0 ? a : a === 0 ? b : 1),
+  nilpotent_maximum: (a, b) => (a + b < 1 ? Math.max(a, b) : 1),
+};
+
+const ACCUMULATIONS = { product: AND_OPERATORS.product, ...OR_OPERATORS };

@@ -1,0 +1,67 @@
+// The whole page: theme, tables, and the views of each system.
+
+function followTheme() {
+  const chooser = document.getElementById("theme");
+  chooser.addEventListener("change", () => {
+    document.documentElement.dataset.theme = chooser.value;
+    redrawAll();
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawAll);
+}
+
+/** Before printing: light colours, and what is folded is opened; afterwards all is as it was. */
+function followPrinting() {
+  const opened = [];
+  addEventListener("beforeprint", () => {
+    document.documentElement.dataset.printing = "";
+    for (const folded of document.querySelectorAll("details:not([open])")) {
+      folded.open = true;
+      opened.push(folded);
+    }
+    redrawNow();
+  });
+  addEventListener("afterprint", () => {
+    delete document.documentElement.dataset.printing;
+    for (const folded of opened.splice(0)) folded.open = false;
+    redrawAll();
+  });
+}
+
+function prepareTables() {
+  for (const table of document.querySelectorAll("table.sortable")) makeSortable(table);
+  for (const field of document.querySelectorAll("input.filter")) {
+    const table = document.getElementById(field.dataset.table);
+    makeFilterable(table, field, document.getElementById(`${field.id}-status`));
+  }
+}
+
+function fillPictures(section, system) {
+  for (const place of section.querySelectorAll(".picture")) {
+    const variable = system[place.dataset.kind][Number(place.dataset.place)];
+    place.append(membershipChart(variable, `Membership functions of ${variable.name}`).svg);
+  }
+}
+
+function fillSystem(state, place, clock, scale) {
+  const id = `s${place + 1}`;
+  const section = document.getElementById(id);
+  const live = (name) => section.querySelector(`.live.${name}`);
+  fillPictures(section, state.system);
+  inferenceView(live("inference"), state, id);
+  followRules(section, state);
+  if (state.system.inputs.length > 1) surfaceView(live("surface"), state, scale, id);
+  else curveView(live("surface"), state);
+  if (clock.flights.length) flightView(live("flight"), state, place, clock, scale);
+}
+
+const carried = readCarried();
+const states = carried.systems.map((system) => new SystemState(system));
+followTheme();
+followPrinting();
+prepareTables();
+const clock = new FlightClock(carried.flights);
+const scale = brightnessScale(carried.brightness);
+states.forEach((state, place) => fillSystem(state, place, clock, scale));
+addEventListener("resize", oncePerFrame(redrawAll));
+// for whoever looks at the page with a browser's console
+window.review = Object.freeze({ systems: carried.systems, states, infer });

@@ -1,0 +1,106 @@
+// The control surface of a system: which inputs lie along the axes, where the others are held, and both pictures.
+
+/** Fill an element with the surface of a system over any two of its inputs. */
+function surfaceView(element, state, scale, id) {
+  const { system } = state;
+  const shownAs = { x: 0, y: 1, output: 0 };
+  const view = { ...FIRST_VIEW };
+  const about = `Surface of ${system.name} in space; the arrow keys turn it, Home turns it back`;
+  const solid = make("canvas", { class: "solid", tabindex: "0", role: "img", "aria-label": about });
+  const map = make("canvas", { class: "map", role: "img", "aria-label": `Heat map of ${system.name} with contours` });
+  const held = make("div", { class: "held" });
+  const range = make("p", { class: "note" });
+  let response = null;
+  let shape = "";
+
+  /** Evaluate the surface where its axes or held inputs are others than before. */
+  const evaluated = () => {
+    const { x, y, output } = shownAs;
+    const wanted = JSON.stringify([x, y, output, state.inputs.map((value, i) => (i === x || i === y ? null : value))]);
+    if (wanted !== shape) {
+      shape = wanted;
+      response = responseOver(state, x, y, output);
+      range.textContent = rangeWords(response);
+    }
+    return response;
+  };
+  const point = () => [state.inference.clipped[shownAs.x], state.inference.clipped[shownAs.y]];
+  const value = () => state.inference.outputs[shownAs.output].value;
+  const paintMap = keepDrawn(map, () => paintHeatMap(map, evaluated(), scale, point()));
+  const turned = keepDrawn(solid, () => paintSolid(solid, evaluated(), scale, view, [...point(), value()]));
+  const update = () => {
+    paintMap();
+    turned();
+  };
+  const holdOthers = () => {
+    const others = system.inputs.map((_, i) => i).filter((i) => i !== shownAs.x && i !== shownAs.y);
+    const controls = others.map((place) => inputControl(state, place, `${id}-held${place + 1}`));
+    held.replaceChildren(...(controls.length ? [make("p", { class: "note" }, "Held:"), ...controls] : []));
+  };
+  const axes = axisChoices(system, shownAs, () => {
+    holdOthers();
+    update();
+  });
+  makeTurnable(solid, view, turned);
+  const pictures = make("div", { class: "surfaces" }, solid, map);
+  element.append(make("div", { class: "controls" }, ...axes, held), pictures, range);
+  holdOthers();
+  state.follow(update);
+}
+
+function rangeWords({ variable, low, high }) {
+  const extent = `${quantity(low, variable)} to ${quantity(high, variable)}`;
+  return `On this surface ${variable.name} goes from ${extent}; the ring marks the present inputs, the thick line is zero.`;
+}
+
+/** The choices of both axes and of the output, those with nothing to choose left out. */
+function axisChoices(system, shownAs, changed) {
+  const names = system.inputs.map(withUnit);
+  const axis = (own, other) => {
+    const chooser = choice(`Along ${own}`, names, shownAs[own], (chosen) => {
+      if (chosen === shownAs[other]) {
+        shownAs[other] = shownAs[own];
+        choosers[other].select.value = String(shownAs[other]);
+      }
+      shownAs[own] = chosen;
+      changed();
+    });
+    return chooser;
+  };
+  const choosers = { x: axis("x", "y"), y: axis("y", "x") };
+  const shownChoosers = [choosers.x, choosers.y];
+  if (system.outputs.length > 1) {
+    const outputs = system.outputs.map(withUnit);
+    shownChoosers.push(choice("Output", outputs, 0, (chosen) => ((shownAs.output = chosen), changed())));
+  }
+  return shownChoosers.map(({ element }) => element);
+}
+
+/** Fill an element with the response of a system of one input: a curve for each output. */
+function curveView(element, state) {
+  const { system } = state;
+  const [variable] = system.inputs;
+  system.outputs.forEach((shownOutput, output) => {
+    const xs = spaced(variable.minimum, variable.maximum, 201);
+    const ys = xs.map((x) => evaluate(system, [x], output));
+    const canvas = make("canvas", { class: "curve", role: "img", "aria-label": `${shownOutput.name} over ${variable.name}` });
+    element.append(canvas);
+    state.follow(keepDrawn(canvas, () => paintCurve(canvas, variable, shownOutput, xs, ys, state, output)));
+  });
+}
+
+function paintCurve(canvas, variable, output, xs, ys, state, place) {
+  const { context, width, height } = sharpContext(canvas);
+  const colours = themeColours();
+  const low = ys.reduce((a, b) => Math.min(a, b));
+  const high = ys.reduce((a, b) => Math.max(a, b));
+  const margin = (high - low || Math.abs(high) || 1) * 0.06;
+  const along = { ...output, minimum: low - margin, maximum: high + margin };
+  const frame = { left: 58, top: 10, width: width - 70, height: height - 54 };
+  const { x, y } = paintMapAxes(context, { xVariable: variable, yVariable: along }, frame, colours);
+  context.strokeStyle = colours.accent;
+  context.lineWidth = 2;
+  polygon(context, xs.map((value, i) => [x(value), y(ys[i])]));
+  context.stroke();
+  paintMark(context, x(state.inference.clipped[0]), y(state.inference.outputs[place].value), colours);
+}

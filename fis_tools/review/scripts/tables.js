@@ -1,0 +1,54 @@
+// Tables that sort by a column and show only the rows with some words.
+
+/** What a cell is sorted by: its number where it has one, else its words. */
+function sortKey(row, column) {
+  const cell = row.cells[column];
+  return "value" in cell.dataset ? Number(cell.dataset.value) : cell.textContent.trim();
+}
+
+function compare(a, b) {
+  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true });
+}
+
+/** Sort the rows of a table by a column; the head of the column says so. */
+function sortBy(table, column, isDescending) {
+  const body = table.tBodies[0];
+  const factor = isDescending ? -1 : 1;
+  const rows = [...body.rows].map((row, place) => ({ row, place, key: sortKey(row, column) }));
+  rows.sort((a, b) => factor * compare(a.key, b.key) || a.place - b.place);
+  body.append(...rows.map(({ row }) => row));
+  [...table.tHead.rows[0].cells].forEach((head, place) => {
+    if (place === column) head.setAttribute("aria-sort", isDescending ? "descending" : "ascending");
+    else head.removeAttribute("aria-sort");
+  });
+}
+
+/** Put a button into each head of a table that sorts; numbers are sorted with the greatest first. */
+function makeSortable(table) {
+  [...table.tHead.rows[0].cells].forEach((head, column) => {
+    const first = head.dataset.first ?? "ascending";
+    const button = make("button", { type: "button", class: "sort" }, ...head.childNodes);
+    button.addEventListener("click", () => {
+      const now = head.getAttribute("aria-sort");
+      const isDescending = now ? now === "ascending" : first === "descending";
+      sortBy(table, column, isDescending);
+    });
+    head.append(button);
+  });
+}
+
+/** Show only rows that hold all of the words in a field. */
+function makeFilterable(table, field, status) {
+  const rows = [...table.tBodies[0].rows];
+  const contents = rows.map((row) => row.textContent.toLowerCase());
+  const filter = () => {
+    const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
+    let count = 0;
+    rows.forEach((row, i) => {
+      row.hidden = !words.every((word) => contents[i].includes(word));
+      count += row.hidden ? 0 : 1;
+    });
+    status.textContent = words.length ? `${count} of ${rows.length} shown` : "";
+  };
+  field.addEventListener("input", filter);
+}
