@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools import inference, kernel
+from fis_tools.compiler import compile
 from fis_tools.membership import sample_terms
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.validate import nearest
@@ -95,7 +95,7 @@ class RuleUsage:
 
 
 def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
-    """Infer many samples of a valid system, compiled where the kernel covers it.
+    """Infer many samples of a valid system.
 
     Parameters
     ----------
@@ -108,16 +108,12 @@ def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
     -------
     (n, num_outputs)
     """
-    try:
-        packed = kernel.pack(system)
-    except kernel.NotCompilable:
-        return inference.evaluate(system, inputs)
-    return kernel.evaluate(packed, inputs)[:, np.newaxis]
+    return compile(system)(inputs)
 
 
 def firing(system: FuzzySystem, inputs: Floats) -> Floats:
     """Return how strongly each rule fires for each sample, before weights: (n, num_rules)."""
-    return inference.firing_strengths(system, inputs)
+    return compile(system).firing_strengths(inputs)
 
 
 def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
