@@ -6,16 +6,17 @@ import os
 import sys
 from collections.abc import Sequence
 
-from fis_tools.commands import explain, export, firing, plot, review, show, surface
+from fis_tools.commands import audit, explain, export, firing, plot, review, show, surface
 from fis_tools.commands.arguments import UserMistake
 from fis_tools.validate import ControllerFileError
 
-COMMANDS = (show, plot, surface, export, explain, firing, review)
+COMMANDS = (show, plot, surface, export, audit, explain, firing, review)
 
 EPILOG = """\
 examples:
   python -m fis_tools show outputs/train/20250101-120000-000000
   python -m fis_tools plot controller.yaml -o figures
+  python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
   python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
   python -m fis_tools explain episodes/best.mcap --time 600
   python -m fis_tools firing episodes/*.mcap
@@ -41,7 +42,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line; return 0, or 2 for a mistake that one sentence explains."""
+    """Run the command line; return 0, 1 where a check fails, 2 for a mistake told in a sentence."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     parser = build_parser()
@@ -50,10 +51,11 @@ def main(words: Sequence[str] | None = None) -> int:
         return 2
     arguments = parser.parse_args(words)
     try:
-        arguments.run(arguments)
+        status = arguments.run(arguments) or 0
         sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except OSError as mistake:
         place = mistake.filename or "the output"
         print(f"error: {place} cannot be written ({mistake.strerror}); choose another place", file=sys.stderr)
@@ -61,7 +63,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except (ControllerFileError, UserMistake) as mistake:
         print(f"error: {mistake}", file=sys.stderr)
         return 2
-    return 0
+    return int(status)
 
 
 if __name__ == "__main__":

@@ -6,10 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools import flights
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.validate import nearest
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+Floats = NDArray[np.float64]
 
 CONTROLLER_HELP = (
     "a controller file (.json, .yaml), the folder of a run (its champion.json), or a logged flight (.mcap)"
@@ -23,7 +29,7 @@ class UserMistake(ValueError):  # noqa: N818
 def add_command(
     commands: Commands,
     name: str,
-    run: Callable[[argparse.Namespace], None],
+    run: Callable[[argparse.Namespace], int | None],
     summary: str,
 ) -> argparse.ArgumentParser:
     """Add a command that is about one controller."""
@@ -32,6 +38,46 @@ def add_command(
     command.add_argument("controller", metavar="CONTROLLER", help=CONTROLLER_HELP)
     command.add_argument("--system", metavar="NAME", help="only this system of the controller")
     return command
+
+
+def add_flights(command: argparse.ArgumentParser) -> None:
+    """Let a command look at what systems sensed along flights."""
+    command.add_argument(
+        "--flights",
+        nargs="+",
+        metavar="FLIGHT",
+        help="logged flights (.mcap) whose inputs are looked at (default: CONTROLLER, if it is a flight)",
+    )
+
+
+def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
+    """Return what the systems of a controller sensed along the flights that are named; None without any.
+
+    The flights may be those of another controller, such as the one before a change, if its systems of the
+    same names have the same inputs.
+    """
+    paths = arguments.flights or [p for p in [arguments.controller] if Path(p).suffix == ".mcap"]
+    if not paths:
+        return None
+    sensed = flights.inputs_along(paths)
+    flown = {
+        system.name: [v.name for v in system.inputs] for system in flights.read_controller(paths[0]).systems
+    }
+    for system in controller.systems:
+        inputs = [variable.name for variable in system.inputs]
+        if flown.get(system.name, inputs) != inputs:
+            raise UserMistake(
+                f"{paths[0]} was flown with a system {system.name!r} of the inputs "
+                f"{', '.join(flown[system.name])}, but the controller's has {', '.join(inputs)}; "
+                "give flights of this controller"
+            )
+    found = {system.name: sensed[system.name] for system in controller.systems if system.name in sensed}
+    if not found:
+        raise UserMistake(
+            f"{paths[0]} was flown with {', '.join(flown)}, but the controller has "
+            f"{', '.join(system.name for system in controller.systems)}; give flights of this controller"
+        )
+    return found
 
 
 def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
