@@ -2,32 +2,45 @@
 
 import csv
 import io
+from collections.abc import Mapping
 
+from fis_tools.formats.ranking import Floats, ranked
 from fis_tools.formats.text import antecedent_words
 from fis_tools.model import And, Expression, FuzzyController, Is
 
 
-def write(controller: FuzzyController) -> str:
+def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
     """Write the rules of all systems of a controller.
 
     Columns are ``system, rule, label``, one for each input of any system, ``antecedent`` in words, then
     ``output, term, weight``. An input's column holds the term it must have, and is empty where a rule does
     not mention it or says more than a conjunction can.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    importance : mapping, optional
+        How much each rule matters, as for `fis_tools.formats.ranking.ranked`: a last column, and the order of
+        the rules of each system.
     """
     inputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight"])
+    last = ["importance"] if importance is not None else []
+    writer.writerow(["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight", *last])
     for system in controller.systems:
-        for place, rule in enumerate(system.rules, start=1):
-            terms = _conjunction(rule.antecedent)
+        for entry in ranked(system, importance):
+            rule, terms = entry.rule, _conjunction(entry.rule.antecedent)
+            share = [] if importance is None else ["" if entry.importance is None else repr(entry.importance)]
             for consequent in rule.consequents:
                 writer.writerow(
                     [
-                        *(system.name, place, rule.label),
+                        *(system.name, entry.number, rule.label),
                         *(terms.get(name, "") for name in inputs),
                         antecedent_words(rule.antecedent),
                         *(consequent.variable, consequent.term, repr(float(consequent.weight))),
+                        *share,
                     ]
                 )
     return text.getvalue()

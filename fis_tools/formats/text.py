@@ -1,10 +1,11 @@
 """Fuzzy systems in words: If-Then sentences, tables for a terminal, and an inference told step by step."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
 
+from fis_tools.formats.ranking import Floats, ranked
 from fis_tools.inference import Inference, OutputInference
 from fis_tools.model import (
     And,
@@ -175,13 +176,19 @@ def aligned(rows: Sequence[Sequence[str]], indent: int = 0) -> list[str]:
     ]
 
 
-def write(controller: FuzzyController) -> str:
-    """Say every rule of every system of a controller, for reading aloud or for a review."""
+def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
+    """Say every rule of every system of a controller, for reading aloud or for a review.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    importance : mapping, optional
+        How much each rule matters, as for `fis_tools.formats.ranking.ranked`: a column and the order.
+    """
     lines: list[str] = []
     for system in controller.systems:
-        lines += [f"{system.name}: {summary(system)}", ""]
-        lines += [f"{index:3d}. {line}." for index, line in enumerate(sentences(system), start=1)]
-        lines.append("")
+        lines += [f"{system.name}: {summary(system)}", "", *_ranked_lines(system, importance), ""]
     return "\n".join(lines[:-1]) + "\n"
 
 
@@ -197,8 +204,25 @@ def summary(system: FuzzySystem) -> str:
     )
 
 
-def describe(controller: FuzzyController) -> str:
-    """Show a controller in a terminal: variables, terms and rule tables of every system."""
+def _ranked_lines(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[str]:
+    told = sentences(system)
+    return [
+        f"{entry.importance_words:>8}  " * (entry.importance is not None)
+        + f"{entry.number:3d}. {told[entry.number - 1]}."
+        for entry in ranked(system, importance)
+    ]
+
+
+def describe(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
+    """Show a controller in a terminal: variables, terms and rule tables of every system.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    importance : mapping, optional
+        How much each rule matters, as for `fis_tools.formats.ranking.ranked`: adds the rules in this order.
+    """
     lines = [controller.name]
     facts = [*controller.attributes, *controller.provenance]
     lines += aligned([[key, " ".join(value.split())] for key, value in facts], 2) if facts else []
@@ -208,6 +232,9 @@ def describe(controller: FuzzyController) -> str:
             for variable in variables:
                 lines += ["", *_variable_lines(kind, variable)]
         lines += ["", *_rule_lines(system)]
+        if importance is not None and system.name in importance:
+            lines += ["", "  rules by importance, the mean change of an output without them, of its range"]
+            lines += [f"    {line}" for line in _ranked_lines(system, importance)]
     return "\n".join(lines) + "\n"
 
 
