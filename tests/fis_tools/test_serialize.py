@@ -440,7 +440,7 @@ def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     for name, content, words in (
-        ("c.txt", b"", "ends in .json, .yaml or .yml"),
+        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll, .fml or .xml"),
         ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),
         ("large.json", b" " * (10 * 1024 * 1024 + 1), "larger than"),
         ("cut.json", b'{"schema": "fuzzy-', "line 1"),
