@@ -1,15 +1,14 @@
 """The commands of ``python -m telemetry``: arguments in, sentences out."""
 
 import argparse
+import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from telemetry import topics
+from telemetry import compare, summary
 from telemetry.errors import RecordingError
-from telemetry.reader import Recording, read
+from telemetry.reader import read
 from telemetry.recover import recover
 from telemetry.tables import export
 
@@ -27,7 +26,13 @@ examples:
   python -m telemetry replay flight.mcap --save x.rrd     a file to send; opens with `rerun x.rrd`
   python -m telemetry info flight.mcap                    what it was, how it went, what is recorded
   python -m telemetry recover flight.mcap.partial         rescue a flight whose process was killed
-  python -m telemetry export flight.mcap --format csv     tables, one file a topic"""
+  python -m telemetry export flight.mcap --format csv     tables, one file a topic
+  python -m telemetry compare a.mcap b.mcap               where two flights part, and by how much
+
+exit codes: 0; 1 where compared flights differ; 2 after a mistake, said in one sentence"""
+
+DIFFERENT = 1
+MISTAKE = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,15 +46,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 after a user's mistake, which has been explained on the standard error stream.
+        0; 1 where compared flights differ; 2 after a user's mistake, which has been explained on the standard
+        error stream.
     """
     options = _parser().parse_args(arguments)
     try:
-        options.run(options)
+        return int(options.run(options) or 0)
     except RecordingError as error:
         print(f"telemetry: {error}", file=sys.stderr)
-        return 2
-    return 0
+        return MISTAKE
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -68,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("info", help="say what a flight was and what its file holds")
     command.add_argument("file", type=Path, metavar="FILE")
+    command.add_argument("--json", action="store_true", help="the same for programs")
     command.set_defaults(run=_info)
 
     command = commands.add_parser(
@@ -86,6 +92,20 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="DIR", help="default: a folder named after FILE and the format"
     )
     command.set_defaults(run=_export)
+
+    command = commands.add_parser(
+        "compare", help="say at which sample, topic and field two flights part, and by how much"
+    )
+    command.add_argument("first", type=Path, metavar="A")
+    command.add_argument("second", type=Path, metavar="B")
+    command.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.0,
+        metavar="NUMBER",
+        help="difference of quantities that does not count, in each field's own unit; default: 0",
+    )
+    command.set_defaults(run=_compare)
     return parser
 
 
@@ -101,7 +121,11 @@ def _replay(options: argparse.Namespace) -> None:
 
 
 def _info(options: argparse.Namespace) -> None:
-    print("\n".join(_description(read(options.file))))
+    told = summary.summarize(read(options.file))
+    if options.json:
+        print(json.dumps(told, indent=2, ensure_ascii=False))
+    else:
+        print("\n".join(summary.in_words(told)))
 
 
 def _recover(options: argparse.Namespace) -> None:
@@ -130,44 +154,7 @@ def _export(options: argparse.Namespace) -> None:
         print(path)
 
 
-def _description(recording: Recording) -> list[str]:
-    # a rescued file may have no topics at all
-    times = np.concatenate([np.empty(0), *(topic.time_s for topic in recording.topics.values())])
-    span = f"{times.min():g} to {times.max():g} s" if times.size else "no messages"
-    lines = [f"{recording.path}: {recording.path.stat().st_size / 1024:.0f} KiB, {span}"]
-    if topics.RECOVERY_METADATA in recording.metadata:
-        lines.append("rescued from a cut or damaged file: the flight may have gone on")
-    lines += ["", "episode", *_indented(recording.metadata.get(topics.EPISODE_METADATA, {}))]
-    lines += ["", "outcome", *_indented(_outcome(recording))]
-    lines += ["", "fuzzy systems", *([] if recording.fis_names else ["  none"])]
-    for name in recording.fis_names:
-        words = recording.fis_description(name)
-        inputs = ", ".join(
-            f"{signal} ({unit})" if unit else signal
-            for signal, unit in zip(words.input_names, words.input_units, strict=True)
-        )
-        lines.append(
-            f"  {name}: {inputs} -> {words.output_name} ({words.output_unit}), {len(words.rules)} rules"
-        )
-    counts = {name: f"{len(topic):5d} x {topic.schema}" for name, topic in recording.topics.items()}
-    lines += ["", "topics", *_indented(counts)]
-    sizes = {name: f"{len(content)} bytes" for name, content in recording.attachments.items()}
-    return [*lines, "", "attachments", *_indented(sizes)]
-
-
-def _outcome(recording: Recording) -> dict[str, str]:
-    mission = recording.topics.get(topics.MISSION)
-    if mission is None or not len(mission):
-        return {}
-    distance = mission["distance_m"].astype(np.float64)
-    return {
-        "points inspected": f"{mission['inspected_count'][-1]} of {mission['inspected_mask'].shape[1]}",
-        "inspection rate": f"{mission['inspection_rate_percent'][-1]:.2f} %",
-        "delta-v": f"{mission['delta_v_m_s'][-1]:.4f} m/s",
-        "distance": f"{distance.min():.1f} to {distance.max():.1f} m",
-    }
-
-
-def _indented(entries: Mapping[str, str]) -> list[str]:
-    width = max(map(len, entries), default=0)
-    return [f"  {key:<{width}}  {value}" for key, value in entries.items()] or ["  none"]
+def _compare(options: argparse.Namespace) -> int:
+    comparison = compare.compare(read(options.first), read(options.second), options.tolerance)
+    print("\n".join(compare.in_words(comparison)))
+    return 0 if comparison.is_equal else DIFFERENT

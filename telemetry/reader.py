@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 import numpy as np
 import zstandard
@@ -21,10 +21,13 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from telemetry import columns, topics
+from telemetry import arrow, columns, topics
 from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
 from telemetry.metadata import EpisodeDescription, FisDescription, unsealed
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 __all__ = ["Recording", "RecordingError", "read"]
 
@@ -67,6 +70,21 @@ class TopicColumns:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def to_arrow(self) -> "pa.Table":
+        """Return the columns as an Arrow table: `time_s` first, vectors as lists of fixed size.
+
+        Each field's metadata holds its ``unit``; `telemetry.flat_table` gives one number a cell instead.
+        """
+        return arrow.table(
+            {"time_s": self.time_s, **self.columns},
+            {"time_s": "s", **self.units},
+            {"topic": self.topic, "schema": self.schema},
+        )
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        # whatever takes Arrow's stream protocol takes a topic as it is: polars.DataFrame(topic), duckdb
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def __getitem__(self, field: str) -> NDArray[np.generic]:
         if field not in self.columns:

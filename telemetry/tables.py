@@ -2,17 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 from numpy.typing import NDArray
 
-from telemetry import topics
+from telemetry import arrow, topics
 from telemetry.errors import RecordingError
 from telemetry.reader import Recording, TopicColumns
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Table = dict[str, NDArray[np.generic]]
 Format = Literal["csv", "parquet"]
@@ -41,6 +41,10 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
     RecordingError
         If the folder cannot be written to.
     """
+    # pyarrow takes a tenth of a second to import, which nobody who exports nothing should pay
+    import pyarrow.csv  # noqa: PLC0415
+    import pyarrow.parquet  # noqa: PLC0415
+
     paths = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -48,7 +52,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
             if not len(topic):
                 continue
             path = folder / f"{name.strip('/').replace('/', '_')}.{file_format}"
-            table = pa.table(flat_table(recording, topic))
+            table = flat_table(recording, name)
             if file_format == "csv":
                 pyarrow.csv.write_csv(table, path)
             else:
@@ -61,17 +65,34 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
     return paths
 
 
-def flat_table(recording: Recording, topic: TopicColumns) -> Table:
-    """Spread the columns of a topic over columns of one number a row.
+def flat_table(recording: Recording, name: str) -> "pa.Table":
+    """Spread the columns of a topic over columns of one number a row, as data frames want them.
 
     A vector becomes a column for each axis, its unit staying last (``position_x_m``). Instants of the
     attitude clock and inspection points become rows of their own.
 
+    Parameters
+    ----------
+    recording : Recording
+    name : str
+        Of the topic.
+
     Returns
     -------
-    dict of str to array
-        Columns of one length, `time_s` first.
+    pyarrow.Table
+        `time_s` first; each field's metadata holds its ``unit``. ``to_pandas()`` makes a data frame of it.
     """
+    topic = recording[name]
+    columns = _flat_columns(recording, topic)
+    units = {column: topics.unit_of(column) for column in columns}
+    if name.startswith(topics.FIS_PREFIX):
+        names = _component_names(recording, topic, "inputs") or ()
+        words = recording.fis_description(name.removeprefix(topics.FIS_PREFIX))
+        units |= dict(zip(names, words.input_units, strict=True))
+    return arrow.table(columns, units, {"topic": name, "schema": topic.schema})
+
+
+def _flat_columns(recording: Recording, topic: TopicColumns) -> Table:
     if topic.topic == topics.DEPUTY_ATTITUDE:
         return _attitude_table(topic)
     if topic.topic == topics.CHIEF_POINTS:

@@ -1,5 +1,6 @@
 """The commands: what they print, what they make, and one clear sentence on a mistake."""
 
+import json
 import re
 from pathlib import Path
 
@@ -26,6 +27,17 @@ def test_info_tells_what_it_was_and_how_it_went(
         r"controller\.json +19 bytes",
     ):
         assert re.search(expected, text), expected
+
+
+def test_info_tells_the_same_to_programs(flight_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "--json", str(flight_file)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["bytes"], told["end_s"], told["is_rescued"]) == (flight_file.stat().st_size, 3600.0, False)
+    assert told["episode"]["scenario_id"] == "circle-0"
+    assert (told["outcome"]["inspected_count"], told["outcome"]["num_points"]) == (97, 99)
+    assert told["fuzzy_systems"]["f_y"]["inputs"] == {"lambda_u": "rad", "velocity_body_y": "m/s"}
+    assert told["topics"]["/tf"] == {"schema": "foxglove.FrameTransform", "messages": 723}
+    assert told["attachments"] == {"config.yaml": 8, "controller.json": 19}
 
 
 def test_recover_rescues_a_cut_file(
@@ -112,8 +124,8 @@ def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
         main(["--help"])
     assert leave.value.code == 0
     text = capsys.readouterr().out
-    for command in ("replay", "info", "recover", "export"):
-        assert f"python -m telemetry {command} flight.mcap" in text
+    for command in ("replay", "info", "recover", "export", "compare"):
+        assert re.search(rf"python -m telemetry {command} \w+\.mcap", text)
 
 
 def test_a_command_is_needed() -> None:

@@ -1,0 +1,57 @@
+"""Columns as Arrow tables, for data frames: each field carries its unit."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: under which a field's metadata holds its unit
+UNIT: Final = "unit"
+
+
+def table(
+    columns: Mapping[str, NDArray[np.generic]], units: Mapping[str, str], description: Mapping[str, str]
+) -> "pa.Table":
+    """Build an Arrow table.
+
+    Parameters
+    ----------
+    columns : mapping of str to array
+        Arrays of one length; of each further axis comes a list of fixed size.
+    units : mapping of str to str
+        Of the columns that have one; it stands in the metadata of the field, under ``unit``.
+    description : mapping of str to str
+        Metadata of the table.
+    """
+    # pyarrow takes a tenth of a second to import, which nobody who needs no table should pay
+    import pyarrow as pa  # noqa: PLC0415
+
+    arrays = {name: _array(values) for name, values in columns.items()}
+    fields = []
+    for name, array in arrays.items():
+        unit = units.get(name, "")
+        fields.append(pa.field(name, array.type, metadata={UNIT: unit} if unit else None))
+    return pa.table(list(arrays.values()), schema=pa.schema(fields, metadata=dict(description)))
+
+
+def _array(values: NDArray[np.generic]) -> "pa.Array":
+    import pyarrow as pa  # noqa: PLC0415
+
+    if values.dtype.kind == "U":
+        return pa.array(values.tolist(), pa.string())
+    array = pa.array(values.ravel())
+    for size in reversed(values.shape[1:]):
+        array = _lists(array, size, values.size)
+    return array
+
+
+def _lists(array: "pa.Array", size: int, num_values: int) -> "pa.Array":
+    import pyarrow as pa  # noqa: PLC0415
+
+    if num_values == 0:
+        return pa.array([], pa.list_(array.type, size))
+    return pa.FixedSizeListArray.from_arrays(array, size)
