@@ -37,7 +37,7 @@ def test_the_walls_stand():
         ("pipeline/controllers.py", "import json", "pipeline.controllers -> json"),
         ("fis_tools/kernel.py", "import skfuzzy", "fis_tools.kernel -> skfuzzy"),
         ("fis_tools/analysis.py", "import matplotlib", "fis_tools.analysis -> matplotlib"),
-        ("fis_tools/render.py", "import telemetry", "fis_tools.render -> telemetry"),
+        ("fis_tools/render/theme.py", "import telemetry", "fis_tools.render.theme -> telemetry"),
         ("telemetry/reader.py", "import rerun", "telemetry.reader -> rerun"),
         ("telemetry/reader.py", "import fis_tools.model", "telemetry.reader -> fis_tools.model"),
     ],

@@ -1,0 +1,60 @@
+"""Pictures of fuzzy systems: axes in, axes out, nothing saved; whole figures and files of them apart.
+
+>>> from matplotlib import pyplot
+>>> figure, ax = pyplot.subplots()
+>>> ax = rule_matrix(system, ax, theme=DARK)  # doctest: +SKIP
+
+What a colour says is also said by a word, a line style or a brightness, so that a grey print says the same.
+"""
+
+from fis_tools.render.figures import (
+    firing_figure,
+    memberships_figure,
+    one_panel,
+    rules_figures,
+    surface_figure,
+    surface_figures,
+    system_figures,
+)
+from fis_tools.render.files import encode, save
+from fis_tools.render.inference_figure import inference_figure
+from fis_tools.render.inference_view import conclusion_panel, output_panel, statement_panel
+from fis_tools.render.membership_curves import memberships
+from fis_tools.render.output_curves import output_curve
+from fis_tools.render.rule_lists import rule_list
+from fis_tools.render.rule_tables import rule_matrix
+from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
+from fis_tools.render.surface_maps import draw_surface, surface_map
+from fis_tools.render.surface_spaces import surface_space
+from fis_tools.render.theme import BRIGHTNESS_MAP, DARK, LIGHT, THEMES, Theme
+
+__all__ = [
+    "BRIGHTNESS_MAP",
+    "DARK",
+    "LIGHT",
+    "THEMES",
+    "Theme",
+    "conclusion_panel",
+    "draw_surface",
+    "encode",
+    "firing_figure",
+    "firing_map",
+    "firing_shares",
+    "inference_figure",
+    "memberships",
+    "memberships_figure",
+    "one_panel",
+    "output_curve",
+    "output_panel",
+    "rule_bars",
+    "rule_list",
+    "rule_matrix",
+    "rules_figures",
+    "save",
+    "statement_panel",
+    "surface_figure",
+    "surface_figures",
+    "surface_map",
+    "surface_space",
+    "system_figures",
+]

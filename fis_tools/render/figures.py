@@ -1,0 +1,264 @@
+"""Whole figures of a system, sized so that every word can be read."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from fis_tools.analysis import Surface, surface
+from fis_tools.membership import sample
+from fis_tools.model import FuzzySystem, Term, Variable
+from fis_tools.render import lettering
+from fis_tools.render.membership_curves import memberships, peak
+from fis_tools.render.output_curves import output_curve
+from fis_tools.render.roles import named
+from fis_tools.render.rule_lists import list_height, rule_list
+from fis_tools.render.rule_tables import rule_cells, rule_matrix
+from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
+from fis_tools.render.surface_maps import colour_bar, draw_surface
+from fis_tools.render.surface_spaces import surface_space
+from fis_tools.render.surfaces import held_words, over_axes, value_limits
+from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, head
+
+#: A figure has panels for so many combinations of outer terms; the others are left to `surface` and `show`.
+MOST_PANELS = 30
+_LIST_WIDTH, _LIST_HEIGHT = 8.0, 10.5
+
+
+def one_panel(title: str, *, theme: Theme = LIGHT, projection: str | None = None) -> tuple[Figure, Any]:
+    """Make a figure with one pair of axes, by default flat, with ``projection="3d"`` in space."""
+    figure = Figure(figsize=(5.6, 4.4), layout="constrained")
+    head(figure, title, theme)
+    return figure, figure.subplots(subplot_kw={"projection": projection})
+
+
+def memberships_figure(
+    system: FuzzySystem, values: Mapping[str, float] | None = None, *, theme: Theme = LIGHT
+) -> Figure:
+    """Draw the terms of all variables, one below the other, with the values that are given marked."""
+    variables, given = (*system.inputs, *system.outputs), dict(values or {})
+    tall = [
+        2.0 + (0.3 if variable.name in given else 0.0) + 0.06 * len(variable.terms) for variable in variables
+    ]
+    figure = Figure(figsize=(6.4, sum(tall) + 0.3), layout="constrained")
+    axes = figure.subplots(len(variables), squeeze=False, height_ratios=tall).ravel()
+    for variable, ax in zip(variables, axes, strict=True):
+        memberships(variable, ax, given.get(variable.name), theme=theme)
+    head(figure, system.name, theme)
+    return figure
+
+
+def rules_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tuple[str, Figure]]:
+    """Draw the rules of a system as tables, a figure an output, or as lists, as many figures as they fill.
+
+    Tables have one panel for each combination of the terms of the inputs before the last two. Rules that are
+    no table for some output (see `rule_cells`), or one of more than `MOST_PANELS` panels, are listed.
+
+    Yields
+    ------
+    (name, figure)
+        As `system_figures` does.
+    """
+    cells = [rule_cells(system, output) for output in system.outputs]
+    if any(table is None for table in cells) or len(_outer_terms(system)) > MOST_PANELS:
+        for page, figure in enumerate(_list_figures(system, theme), start=1):
+            yield "rules" if page == 1 else f"rules-{page}", figure
+        return
+    for output in system.outputs:
+        name = "rules" if len(system.outputs) == 1 else f"rules-{output.name}"
+        yield name, _matrix_figure(system, output, theme)
+
+
+def surface_figures(
+    system: FuzzySystem, *, in_space: bool = False, samples: Floats | None = None, theme: Theme = LIGHT
+) -> Iterator[tuple[str, Figure]]:
+    """Draw every output with `surface_figure`; over a single input as a curve, and that only once.
+
+    Yields
+    ------
+    (name, figure)
+        As `system_figures` does; in space ``surface-3d``.
+    """
+    kind = "surface-3d" if in_space else "surface"
+    if len(system.inputs) == 1:
+        kind = "curve"
+    for output in () if kind == "curve" and in_space else system.outputs:
+        name = kind if len(system.outputs) == 1 else f"{kind}-{output.name}"
+        if kind == "curve":
+            figure, ax = one_panel(output.name, theme=theme)
+            output_curve(system, ax, output=output.name, samples=samples, theme=theme)
+        else:
+            figure = surface_figure(system, output.name, samples=samples, in_space=in_space, theme=theme)
+        yield name, figure
+
+
+def surface_figure(
+    system: FuzzySystem,
+    output: str | None = None,
+    *,
+    samples: Floats | None = None,
+    in_space: bool = False,
+    theme: Theme = LIGHT,
+) -> Figure:
+    """Draw an output over the last two inputs, as maps or in space.
+
+    There is one panel for each combination of the terms of the other inputs, these held at the terms' peaks,
+    all in the same colours. With more than `MOST_PANELS` there is one, these held in the middle of their
+    universes.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems, with two inputs or more.
+    output : str, optional
+        Which output; by default the first.
+    samples : (n, num_inputs), optional
+        Inputs to mark, each in the panel to whose terms it belongs most.
+    in_space : bool
+        Whether to draw surfaces in space.
+    theme : Theme
+        Colours.
+    """
+    concluded = named(system, "output", output)
+    combinations = _outer_terms(system)
+    if len(combinations) > MOST_PANELS:
+        combinations = [{}]
+    results = [_slice(system, terms, concluded) for terms in combinations]
+    limits = value_limits(results)
+    size = (4.2, 3.9) if in_space else (3.9, 3.3)
+    figure, axes = _panels(len(results), size, concluded.name, theme, "3d" if in_space else None)
+    for terms, result, ax in zip(combinations, results, axes, strict=True):
+        points = None if samples is None else over_axes(system, result, _belonging(system, terms, samples))
+        words = held_words(system, result.fixed)
+        if in_space:
+            surface_space(result, ax, limits, points=points, title=words, theme=theme)
+        else:
+            draw_surface(result, ax, limits, points=points, title=words, has_colour_bar=False, theme=theme)
+    if not in_space:
+        colour_bar(axes, axes[0].images[0], results[0], theme)
+    return figure
+
+
+def firing_figure(system: FuzzySystem, time_s: Floats, strengths: Floats, *, theme: Theme = LIGHT) -> Figure:
+    """Draw how the rules of a system fired along a flight, and below the share of each in all firing.
+
+    Raises
+    ------
+    ValueError
+        As `firing_map` does.
+    """
+    count = min(20, len(system.rules))
+    tall = (0.9 + 0.22 * count, 0.9 + 0.22 * min(15, len(system.rules)))
+    figure = Figure(figsize=(9.0, sum(tall) + 0.4), layout="constrained")
+    above, below = figure.subplots(2, height_ratios=tall)
+    head(figure, f"{system.name}: rules along the flight", theme)
+    firing_map(system, time_s, strengths, above, most_rules=count, theme=theme)
+    rule_bars(system, firing_shares(strengths), below, theme=theme)
+    return figure
+
+
+def system_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tuple[str, Figure]]:
+    """Draw what there is to see of a system, one figure after the other.
+
+    Yields
+    ------
+    (name, figure)
+        ``memberships``, ``rules``, and ``surface``, or ``curve`` for a single input; ``rules-OUTPUT`` and
+        ``surface-OUTPUT`` for several outputs; ``rules-2`` and so on where a list fills several figures.
+    """
+    yield "memberships", memberships_figure(system, theme=theme)
+    yield from rules_figures(system, theme=theme)
+    yield from surface_figures(system, theme=theme)
+
+
+def _outer_terms(system: FuzzySystem) -> list[dict[str, Term]]:
+    """Return every combination of terms of the inputs before the last two."""
+    outer = system.inputs[:-2]
+    return [
+        {variable.name: term for variable, term in zip(outer, terms, strict=True)}
+        for terms in product(*(variable.terms for variable in outer))
+    ]
+
+
+def _slice(system: FuzzySystem, terms: Mapping[str, Term], output: Variable) -> Surface:
+    fixed = {}
+    for name, term in terms.items():
+        variable = system.variable(name)
+        fixed[name] = peak(variable.universe, sample(variable, term))
+    x, y = system.inputs[-1].name, system.inputs[-2].name
+    return surface(system, x, y, fixed=fixed, output=output.name, num_points=81)
+
+
+def _belonging(system: FuzzySystem, terms: Mapping[str, Term], samples: Floats) -> Floats:
+    """Keep the samples whose outer inputs belong to these terms more than to others."""
+    keep = np.ones(len(samples), dtype=bool)
+    for place, variable in enumerate(system.inputs):
+        if variable.name in terms:
+            x = np.clip(samples[:, place], variable.minimum, variable.maximum)
+            belongs = [np.interp(x, variable.universe, sample(variable, term)) for term in variable.terms]
+            keep &= np.argmax(belongs, axis=0) == variable.term_index(terms[variable.name].name)
+    return samples[keep]
+
+
+def _matrix_figure(system: FuzzySystem, output: Variable, theme: Theme) -> Figure:
+    combinations = _outer_terms(system)
+    last, rows = system.inputs[-1], system.inputs[-2] if len(system.inputs) > 1 else None
+    longest = max(_longest_piece(variable) for variable in (last, output))
+    beside = 0.5 + min(1.3, max(lettering.width(t.name, SMALL) for t in rows.terms)) if rows else 0.3
+    across = beside + len(last.terms) * max(0.75, 1.2 * longest)
+    down = 0.9 + 0.5 * (len(rows.terms) if rows else 1)
+    figure, axes = _panels(len(combinations), (across, down), output.name, theme)
+    for terms, ax in zip(combinations, axes, strict=True):
+        words = {name: term.name for name, term in terms.items()}
+        rule_matrix(system, ax, words, output=output.name, theme=theme)
+        if words:
+            told = ", ".join(f"{name} is {term}" for name, term in words.items())
+            ax.set_title(told, color=theme.ink, size=MEDIUM, parse_math=False)
+    return figure
+
+
+def _longest_piece(variable: Variable) -> float:
+    """Return the width of the longest part of a term's name that is not broken, in the letters of a table."""
+    pieces = (
+        piece for term in variable.terms for piece in lettering.broken(term.name, 0.0, MEDIUM).split("\n")
+    )
+    return max(lettering.width(piece, MEDIUM) for piece in pieces)
+
+
+def _list_figures(system: FuzzySystem, theme: Theme) -> list[Figure]:
+    across = _LIST_WIDTH - 0.3
+    pages: list[list[int]] = [[]]
+    for place in range(len(system.rules)):
+        if pages[-1] and list_height(system, [*pages[-1], place], across) > _LIST_HEIGHT:
+            pages.append([])
+        pages[-1].append(place)
+    figures = []
+    for number, places in enumerate(pages, start=1):
+        down = list_height(system, places, across) + 0.1
+        figure = Figure(figsize=(_LIST_WIDTH, down + 0.6))
+        ax = figure.add_axes(
+            (0.15 / _LIST_WIDTH, 0.1 / (down + 0.6), across / _LIST_WIDTH, down / (down + 0.6))
+        )
+        rule_list(system, ax, places, theme=theme)
+        head(
+            figure, f"{system.name}: rules" + (f", {number} of {len(pages)}" if len(pages) > 1 else ""), theme
+        )
+        figures.append(figure)
+    return figures
+
+
+def _panels(
+    count: int, size: tuple[float, float], title: str, theme: Theme, projection: str | None = None
+) -> tuple[Figure, Sequence[Axes]]:
+    columns = min(count, 3, max(1, int(16.0 / size[0])))
+    rows = -(-count // columns)
+    figsize = (size[0] * columns + 0.8, size[1] * rows + 0.4)
+    figure = Figure(figsize=figsize, layout="constrained")
+    head(figure, title, theme)
+    axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": projection}).ravel()
+    for ax in axes[count:]:
+        ax.remove()
+    return figure, list(axes[:count])
