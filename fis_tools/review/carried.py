@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from fis_tools.formats.text import sentence
 from fis_tools.inference import Floats
 from fis_tools.membership import sample
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.review.flown import Flight
 
 #: so many inferences of a system are carried at most, shared out among the flights
 MOST_SAMPLES = 4000
@@ -35,24 +36,20 @@ def system_data(system: FuzzySystem) -> dict[str, Any]:
     }
 
 
-def flight_data(
-    name: str, flown: Mapping[str, FlownSystem], systems: Sequence[FuzzySystem], num_flights: int
-) -> dict[str, Any]:
+def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int) -> dict[str, Any]:
     """Return one of several flights as plain data: what each system sensed, evenly thinned where it is long.
 
     Parameters
     ----------
-    name : str
-        What the flight is called.
-    flown : mapping of str to FlownSystem
-        By the system's name.
+    flight : Flight
     systems : sequence of FuzzySystem
         In the order in which the page has them.
     num_flights : int
         How many flights share the room.
     """
     most = max(2, MOST_SAMPLES // num_flights)
-    return {"name": name, "systems": [_flown(flown.get(system.name), most) for system in systems]}
+    flown = [_flown(flight.flown.get(system.name), most) for system in systems]
+    return {"name": flight.name, "systems": flown}
 
 
 def as_json(data: Any) -> str:

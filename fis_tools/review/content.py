@@ -1,23 +1,19 @@
-"""What a review page says in words and tables."""
+"""What a review page says of a controller and its systems, in words and tables."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from fis_tools import serialize
-from fis_tools.analysis import RuleUsage
-from fis_tools.formats.text import (
-    number,
-    rule_tables,
-    sentence,
-    shape_words,
-    summary,
-    with_unit,
-)
+from fis_tools import analysis, contribution, serialize
+from fis_tools.compiler import compile
+from fis_tools.formats.text import number, rule_tables, sentence, shape_words, summary, with_unit
+from fis_tools.inference import Floats
+from fis_tools.measures import Measures
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.review.colours import level
+from fis_tools.review.flown import Samples
 
 
 @dataclass(frozen=True)
@@ -37,48 +33,58 @@ def fingerprint(controller: FuzzyController) -> str:
     return hashlib.sha256(serialize.dump_json(controller).encode()).hexdigest()
 
 
-def system_words(index: int, system: FuzzySystem, usage: RuleUsage) -> dict[str, Any]:
+def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return facts with their keys in words."""
+    return [(key.replace("_", " "), value) for key, value in pairs]
+
+
+def system_words(system_id: str, system: FuzzySystem, samples: Samples, measures: Measures) -> dict[str, Any]:
     """Return what the template says of one system.
 
     Parameters
     ----------
-    index : int
-        From 1; ids on the page begin with it.
+    system_id : str
+        The ids of its parts on the page begin with it.
     system : FuzzySystem
-    usage : RuleUsage
-        How its rules fire over the samples of the review.
+    samples : Samples
+        What its rules are counted over.
+    measures : Measures
+        What was measured of it.
     """
+    usage = analysis.rule_usage(analysis.firing(system, samples.inputs))
+    importance = contribution.importance(compile(system), samples.inputs).max(axis=1)
     return {
-        "id": f"s{index}",
+        "id": system_id,
         "name": system.name,
         "summary": summary(system),
         "num_inputs": len(system.inputs),
-        "num_rules": len(system.rules),
         "across": system.inputs[-1].name,
         "down": system.inputs[-2].name if len(system.inputs) > 1 else "",
         "output": system.outputs[0].name,
         "inputs": ", ".join(with_unit(variable) for variable in system.inputs),
         "outputs": ", ".join(with_unit(variable) for variable in system.outputs),
-        "defuzzifier": system.defuzzifier,
-        "num_terms": sum(len(variable.terms) for variable in (*system.inputs, *system.outputs)),
-        "variables": list(_variables(index, system)),
-        "matrices": _matrices(system),
-        "rules": list(_rules(system, usage)),
+        "samples": samples.words,
         "never": int((usage.fired == 0).sum()),
+        "completeness": measures.completeness.least,
+        "gm3m": measures.gm3m,
+        "rmi": measures.rule_meaning.index,
+        "variables": list(_variables(system_id, system)),
+        "matrices": _matrices(system),
+        "rules": list(_rules(system, usage, importance, measures.rule_meaning.values)),
     }
 
 
-def _variables(index: int, system: FuzzySystem) -> Iterator[dict[str, Any]]:
+def _variables(system_id: str, system: FuzzySystem) -> Iterator[dict[str, Any]]:
     for kind, variables in (("input", system.inputs), ("output", system.outputs)):
         for place, variable in enumerate(variables):
             yield {
-                "id": f"s{index}-{kind[0]}{place + 1}",
+                "id": f"{system_id}-{kind[0]}{place + 1}",
                 "kind": kind,
                 "place": place,
                 "name": variable.name,
                 "title": with_unit(variable),
                 "extent": _extent(variable),
-                "description": variable.description,
+                "description": variable.description.rstrip("."),
                 "terms": [(term.name, shape_words(term)) for term in variable.terms],
             }
 
@@ -104,18 +110,16 @@ def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str,
     ]
 
 
-def _rules(system: FuzzySystem, usage: RuleUsage) -> Iterator[dict[str, Any]]:
+def _rules(
+    system: FuzzySystem, usage: analysis.RuleUsage, importance: Floats, meaning: Floats
+) -> Iterator[dict[str, Any]]:
     for place, rule in enumerate(system.rules):
         yield {
             "words": sentence(rule),
             "label": rule.label,
+            "importance": float(importance[place]),
             "fired": float(usage.fired[place]),
             "leading": float(usage.leading[place]),
             "strongest": float(usage.max_strength[place]),
+            "meaning": float(meaning[place]),
         }
-
-
-def facts(pairs: Mapping[str, str] | tuple[tuple[str, str], ...]) -> list[tuple[str, str]]:
-    """Return facts with their keys in words."""
-    items = pairs.items() if isinstance(pairs, Mapping) else pairs
-    return [(key.replace("_", " "), value) for key, value in items]

@@ -2,22 +2,19 @@
 
 import base64
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from fis_tools import analysis, flights
-from fis_tools.flights import FlownSystem
-from fis_tools.inference import Floats
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.audit import audit
+from fis_tools.model import FuzzyController
 from fis_tools.review import carried, content
 from fis_tools.review.colours import BRIGHTNESS, level_styles
-from fis_tools.validate import ControllerFileError
+from fis_tools.review.findings import finding_counts, finding_rows
+from fis_tools.review.flown import read_flight, samples_of
 
 #: joined in this order
 SCRIPTS = (
@@ -25,14 +22,6 @@ SCRIPTS = (
     *("state", "tables", "memberships", "inference_view", "rules_view", "response", "heat_map", "solid"),
     *("surface_view", "flight_view", "page"),
 )
-
-
-@dataclass(frozen=True)
-class Flight:
-    """A flight by its name, and what each system did on it, by the system's name."""
-
-    name: str
-    flown: Mapping[str, FlownSystem]
 
 
 def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) -> str:
@@ -55,16 +44,33 @@ def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) 
     fis_tools.validate.ControllerFileError
         If a flight cannot be read, or its systems have other inputs than the controller's.
     """
+    systems = controller.systems
     flown = [read_flight(path, controller) for path in flight_paths]
+    samples = {system.name: samples_of(system, flown) for system in systems}
+    sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
+    audited = audit(controller, sensed if flown else None)
     data = {
         "brightness": BRIGHTNESS,
-        "systems": [carried.system_data(system) for system in controller.systems],
-        "flights": [
-            carried.flight_data(flight.name, flight.flown, controller.systems, len(flown)) for flight in flown
-        ],
+        "systems": [carried.system_data(system) for system in systems],
+        "flights": [carried.flight_data(flight, systems, len(flown)) for flight in flown],
     }
-    style = (files(__package__) / "style.css").read_text(encoding="utf-8") + level_styles()
-    script = _script()
+    return _assemble(
+        data,
+        controller=controller,
+        facts=content.facts((*controller.attributes, *controller.provenance)),
+        fingerprint=content.fingerprint(controller),
+        flights=flown,
+        findings=finding_rows(audited, controller),
+        systems=[
+            content.system_words(f"s{index}", system, samples[system.name], measured.measures)
+            | {"findings": finding_counts(audited, system.name)}
+            for index, (system, measured) in enumerate(zip(systems, audited.systems, strict=True), start=1)
+        ],
+    )
+
+
+def _assemble(data: object, **words: object) -> str:
+    """Put words, data, style sheet and scripts into the template."""
     environment = Environment(
         loader=PackageLoader("fis_tools", "review"),
         autoescape=True,
@@ -72,66 +78,16 @@ def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) 
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    style = (files(__package__) / "style.css").read_text(encoding="utf-8") + level_styles()
+    script = _script()
     return environment.get_template("page.html").render(
-        controller=controller,
-        facts=content.facts((*controller.attributes, *controller.provenance)),
-        fingerprint=content.fingerprint(controller),
-        flights=[(flight.name, _num_inferences(flight)) for flight in flown],
-        samples=_samples_words(flown),
-        systems=[
-            content.system_words(index, system, _usage(system, flown))
-            for index, system in enumerate(controller.systems, start=1)
-        ],
+        words,
         style=Markup(style),  # noqa: S704 - a file of this package
         script=Markup(script),  # noqa: S704 - files of this package
         data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
         style_hash=_source_hash(style),
         script_hash=_source_hash(script),
     )
-
-
-def read_flight(path: Path | str, controller: FuzzyController) -> Flight:
-    """Read a flight to review a controller along.
-
-    Raises
-    ------
-    fis_tools.validate.ControllerFileError
-        If it cannot be read, or its systems have other inputs than the controller's.
-    """
-    known = {system.name: system for system in controller.systems}
-    flown = {one.system.name: one for one in flights.read_flight(path) if one.system.name in known}
-    if not flown:
-        names = ", ".join(known)
-        raise ControllerFileError(f"{path} was flown without any of the systems {names}; give another flight")
-    for name, one in flown.items():
-        logged, wanted = ([v.name for v in system.inputs] for system in (one.system, known[name]))
-        if logged != wanted:
-            raise ControllerFileError(
-                f"{path}: its system {name!r} senses {', '.join(logged)}, but the controller's senses "
-                f"{', '.join(wanted)}; give flights of this controller"
-            )
-    return Flight(Path(path).stem, flown)
-
-
-def _samples(system: FuzzySystem, flown: Sequence[Flight]) -> Floats:
-    """Return the inputs that a system's rules are counted over."""
-    rows = [flight.flown[system.name].inputs for flight in flown if system.name in flight.flown]
-    sensed = np.concatenate([np.empty((0, len(system.inputs))), *rows])
-    return sensed if len(sensed) else analysis.spread_inputs(system)
-
-
-def _usage(system: FuzzySystem, flown: Sequence[Flight]) -> analysis.RuleUsage:
-    return analysis.rule_usage(analysis.firing(system, _samples(system, flown)))
-
-
-def _num_inferences(flight: Flight) -> int:
-    return max(len(one.time_s) for one in flight.flown.values())
-
-
-def _samples_words(flown: Sequence[Flight]) -> str:
-    if not flown:
-        return "over 4,096 points spread evenly over all inputs"
-    return "along the flight" if len(flown) == 1 else f"along the {len(flown)} flights"
 
 
 def _script() -> str:

@@ -160,7 +160,7 @@ function flightView(element, state, place, clock, scale) {
     slider.setAttribute("aria-valuetext", now.value);
     const silent = inferred.shares.filter((share) => share === 0).length;
     const more = left ? ` The ${left} that fire least often have no row.` : "";
-    note.textContent = `${silent} of ${system.rules.length} rules never fire at ${FIRED} or more on this flight.${more} Brighter is stronger. Moving the time sets the inputs of every system on this page.`;
+    note.textContent = `${silent} of ${system.rules.length} rules never fire at ${FIRED} or more on this flight.${more} The brighter, the stronger, from 0 to 1. Moving the time sets the inputs of every system on this page.`;
     state.setInputs(inferred.inputs[sample]);
     paint();
   };

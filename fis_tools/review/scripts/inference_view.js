@@ -71,7 +71,8 @@ function strengthBar(strength) {
 function firedRules(state, output, id) {
   const { system, inference } = state;
   const variable = system.outputs[output];
-  const moved = contributions(system, output, inference);
+  const nothing = 1e-9 * (variable.maximum - variable.minimum);
+  const moved = contributions(system, output, inference).map((by) => (Math.abs(by) < nothing ? 0 : by));
   const firing = Array.from(inference.firing.keys()).filter((rule) => inference.firing[rule] > 0);
   firing.sort((a, b) => inference.firing[b] - inference.firing[a] || a - b);
   const rows = firing.slice(0, MOST_RULES).filter((rule, place) => place === 0 || inference.firing[rule] >= SHOWN_FROM);

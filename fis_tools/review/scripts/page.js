@@ -54,6 +54,18 @@ function fillSystem(state, place, clock, scale) {
   if (clock.flights.length) flightView(live("flight"), state, place, clock, scale);
 }
 
+/** Let the buttons of findings set the inputs at which each can be seen. */
+function showPoints(states) {
+  for (const button of document.querySelectorAll("button.show-point")) {
+    button.addEventListener("click", () => {
+      const state = states[Number(button.dataset.system) - 1];
+      const point = JSON.parse(button.dataset.point);
+      state.setInputs(state.system.inputs.map(({ name }, place) => point[name] ?? state.inputs[place]));
+      document.getElementById(`s${button.dataset.system}-inference`).scrollIntoView();
+    });
+  }
+}
+
 const carried = readCarried();
 const states = carried.systems.map((system) => new SystemState(system));
 followTheme();
@@ -62,6 +74,7 @@ prepareTables();
 const clock = new FlightClock(carried.flights);
 const scale = brightnessScale(carried.brightness);
 states.forEach((state, place) => fillSystem(state, place, clock, scale));
+showPoints(states);
 addEventListener("resize", oncePerFrame(redrawAll));
 // for whoever looks at the page with a browser's console
 window.review = Object.freeze({ systems: carried.systems, states, infer });

@@ -14,6 +14,7 @@ function projection(view, width, height) {
       width / 2 + 6 + unit * (x * cosA - y * sinA),
       height / 2 - 6 - unit * (z * cosE + along(x, y) * sinE),
     ],
+    width,
     depth: (x, y, z) => along(x, y) * cosE - z * sinE,
     backX: sinA > 0 ? 1 : -1,
     backY: cosA > 0 ? 1 : -1,
@@ -61,7 +62,7 @@ function paintBox(context, response, scales, { screen, backX, backY }, colours) 
 }
 
 /** Write the ticks and the title of one edge of the box, on its outer side. */
-function labelEdge(context, { screen }, edge, colours) {
+function labelEdge(context, { screen, width }, edge, colours) {
   const [x0, y0] = screen(...edge.inside);
   const [x1, y1] = screen(...edge.at(edge.values[0].place));
   const [xe, ye] = screen(...edge.at(edge.values.at(-1).place));
@@ -79,7 +80,12 @@ function labelEdge(context, { screen }, edge, colours) {
   context.fillStyle = colours.ink;
   const [tx, ty] = screen(...edge.at(0));
   if (edge.isUpright) turnedText(context, edge.title, tx - widest - 22, ty);
-  else context.fillText(edge.title, tx + (14 + 0.9 * widest * Math.abs(ox)) * ox + 6 * ox, ty + 30 * oy + 4);
+  else {
+    const half = context.measureText(edge.title).width / 2;
+    const middle = tx + (20 + widest) * ox + half * Math.sign(ox) * (context.textAlign === "center" ? 0 : 1);
+    context.textAlign = "center";
+    context.fillText(edge.title, Math.min(Math.max(middle, half + 3), width - half - 3), ty + 30 * oy + 4);
+  }
 }
 
 function labelBox(context, response, scales, view, colours) {
@@ -95,7 +101,7 @@ function labelBox(context, response, scales, view, colours) {
   const leftmost = corners.reduce((a, b) => (screen(...a, 0)[0] <= screen(...b, 0)[0] ? a : b));
   const zValues = scales.zTicks.map((value) => ({ place: scales.z(value), text: shown(value, 3) }));
   const zEdge = { at: (place) => [...leftmost, place], values: zValues, inside: [0, 0, 0], isUpright: true };
-  labelEdge(context, { screen: (x, y, z) => screen(x, y, z) }, { ...zEdge, title: withUnit(response.variable) }, colours);
+  labelEdge(context, view, { ...zEdge, title: withUnit(response.variable) }, colours);
 }
 
 /** The cells of the surface, the farthest first. */
