@@ -9,13 +9,18 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools import flights
+from fis_tools import analysis, flights
+from fis_tools.compiler import compile as compiled
+from fis_tools.contribution import importance
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.validate import nearest
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 Floats = NDArray[np.float64]
+
+#: Samples of the ranges of the inputs, where importance is asked for without flights.
+NUM_SPREAD = 2048
 
 CONTROLLER_HELP = (
     "a controller file (.json, .yaml), the folder of a run (its champion.json), or a logged flight (.mcap)"
@@ -78,6 +83,37 @@ def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> 
             f"{', '.join(system.name for system in controller.systems)}; give flights of this controller"
         )
     return found
+
+
+def add_order(command: argparse.ArgumentParser) -> None:
+    """Let a command list rules by how much they matter."""
+    command.add_argument(
+        "--by",
+        choices=["rule", "importance"],
+        default="rule",
+        help="importance: the rules that move an output most come first, along the flights, or without any "
+        "over the whole ranges of the inputs",
+    )
+    add_flights(command)
+
+
+def importance_asked(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
+    """Return how much the rules of each system matter, by `fis_tools.contribution`; None if nobody asked.
+
+    A system that decided nothing on the flights is missing.
+    """
+    if arguments.by == "rule":
+        if arguments.flights:
+            raise UserMistake("--flights are for --by importance; add it, or leave the flights out")
+        return None
+    samples = flown_inputs(arguments, controller)
+    if samples is None:
+        samples = {system.name: analysis.spread_inputs(system, NUM_SPREAD) for system in controller.systems}
+    return {
+        system.name: importance(compiled(system), samples[system.name])
+        for system in controller.systems
+        if len(samples.get(system.name, ()))
+    }
 
 
 def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
