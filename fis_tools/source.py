@@ -1,4 +1,4 @@
-"""Controllers from wherever a person has them: a file, the folder of a run, a logged flight."""
+"""Controllers from wherever a person has them: a file of any kind, the folder of a run, a logged flight."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ CHAMPION = "champion.json"
 
 
 def read_controller(path: Path | str) -> FuzzyController:
-    """Read a controller from a controller file, a run's folder or a logged flight.
+    """Read a controller from a controller file, a file of another program, a run's folder or a logged flight.
 
     Raises
     ------
@@ -30,6 +30,6 @@ def read_controller(path: Path | str) -> FuzzyController:
                 f"{path} is a folder without {CHAMPION}; give the folder of a run that has trained, or a file"
             )
         return serialize.load(path / CHAMPION)
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         return flights.read_controller(path)
     return serialize.load(path)

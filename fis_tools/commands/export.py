@@ -1,33 +1,162 @@
 """`export`: a controller in another form."""
 
 import argparse
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 from fis_tools import serialize
-from fis_tools.commands.arguments import Commands, add_command, chosen, write
-from fis_tools.formats import csv, markdown, text
+from fis_tools.analysis import Floats, spread_inputs
+from fis_tools.commands.arguments import (
+    Commands,
+    UserMistake,
+    add_command,
+    add_flights,
+    chosen,
+    file_name,
+    flown_inputs,
+    place_for,
+    write,
+)
+from fis_tools.formats import csv, fcl, fis, fll, fml, html, latex, markdown, text
+from fis_tools.formats.antecedents import NotExpressible
+from fis_tools.formats.carried import Written
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
+from fis_tools.validate import InvalidSystem
 
-EXPORTS: dict[str, Callable[[FuzzyController], str]] = {
-    "markdown": markdown.write,
-    "csv": csv.write,
-    "text": text.write,
-    "json": serialize.dump_json,
-    "yaml": serialize.dump_yaml,
+
+@dataclass(frozen=True)
+class Form:
+    """What a controller can be written as.
+
+    Parameters
+    ----------
+    ending : str
+        How the names of its files end.
+    write : callable, optional
+        A controller to a text.
+    write_ranked : callable, optional
+        The same, and the rules can be given in the order of how much they matter.
+    write_one : callable, optional
+        A controller with one system to a text, and what the text does not say: a file a system.
+    """
+
+    ending: str
+    write: Callable[[FuzzyController], str] | None = None
+    write_ranked: Callable[[FuzzyController, Mapping[str, Floats] | None], str] | None = None
+    write_one: Callable[[FuzzyController], Written] | None = None
+
+
+FORMS = {
+    "markdown": Form(".md", write_ranked=markdown.write),
+    "csv": Form(".csv", write_ranked=csv.write),
+    "text": Form(".txt", write_ranked=text.write),
+    "html": Form(".html", write_ranked=html.write),
+    "latex": Form(".tex", write_ranked=latex.write),
+    "json": Form(".json", write=serialize.dump_json),
+    "yaml": Form(".yaml", write=serialize.dump_yaml),
+    "fis": Form(".fis", write_one=fis.write),
+    "fll": Form(".fll", write_one=fll.write),
+    "fml": Form(".fml", write_one=fml.write),
+    "fcl": Form(".fcl", write_one=fcl.write),
 }
+
+EPILOG = """\
+forms:
+  markdown, csv, text, html, latex   terms and rules to read
+  json, yaml                         a controller file, which holds everything
+  fis, fll, fml                      MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form
+                                     has no place for is listed, and carried in a comment that `import` reads
+  fcl                                IEC 61131-7, written only: a file a system
+
+examples:
+  python -m fis_tools export controller.yaml --format markdown > controller.md
+  python -m fis_tools export controller.yaml --format csv --by importance --flights episodes/*.mcap
+  python -m fis_tools export controller.yaml --format fis -o exchange
+  python -m fis_tools export controller.yaml --format fll --system force_x -o force_x.fll
+"""
 
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands, "export", run, "write a controller as Markdown, CSV, sentences, JSON or YAML"
+    command = add_command(commands, "export", run, "write a controller as tables or for other programs")
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    command.add_argument("--format", choices=list(FORMS), required=True, help="what to write")
+    command.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="where to (default: printed); a folder for forms with a file a system",
     )
-    command.add_argument("--format", choices=sorted(EXPORTS), required=True, help="what to write")
-    command.add_argument("-o", "--output", metavar="FILE", help="where to (default: printed)")
+    command.add_argument(
+        "--by",
+        choices=["importance"],
+        help="list the rules that matter most first, in the forms for reading: over --flights, else over the "
+        "whole range of the inputs",
+    )
+    add_flights(command)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Write a controller in another form."""
+    form = FORMS[arguments.format]
+    if arguments.by is not None and form.write_ranked is None:
+        ranked = ", ".join(name for name, each in FORMS.items() if each.write_ranked is not None)
+        raise UserMistake(f"--by is for forms to read; choose one of {ranked}, or leave it out")
     controller = chosen(read_controller(arguments.controller), arguments.system)
-    write(arguments.output, EXPORTS[arguments.format](controller))
+    if form.write_one is not None:
+        _write_each(controller, form.write_one, form.ending, arguments.output)
+    elif form.write_ranked is not None:
+        ranking = _importance(controller, arguments) if arguments.by else None
+        write(arguments.output, form.write_ranked(controller, ranking))
+    elif form.write is not None:
+        write(arguments.output, form.write(controller))
+
+
+def _importance(controller: FuzzyController, arguments: argparse.Namespace) -> dict[str, Floats]:
+    """Return how much each rule matters, over the flights that are given or the whole range of the inputs."""
+    from fis_tools.compiler import compile  # noqa: PLC0415 - compiling code takes seconds
+    from fis_tools.contribution import importance  # noqa: PLC0415 - it imports the compiler
+
+    samples = flown_inputs(arguments, controller) or {}
+    return {
+        system.name: importance(compile(system), samples.get(system.name, spread_inputs(system)))
+        for system in controller.systems
+    }
+
+
+def _write_each(
+    controller: FuzzyController, form: Callable[[FuzzyController], Written], ending: str, output: str | None
+) -> None:
+    """Write each system into a file of its own, and tell what the files do not say."""
+    place = None if output is None else Path(output)
+    is_folder = place is not None and (place.is_dir() or len(controller.systems) > 1)
+    if len(controller.systems) > 1 and (place is None or place.suffix == ending):
+        names = ", ".join(system.name for system in controller.systems)
+        raise UserMistake(
+            f"a file of this form holds one system, and there are several; add --system, one of {names}, or "
+            "-o FOLDER for a file each"
+        )
+    files: dict[str, Written] = {}
+    for system in controller.systems:
+        alone = chosen(controller, system.name)
+        name = file_name(system.name) + ending
+        if any(name.casefold() == other.casefold() for other in files):
+            raise UserMistake(
+                f"two systems would both be written as {name}; write one at a time, with --system"
+            )
+        try:
+            files[name] = form(alone)
+        except (NotExpressible, InvalidSystem) as error:
+            raise UserMistake(f"{system.name}: {error}") from error
+    for name, written in files.items():
+        if is_folder and place is not None:
+            write(str(place_for(place / name)), written.text)
+            print(place / name)
+        else:
+            write(output, written.text)
+        for loss in written.losses:
+            print(f"{name}: {loss}", file=sys.stderr)

@@ -393,7 +393,7 @@ def _differences(
     for variable, other in pairs:
         names.append((variable.name, other.name))
         names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=True))
-    yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict(names).items() if old != new]
+    yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
     yield "units are left out", [f"{v.name} in {v.unit}" for v, o in pairs if v.unit != o.unit]
     yield "descriptions are left out", [v.name for v, o in pairs if v.description != o.description]
     yield (
@@ -409,7 +409,7 @@ def _differences(
         [
             f"{v.name} {number(v.default)}"
             for v, o in pairs
-            if v.default is not None and v.default != o.default
+            if v.default is not None and not dialect.holds_defaults
         ],
     )
     changed = [
