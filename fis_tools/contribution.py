@@ -80,4 +80,5 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
         raise ValueError("there are no samples; pass at least one row of inputs")
     counts = np.count_nonzero(~np.isnan(moved), axis=0)
     ranges = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
-    return np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
+    shares: Floats = np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
+    return shares

@@ -310,14 +310,17 @@ def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
     rest = total / 2.0 - areas[right - 1]
     x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
     width = x2 - x1
-    if y1 == y2:
-        return rest / y1 + x1
-    if y1 == 0.0:
-        return x1 + np.sqrt(2.0 * rest * width / y2)
-    if y2 == 0.0:
-        return x2 - np.sqrt(width * width - 2.0 * rest * width / y1)
     slope = (y2 - y1) / width
-    return x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope
+    middle: float
+    if y1 == y2:
+        middle = rest / y1 + x1
+    elif y1 == 0.0:
+        middle = x1 + np.sqrt(2.0 * rest * width / y2)
+    elif y2 == 0.0:
+        middle = x2 - np.sqrt(width * width - 2.0 * rest * width / y1)
+    else:
+        middle = x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope
+    return middle
 
 
 @njit(cache=True, error_model="numpy")
