@@ -1,31 +1,105 @@
 """`plot`: every picture of a controller, into a folder."""
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
-from fis_tools.commands.arguments import Commands, add_command, chosen, file_name, place_for
+from fis_tools import flights
+from fis_tools.commands.arguments import Commands, UserMistake, add_command, chosen, file_name, place_for
+from fis_tools.commands.instant import add_instant, samples
+from fis_tools.inference import infer
 from fis_tools.source import read_controller
+
+if TYPE_CHECKING:
+    from fis_tools.model import FuzzySystem
+    from fis_tools.render import Figure, Theme
+
+    Pictures: TypeAlias = Iterator[tuple[FuzzySystem, str, Figure]]
+
+KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
 
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
     command = add_command(
-        commands, "plot", run, "draw membership functions, rule tables and surfaces into a folder"
+        commands, "plot", run, "draw membership functions, rules, surfaces and inferences into a folder"
     )
     command.add_argument(
         "-o", "--output", metavar="DIR", default=".", help="folder for the pictures (default: here)"
     )
     command.add_argument("--format", choices=["png", "svg", "pdf"], default="png", help="default: png")
+    command.add_argument("--theme", choices=["light", "dark"], default="light", help="default: light")
+    command.add_argument(
+        "--only",
+        choices=KINDS,
+        action="append",
+        metavar="KIND",
+        help=f"draw only this, one of {', '.join(KINDS)}; may be given several times (default: all; an "
+        "inference when --inputs or --time say which; firing when CONTROLLER is a flight)",
+    )
+    add_instant(command)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Draw every system of a controller into a folder."""
-    from fis_tools.render import system_figures  # noqa: PLC0415 - the other commands start without matplotlib
+    from fis_tools.render import THEMES, save  # noqa: PLC0415 - the other commands start without matplotlib
 
-    controller = chosen(read_controller(arguments.controller), arguments.system)
-    for system in controller.systems:
-        for name, figure in system_figures(system):
+    theme, kinds = THEMES[arguments.theme], _kinds(arguments)
+    for draw in (_of_systems, _of_instants, _of_flights):
+        for system, name, figure in draw(arguments, kinds, theme):
             picture = f"{file_name(system.name)}-{file_name(name)}.{arguments.format}"
             path = place_for(Path(arguments.output) / picture)
-            figure.savefig(path, dpi=150)
+            save(figure, path)
             print(path)
+
+
+def _kinds(arguments: argparse.Namespace) -> list[str]:
+    """Return what to draw: what is asked for, or all there is."""
+    is_told = arguments.inputs is not None or arguments.time is not None
+    if arguments.only is None:
+        return [
+            *KINDS[:3],
+            *(["inference"] if is_told else []),
+            *(["firing"] if _is_flight(arguments) else []),
+        ]
+    if "firing" in arguments.only and not _is_flight(arguments):
+        raise UserMistake(
+            "--only firing is for logged flights (.mcap); give one instead of a controller file"
+        )
+    return list(arguments.only)
+
+
+def _is_flight(arguments: argparse.Namespace) -> bool:
+    return Path(arguments.controller).suffix == ".mcap"
+
+
+def _of_systems(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
+    from fis_tools import render  # noqa: PLC0415 - as above
+
+    sensed = flights.inputs_along([arguments.controller]) if _is_flight(arguments) else {}
+    for system in chosen(read_controller(arguments.controller), arguments.system).systems:
+        if "memberships" in kinds:
+            yield system, "memberships", render.memberships_figure(system, theme=theme)
+        if "rules" in kinds:
+            yield from ((system, *named) for named in render.rules_figures(system, theme=theme))
+        for in_space in (False, True) if "surfaces" in kinds else ():
+            flown = sensed.get(system.name)
+            drawn = render.surface_figures(system, in_space=in_space, samples=flown, theme=theme)
+            yield from ((system, *named) for named in drawn)
+
+
+def _of_instants(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
+    from fis_tools import render  # noqa: PLC0415 - as above
+
+    for system, inputs in samples(arguments) if "inference" in kinds else ():
+        yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
+
+
+def _of_flights(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
+    from fis_tools import render  # noqa: PLC0415 - as above
+
+    for flown in flights.read_flight(arguments.controller) if "firing" in kinds else ():
+        if arguments.system in (None, flown.system.name) and len(flown.time_s):
+            figure = render.firing_figure(flown.system, flown.time_s, flown.firing_strengths, theme=theme)
+            yield flown.system, "firing", figure

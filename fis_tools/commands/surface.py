@@ -14,10 +14,12 @@ from fis_tools.commands.arguments import (
     add_command,
     assignments,
     count,
+    flown_inputs,
     place_for,
     the_system,
     write,
 )
+from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -38,6 +40,11 @@ def add(commands: Commands) -> None:
         help="other inputs (default: the middle of their ranges)",
     )
     command.add_argument("--points", type=count, default=61, help="along each axis (default: 61)")
+    command.add_argument("--3d", dest="in_space", action="store_true", help="draw it in space")
+    command.add_argument("--theme", choices=["light", "dark"], default="light", help="default: light")
+    command.add_argument(
+        "--flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) to lay over the picture"
+    )
     command.add_argument(
         "-o", "--output", metavar="FILE", help=".png, .svg, .pdf, or CSV (default: CSV, printed)"
     )
@@ -45,21 +52,39 @@ def add(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Evaluate an output over two inputs: a table of numbers, or a picture."""
-    system = the_system(read_controller(arguments.controller), arguments.system)
+    controller = read_controller(arguments.controller)
+    system = the_system(controller, arguments.system)
     fixed = assignments(arguments.fixed)
     x, y, of, num_points = arguments.x, arguments.y, arguments.of, arguments.points
     try:
         result = analysis.surface(system, x, y, fixed=fixed, output=of, num_points=num_points)
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    if arguments.output is None or Path(arguments.output).suffix not in PICTURES:
+    if arguments.output is None or Path(arguments.output).suffix.lower() not in PICTURES:
+        if arguments.in_space or arguments.flights:
+            raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
         write(arguments.output, _surface_csv(result))
         return
-    from fis_tools.render import one_panel, surface_map  # noqa: PLC0415 - as in `plot`
+    _draw(arguments, controller, system, result)
 
-    figure, ax = one_panel(system.name)
-    surface_map(system, ax, x, y, fixed=fixed, output=of, num_points=num_points)
-    figure.savefig(place_for(Path(arguments.output)), dpi=150)
+
+def _draw(
+    arguments: argparse.Namespace,
+    controller: FuzzyController,
+    system: FuzzySystem,
+    result: analysis.Surface,
+) -> None:
+    from fis_tools import render  # noqa: PLC0415 - as in `plot`
+
+    theme = render.THEMES[arguments.theme]
+    flown = flown_inputs(arguments, controller) if arguments.flights else None
+    samples = None if flown is None else flown.get(system.name)
+    points = None if samples is None else render.over_axes(system, result, samples)
+    words = render.held_words(system, result.fixed)
+    figure, ax = render.one_panel(system.name, theme=theme, in_space=arguments.in_space)
+    draw = render.surface_space if arguments.in_space else render.draw_surface
+    draw(result, ax, points=points, title=words, theme=theme)
+    render.save(figure, place_for(Path(arguments.output)))
 
 
 def _surface_csv(result: analysis.Surface) -> str:

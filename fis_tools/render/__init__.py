@@ -8,6 +8,7 @@ What a colour says is also said by a word, a line style or a brightness, so that
 """
 
 from fis_tools.render.figures import (
+    Figure,
     firing_figure,
     memberships_figure,
     one_panel,
@@ -26,6 +27,7 @@ from fis_tools.render.rule_tables import rule_matrix
 from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
 from fis_tools.render.surface_maps import draw_surface, surface_map
 from fis_tools.render.surface_spaces import surface_space
+from fis_tools.render.surfaces import evaluated, held_words, over_axes
 from fis_tools.render.theme import BRIGHTNESS_MAP, DARK, LIGHT, THEMES, Theme
 
 __all__ = [
@@ -33,19 +35,23 @@ __all__ = [
     "DARK",
     "LIGHT",
     "THEMES",
+    "Figure",
     "Theme",
     "conclusion_panel",
     "draw_surface",
     "encode",
+    "evaluated",
     "firing_figure",
     "firing_map",
     "firing_shares",
+    "held_words",
     "inference_figure",
     "memberships",
     "memberships_figure",
     "one_panel",
     "output_curve",
     "output_panel",
+    "over_axes",
     "rule_bars",
     "rule_list",
     "rule_matrix",

@@ -23,16 +23,28 @@ from fis_tools.render.surface_spaces import surface_space
 from fis_tools.render.surfaces import held_words, over_axes, value_limits
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, head
 
+__all__ = [
+    "MOST_PANELS",
+    "Figure",
+    "firing_figure",
+    "memberships_figure",
+    "one_panel",
+    "rules_figures",
+    "surface_figure",
+    "surface_figures",
+    "system_figures",
+]
+
 #: A figure has panels for so many combinations of outer terms; the others are left to `surface` and `show`.
 MOST_PANELS = 30
 _LIST_WIDTH, _LIST_HEIGHT = 8.0, 10.5
 
 
-def one_panel(title: str, *, theme: Theme = LIGHT, projection: str | None = None) -> tuple[Figure, Any]:
-    """Make a figure with one pair of axes, by default flat, with ``projection="3d"`` in space."""
+def one_panel(title: str, *, theme: Theme = LIGHT, in_space: bool = False) -> tuple[Figure, Any]:
+    """Make a figure with one pair of axes, flat or in space."""
     figure = Figure(figsize=(5.6, 4.4), layout="constrained")
     head(figure, title, theme)
-    return figure, figure.subplots(subplot_kw={"projection": projection})
+    return figure, figure.subplots(subplot_kw={"projection": "3d" if in_space else None})
 
 
 def memberships_figure(

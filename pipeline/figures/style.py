@@ -3,21 +3,24 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from fis_tools.render import BRIGHTNESS_MAP
+from fis_tools.render import BRIGHTNESS_MAP, LIGHT
 
-__all__ = ["STYLE", "Figure", "Picture", "brightness_colours", "save", "style"]
+__all__ = ["STYLE", "THEME", "Figure", "Picture", "brightness_colours", "save", "style"]
 
 #: colours with a part to play; a page may put others in their places
 INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
 ORANGE, SKY, OLIVE = "#E69F00", "#56B4E9", "#7A7A29"
+
+#: of the pictures of fuzzy systems; the page replaces these lines too
+THEME = replace(LIGHT, lines=(BLUE, VERMILION, GREEN, PURPLE, INK, ORANGE, SKY))
 
 #: of lines that are a limit or a border
 DOTS = (0, (2, 2))

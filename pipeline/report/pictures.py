@@ -11,7 +11,7 @@ from fis_tools.render import system_figures
 from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
-from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
+from pipeline.figures.style import BLUE, ORANGE, PURPLE, THEME, Figure, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
 from pipeline.objectives import points_needed
 from pipeline.report import paper
@@ -190,7 +190,12 @@ def _distributions_sketch(samples: list[Sample], mission: Mission) -> _Sketch:
 
 def _system_sketches(index: int, system: FuzzySystem) -> Iterator[_Sketch]:
     name = system_name(index, system)
-    words = {"memberships": "membership functions", "rules": "rules", "surface": "control surface"}
-    for kind, figure in system_figures(system):
+    words = {
+        "memberships": "membership functions",
+        "rules": "rules",
+        "surface": "control surface",
+        "curve": "control curve",
+    }
+    for kind, figure in system_figures(system, theme=THEME):
         caption = f"{system.name}: {words.get(kind, kind)}."
         yield _Sketch(f"{name}-{kind}", caption, figure, is_black_ink=kind == "memberships")
