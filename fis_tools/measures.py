@@ -407,23 +407,28 @@ def completeness(system: FuzzySystem) -> Completeness:
     inputs, and is weakest where each input is covered worst. For any rules of min, max and not it is weakest
     on the grid of the points where a membership turns or two cross (each with complements), because between
     these points the memberships of one input only rise or only fall, and keep their order. Both are exact.
-    For other rules, or too many points, samples are taken.
+    For other rules samples are taken as well, for too many points instead; what they find is exact only if it
+    is 0.
     """
     if _has_every_combination(system):
-        worst = np.array([coverage(variable).at for variable in system.inputs])
-        strongest = analysis.firing(system, worst[np.newaxis]).max()
-        return Completeness(float(strongest), worst, True)
-    by_order = all(
+        place = np.array([coverage(variable).at for variable in system.inputs])
+        return Completeness(float(analysis.firing(system, place[np.newaxis]).max()), place, True)
+    points = _grid([_turning_points(variable) for variable in system.inputs])
+    is_exact = points is not None and _is_by_order(system)
+    if not is_exact:
+        spread = analysis.spread_inputs(system)
+        points = spread if points is None else np.concatenate([points, spread])
+    strongest = analysis.firing(system, points).max(axis=1)
+    worst = int(np.argmin(strongest))
+    least = float(strongest[worst])
+    return Completeness(least, points[worst], is_exact or least == 0.0)
+
+
+def _is_by_order(system: FuzzySystem) -> bool:
+    return all(
         system.and_operator_of(rule) == "min" and system.or_operator_of(rule) == "max"
         for rule in system.rules
     )
-    grid = _grid([_turning_points(variable) for variable in system.inputs]) if by_order else None
-    is_exact = grid is not None
-    if grid is None:
-        grid = analysis.spread_inputs(system)
-    strongest = analysis.firing(system, grid).max(axis=1)
-    place = int(np.argmin(strongest))
-    return Completeness(float(strongest[place]), grid[place], is_exact)
 
 
 def _has_every_combination(system: FuzzySystem) -> bool:

@@ -233,11 +233,8 @@ def describe(controller: FuzzyController, importance: Mapping[str, Floats] | Non
                 lines += ["", *_variable_lines(kind, variable)]
         lines += ["", *_rule_lines(system)]
         if importance is not None and system.name in importance:
-            lines += [
-                "",
-                "  rules by importance: how far an output moves on average without the rule, in percent of its range",
-            ]
-            lines += [f"    {line}" for line in _ranked_lines(system, importance)]
+            head = "  rules by importance: how far an output moves on average without the rule, of its range"
+            lines += ["", head, *(f"    {line}" for line in _ranked_lines(system, importance))]
     return "\n".join(lines) + "\n"
 
 
