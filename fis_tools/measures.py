@@ -413,11 +413,10 @@ def completeness(system: FuzzySystem) -> Completeness:
     if _has_every_combination(system):
         place = np.array([coverage(variable).at for variable in system.inputs])
         return Completeness(float(analysis.firing(system, place[np.newaxis]).max()), place, True)
-    points = _grid([_turning_points(variable) for variable in system.inputs])
-    is_exact = points is not None and _is_by_order(system)
-    if not is_exact:
-        spread = analysis.spread_inputs(system)
-        points = spread if points is None else np.concatenate([points, spread])
+    grid = _grid([_turning_points(variable) for variable in system.inputs])
+    is_exact = grid is not None and _is_by_order(system)
+    tried = [] if grid is None else [grid]
+    points = np.concatenate(tried if is_exact else [*tried, analysis.spread_inputs(system)])
     strongest = analysis.firing(system, points).max(axis=1)
     worst = int(np.argmin(strongest))
     least = float(strongest[worst])

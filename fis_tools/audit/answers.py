@@ -5,7 +5,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from fis_tools.analysis import evaluate
-from fis_tools.audit.finding import Finding, Floats, Severity, Thresholds, amount, percent, place, span
+from fis_tools.audit.finding import (
+    NEGLIGIBLE,
+    Finding,
+    Floats,
+    Severity,
+    Thresholds,
+    amount,
+    percent,
+    place,
+    span,
+)
 from fis_tools.measures import Measures
 from fis_tools.model import FuzzySystem
 
@@ -66,14 +76,15 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
         return
     extent = f"{amount(output, output.minimum)} to {amount(output, output.maximum)}"
     told = f"stays within {amount(output, low)} to {amount(output, high)}, {percent(part)} of its range"
-    if low == high:
+    is_constant = part < NEGLIGIBLE
+    if is_constant:
         told = f"is always {amount(output, low)}"
     by_area = (
         "; a centre of area never reaches the ends" if system.defuzzifier_of(output) == "centroid" else ""
     )
     yield Finding(
         "output-reach",
-        Severity.SERIOUS if low == high else Severity.WARNING,
+        Severity.SERIOUS if is_constant else Severity.WARNING,
         system.name,
         f"{output.name} {told}, wherever the inputs are ({extent} is declared).",
         f"Narrow the range to what is used, or narrow the outer terms{by_area}.",

@@ -14,6 +14,10 @@ from fis_tools.model import FuzzySystem, Variable
 Floats = NDArray[np.float64]
 
 
+#: Less than this part of a range is a rounding error.
+NEGLIGIBLE = 1e-9
+
+
 class Severity(IntEnum):
     """How much a finding weighs; higher is worse."""
 
@@ -126,7 +130,8 @@ class Thresholds:
 
 
 def amount(variable: Variable, value: float) -> str:
-    """Write a value of a variable for people, four digits and the unit."""
+    """Write a value of a variable for people, four digits and the unit; what is lost in rounding is 0."""
+    value = 0.0 if abs(value) < NEGLIGIBLE * span(variable) else value
     return f"{number(float(f'{value:.4g}'))} {variable.unit}".rstrip()
 
 

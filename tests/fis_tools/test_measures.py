@@ -94,7 +94,7 @@ def test_an_even_partition_has_its_integrity() -> None:
 
 
 def test_integrity_of_a_tuned_term_by_hand() -> None:
-    """Spacing 2, so half of it 1: the middle peak moves by 0.4; sides 1.4 and 3.6 of 2; area 2.5 against 2."""
+    """Spacing 2, so half of it 1: the middle peak moves by 0.4; sides 1.4 and 3.6; area 2.5 less the tail."""
     terms = (
         Term("low", Triangular(0.0, 0.0, 2.0)),
         Term("medium", Triangular(1.0, 2.4, 6.0)),
