@@ -24,12 +24,15 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Is,
+    MembershipFunction,
     Not,
     Or,
     OrOperator,
     Rule,
     Sampled,
     Term,
+    Trapezoidal,
+    Triangular,
     Variable,
 )
 
@@ -56,7 +59,7 @@ _RESERVED = {
         "seldom",
         "plus",
     ),
-    *("nan", "inf", "none", "term", "rule", "range"),
+    *("nan", "inf", "term", "rule", "range"),
 }
 
 
@@ -80,6 +83,9 @@ class Dialect:
         Whether rules may combine statements in ways of their own.
     has_output_defuzzifiers : bool
         Whether outputs may be defuzzified in ways of their own.
+    has_walls : bool
+        Whether triangles and trapezoids may rise or fall at once; otherwise a wall at an end of the range
+        becomes a flank outside of it, which changes nothing inside.
     has_unique_names : bool
         Whether all names of a file, terms too, must differ.
     is_read : bool
@@ -96,6 +102,7 @@ class Dialect:
     repeats_outputs: bool = True
     has_rule_operators: bool = True
     has_output_defuzzifiers: bool = True
+    has_walls: bool = True
     has_unique_names: bool = False
     is_read: bool = True
 
@@ -269,11 +276,40 @@ def _said_variable(variable: Variable, names: "_Names", dialect: Dialect, *, is_
         unit=one_line(variable.unit) if dialect.holds_units else "",
         minimum=float(variable.minimum),
         maximum=float(variable.maximum),
-        terms=tuple(Term(names.terms[variable.name, term.name], term.membership) for term in variable.terms),
+        terms=tuple(
+            Term(
+                names.terms[variable.name, term.name],
+                term.membership if dialect.has_walls else without_walls(variable, term.membership),
+            )
+            for term in variable.terms
+        ),
         num_points=num_points,
         points=points,
         default=default if is_output else None,
         description=one_line(variable.description) if dialect.holds_descriptions else "",
+    )
+
+
+def without_walls(variable: Variable, membership: MembershipFunction) -> MembershipFunction:
+    """Turn the walls of a triangle or trapezoid at the ends of a range into flanks outside of it."""
+    width = variable.maximum - variable.minimum
+    match membership:
+        case Triangular(left, peak, right):
+            low, high = _feet(variable, (left, peak, peak, right), width)
+            return Triangular(low, peak, high)
+        case Trapezoidal(left, left_top, right_top, right):
+            low, high = _feet(variable, (left, left_top, right_top, right), width)
+            return Trapezoidal(low, left_top, right_top, high)
+    return membership
+
+
+def _feet(
+    variable: Variable, corners: tuple[float, float, float, float], width: float
+) -> tuple[float, float]:
+    left, left_top, right_top, right = corners
+    return (
+        left_top - width if left == left_top <= variable.minimum else left,
+        right_top + width if right == right_top >= variable.maximum else right,
     )
 
 
@@ -418,6 +454,15 @@ def _differences(
         if not _is_word_for_word(rule, group)
     ]
     yield "rules are written otherwise, with the same meaning", changed
+    yield (
+        "membership functions are written otherwise, with the same meaning inside the range",
+        [
+            f"{v.name} {term.name}"
+            for v, o in pairs
+            for term, other in zip(v.terms, o.terms, strict=True)
+            if term.membership != other.membership
+        ],
+    )
     yield "labels of rules are left out", [rule.label for rule in system.rules if rule.label]
     yield "attributes are left out", [key for key, _ in controller.attributes]
     yield "provenance is left out", [key for key, _ in controller.provenance]

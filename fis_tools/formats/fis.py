@@ -37,6 +37,7 @@ from fis_tools.model import (
     SigmoidDifference,
     SigmoidProduct,
     SShape,
+    Term,
     Trapezoidal,
     Triangular,
     TwoSidedGaussian,
@@ -52,6 +53,7 @@ DIALECT = Dialect(
     repeats_outputs=False,
     has_rule_operators=False,
     has_output_defuzzifiers=False,
+    has_walls=False,
 )
 
 _SHAPES: foreign.ShapeWords = {
@@ -167,20 +169,38 @@ def _rule_line(system: FuzzySystem, rule: Rule) -> str:
 
 def _strangers(system: FuzzySystem) -> Iterator[str]:
     """Tell what only some readers of `.fis` files understand."""
-    tables = [
-        f"{variable.name} {term.name}"
-        for variable in (*system.inputs, *system.outputs)
-        for term in variable.terms
-        if isinstance(term.membership, Sampled)
-    ]
+    tables = [f"{v.name} {term.name}" for v, term in _terms(system) if isinstance(term.membership, Sampled)]
     if tables:
         yield f"tables of points are written as discretemf, which only fuzzylite knows: {', '.join(tables)}"
+    unread = [
+        f"{variable.name} {term.name}" for variable, term in _terms(system) if _is_unread_by_octave(term)
+    ]
+    if unread:
+        yield (
+            f"Octave reads no walls inside a range and no bells with a slope between whole numbers: "
+            f"{', '.join(unread)}; MATLAB and fuzzylite do"
+        )
     used: set[str] = (
         {system.and_operator} if any(isinstance(r.antecedent, And) for r in system.rules) else set()
     )
     used |= {system.or_operator} if any(isinstance(r.antecedent, Or) for r in system.rules) else set()
     for operator in sorted(used - _MATLAB_OPERATORS):
         yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
+
+
+def _terms(system: FuzzySystem) -> Iterator[tuple[Variable, Term]]:
+    return ((v, term) for v in (*system.inputs, *system.outputs) for term in v.terms)
+
+
+def _is_unread_by_octave(term: Term) -> bool:
+    match term.membership:
+        case Triangular(left, peak, right):
+            return peak in {left, right}
+        case Trapezoidal(left, left_top, right_top, right):
+            return left == left_top or right_top == right
+        case GeneralizedBell(_, slope, _):
+            return slope != int(slope)
+    return False
 
 
 # Reading.
