@@ -50,6 +50,46 @@ def test_every_field_has_a_line_with_its_unit(topic: str) -> None:
         assert line.group(1).strip() == expected, field.name
 
 
+def rows(topic: str) -> list[list[str]]:
+    """The cells of a topic's table, without its head."""
+    lines = re.findall(r"^\| (.+) \|$", section(topic), re.MULTILINE)
+    return [[cell.strip() for cell in re.split(r"(?:^|(?<= ))\|(?: |$)", line)] for line in lines[1:]]
+
+
+@pytest.mark.parametrize("topic", topics.FIXED_TOPICS[:3])
+def test_every_column_read_of_foxgloves_messages_has_a_line_with_its_unit(
+    topic: str, short_file: Path
+) -> None:
+    columns = telemetry.read(short_file, topic)[topic]
+    assert f"`{columns.schema}`" in section(topic)
+    described = {}
+    for fields, read_as, unit, _ in rows(topic):
+        message = re.findall(r"`([\w.]+)`", fields)
+        for name in re.findall(r"`(\w+)`", read_as):
+            described[name] = unit
+        assert message or read_as == "`state`", fields
+    assert described == columns.units
+
+
+def test_every_column_of_the_log_has_a_line(short_file: Path) -> None:
+    described = {name.strip("`") for name, _ in rows(topics.LOG)}
+    assert described == set(telemetry.read(short_file, topics.LOG)[topics.LOG].columns)
+
+
+def test_every_vector_names_its_axes() -> None:
+    num_vectors = 0
+    for topic in [*topics.FIXED_TOPICS, "/fis/<name>"]:
+        for cells in rows(topic):
+            if re.search(
+                r"(3 doubles|3 floats|`translation`|`pose.position`|`x`, `y`, `z`)", " ".join(cells)
+            ):
+                assert re.search(r"(Hill|body|chief|parent) axes", cells[-1]), cells
+                num_vectors += 1
+            if "quaternion" in " ".join(cells):
+                assert re.search(r"(Hill to body|turns (body|child) axes into)", cells[-1]), cells
+    assert num_vectors == 3 + 3 + 2 + 2 + 1
+
+
 def test_every_colour_is_named() -> None:
     text = section(topics.CHIEF_POINTS)
     for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA.tolist(), strict=True):
