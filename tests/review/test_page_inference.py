@@ -5,25 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fis_tools import inference, serialize
-from fis_tools.model import FuzzyController, FuzzySystem, Variable, table_rules
+from fis_tools import compiler, contribution, inference, serialize
+from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import page
-from tests.fis_tools.sample_controllers import FORCE_TERMS, force, gaussian_terms, general_controller
+from tests.fis_tools.sample_controllers import general_controller
 from tests.parity.random_systems import full_table_system, inputs_for, random_general_system
+from tests.review.cases import system_of_125_rules
 
 NUM_SAMPLES = 200
 INFER = """([place, rows]) => rows.map((row) => {
   const told = review.infer(review.systems[place], row);
   return { values: told.outputs.map(({ value }) => String(value)), firing: [...told.firing] };
 })"""
-
-
-def system_of_125_rules() -> FuzzySystem:
-    inputs = tuple(
-        Variable(name, "m", -1.0, 1.0, gaussian_terms(FORCE_TERMS, -1.0, 1.0)) for name in ("x", "y", "z")
-    )
-    words = [FORCE_TERMS[(i // 25 + i // 5 + 2 * i) % 5] for i in range(125)]
-    return FuzzySystem("many", inputs, (force(),), table_rules(inputs, force(), words))
 
 
 def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
@@ -60,3 +53,45 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
         np.testing.assert_allclose(firing, inference.firing_strengths(system, rows), rtol=0, atol=1e-12)
         num_values.append(np.unique(expected[~np.isnan(expected)]).size)
     assert np.median(num_values) > NUM_SAMPLES / 4
+
+
+def test_contributions_are_those_of_python(opened):
+    controller = general_controller()
+    (system,) = controller.systems
+    browser_page = opened(page.write(controller))
+    rows = inputs_for(system, np.random.default_rng(3), 60)
+    told = browser_page.evaluate(
+        """(rows) => rows.map((row) => review.systems[0].outputs.map((_, output) =>
+          [...review.contributions(review.systems[0], output, review.infer(review.systems[0], row))]))""",
+        rows.tolist(),
+    )
+    expected = contribution.contributions(compiler.compile(system), rows)
+    assert np.count_nonzero(expected) > 60
+    np.testing.assert_allclose(np.array(told).transpose(0, 2, 1), expected, rtol=0, atol=1e-9)
+
+
+def test_the_smallest_change_turns_the_sign_and_a_smaller_one_does_not(opened):
+    controller = serialize.load("conf/controller/paper_champion.yaml")
+    browser_page = opened(page.write(controller))
+    generator = np.random.default_rng(4)
+    num_found = 0
+    for place, system in enumerate(controller.systems):
+        low = np.array([variable.minimum for variable in system.inputs])
+        high = np.array([variable.maximum for variable in system.inputs])
+        for row in generator.uniform(low, high, (8, len(low))):
+            found = browser_page.evaluate(
+                "([place, row]) => review.signChange(review.systems[place], row, 0)", [place, row.tolist()]
+            )
+            if found is None:
+                continue
+            num_found += 1
+            (value,) = inference.infer(system, row).values
+            turned = row.copy()
+            turned[found["input"]] = found["at"]
+            assert inference.infer(system, turned).values[0] * value < 0
+            steps = np.linspace(-0.98, 0.98, 79)[:, np.newaxis] * found["share"] * (high - low)
+            nearer = np.concatenate([row + steps * axis for axis in np.eye(len(low))])
+            nearer = np.clip(nearer, low, high)
+            noise = 1e-9 * (system.outputs[0].maximum - system.outputs[0].minimum)
+            assert (inference.evaluate(system, nearer) * np.sign(value) > -noise).all()
+    assert num_found > 12

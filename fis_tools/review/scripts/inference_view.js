@@ -119,9 +119,9 @@ function outputStep(state, output, chart) {
 /** Say what the smallest change of one input is that turns the sign of an output. */
 function signWords(state, output) {
   const { system, inputs, inference } = state;
+  const { name } = system.outputs[output];
+  if (signOf(system.outputs[output], inference.outputs[output].value) === 0) return `${name} is zero here.`;
   const found = signChange(system, inputs, output);
-  const name = system.outputs[output].name;
-  if (inference.outputs[output].value === 0) return `${name} is zero here.`;
   if (!found) return `No change of one input alone turns the sign of ${name} from here.`;
   const variable = system.inputs[found.input];
   const by = `${found.by > 0 ? "+" : ""}${quantity(found.by, variable, 3)}`;

@@ -77,4 +77,4 @@ states.forEach((state, place) => fillSystem(state, place, clock, scale));
 showPoints(states);
 addEventListener("resize", oncePerFrame(redrawAll));
 // for whoever looks at the page with a browser's console
-window.review = Object.freeze({ systems: carried.systems, states, infer });
+window.review = Object.freeze({ systems: carried.systems, states, infer, contributions, signChange });

@@ -3,9 +3,14 @@
 const SCAN_POINTS = 200;
 const BISECTIONS = 40;
 
+/** The sign of an output: zero for what is nothing against its range. */
+function signOf(variable, value) {
+  return Math.abs(value) < 1e-12 * (variable.maximum - variable.minimum) ? 0 : Math.sign(value);
+}
+
 /** Follow one input from where it stands to one end of its range; return where the sign has turned, or null. */
 function turnTowards(system, inputs, output, input, end) {
-  const signAt = (value) => Math.sign(evaluate(system, inputs.with(input, value), output));
+  const signAt = (value) => signOf(system.outputs[output], evaluate(system, inputs.with(input, value), output));
   const { minimum, maximum } = system.inputs[input];
   const start = Math.min(Math.max(inputs[input], minimum), maximum);
   const sign = signAt(start);
@@ -31,7 +36,7 @@ function turnTowards(system, inputs, output, input, end) {
  * Returns the input, the value and the change of the one that changes least in parts of its range, or null.
  */
 function signChange(system, inputs, output) {
-  if (evaluate(system, inputs, output) === 0) return null;
+  if (signOf(system.outputs[output], evaluate(system, inputs, output)) === 0) return null;
   let best = null;
   system.inputs.forEach(({ minimum, maximum }, input) => {
     for (const end of [minimum, maximum]) {
