@@ -89,10 +89,8 @@ def add_order(command: argparse.ArgumentParser) -> None:
     """Let a command list rules by how much they matter."""
     command.add_argument(
         "--by",
-        choices=["rule", "importance"],
-        default="rule",
-        help="importance: the rules that move an output most come first, along the flights, or without any "
-        "over the whole ranges of the inputs",
+        choices=["importance"],
+        help="list rules that matter most first: along --flights, else over the whole ranges of the inputs",
     )
     add_flights(command)
 
@@ -102,7 +100,7 @@ def importance_asked(arguments: argparse.Namespace, controller: FuzzyController)
 
     A system that decided nothing on the flights is missing.
     """
-    if arguments.by == "rule":
+    if arguments.by is None:
         if arguments.flights:
             raise UserMistake("--flights are for --by importance; add it, or leave the flights out")
         return None

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fis_tools import serialize
-from fis_tools.analysis import Floats, spread_inputs
+from fis_tools.analysis import Floats
 from fis_tools.commands.arguments import (
     Commands,
     UserMistake,
     add_command,
-    add_flights,
+    add_order,
     chosen,
     file_name,
-    flown_inputs,
+    importance_asked,
     place_for,
     write,
 )
@@ -91,13 +91,7 @@ def add(commands: Commands) -> None:
         metavar="FILE",
         help="where to (default: printed); a folder for forms with a file a system",
     )
-    command.add_argument(
-        "--by",
-        choices=["importance"],
-        help="list the rules that matter most first, in the forms for reading: over --flights, else over the "
-        "whole range of the inputs",
-    )
-    add_flights(command)
+    add_order(command)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -110,22 +104,9 @@ def run(arguments: argparse.Namespace) -> None:
     if form.write_one is not None:
         _write_each(controller, form.write_one, form.ending, arguments.output)
     elif form.write_ranked is not None:
-        ranking = _importance(controller, arguments) if arguments.by else None
-        write(arguments.output, form.write_ranked(controller, ranking))
+        write(arguments.output, form.write_ranked(controller, importance_asked(arguments, controller)))
     elif form.write is not None:
         write(arguments.output, form.write(controller))
-
-
-def _importance(controller: FuzzyController, arguments: argparse.Namespace) -> dict[str, Floats]:
-    """Return how much each rule matters, over the flights that are given or the whole range of the inputs."""
-    from fis_tools.compiler import compile  # noqa: PLC0415 - compiling code takes seconds
-    from fis_tools.contribution import importance  # noqa: PLC0415 - it imports the compiler
-
-    samples = flown_inputs(arguments, controller) or {}
-    return {
-        system.name: importance(compile(system), samples.get(system.name, spread_inputs(system)))
-        for system in controller.systems
-    }
 
 
 def _write_each(

@@ -224,3 +224,16 @@ def test_show_lists_rules_by_importance(tmp_path: Path, capsys: pytest.CaptureFi
     assert spread != text.describe(controller, along)
     assert main(["show", str(path), "--flights", str(flight)]) == 2
     assert "--by importance; add it" in capsys.readouterr().err
+
+
+def test_export_orders_by_importance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    controller = paper_like_controller()
+    path = tmp_path / "c.yaml"
+    path.write_text(dump_yaml(controller), encoding="utf-8")
+    flight = log_flight(tmp_path / "a.mcap", controller, num_samples=9)
+    sensed = inputs_along([flight])
+    along = {s.name: importance(compiled(s), sensed[s.name]) for s in controller.systems}
+    for form, written in (("csv", csv_format.write), ("latex", latex.write), ("html", html.write)):
+        words = ["export", str(path), "--format", form, "--by", "importance", "--flights", str(flight)]
+        assert main(words) == 0
+        assert capsys.readouterr().out == written(controller, along)
