@@ -175,9 +175,11 @@ def _plain_measures(measures: Measures) -> dict[str, Any]:
 def html(audit: Audit) -> str:
     """Write an audit as a fragment of a page: a summary, a table of findings, a table of measures."""
     findings = "".join(
-        f'<tr class="{f.severity.word}"><td><strong>{f.severity.word}</strong></td>'
-        f"<td>{escape(f.system)}</td><td><code>{f.id}</code></td><td>{escape(f.sentence)}<br><em>{escape(f.cure)}</em></td></tr>"
-        for f in audit.findings
+        f'<tr class="{finding.severity.word}"><td><strong>{finding.severity.word}</strong></td>'
+        f"<td>{escape(finding.system)}</td><td><code>{finding.id}</code></td>"
+        f'<td style="text-align: left">{escape(finding.sentence)}'
+        f"<br><em>{escape(finding.cure)}</em></td></tr>"
+        for finding in audit.findings
     )
     head, *rows = _measure_rows(audit)
     columns = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head[1:])
@@ -186,7 +188,8 @@ def html(audit: Audit) -> str:
         for name, *cells in rows
     )
     heads = "".join(
-        f'<th scope="col">{word}</th>' for word in ("severity", "system", "finding", "what to do")
+        f'<th scope="col">{word}</th>'
+        for word in ("severity", "system", "kind", "what was found, and what to do")
     )
     return (
         f'<section class="audit"><p>{escape(audit.summary())}</p>'
