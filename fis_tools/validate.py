@@ -146,7 +146,7 @@ def _variable_problems(variable: Variable) -> Iterator[str]:
     yield from _duplicates(where, "terms", (term.name for term in variable.terms))
     for term in variable.terms:
         yield from (f"{where}, {problem}" for problem in _name_problems("a term", term.name))
-        faults = list(_shape_problems(variable, term))
+        faults = list(shape_problems(term.membership, variable.num_points))
         if not faults and not universe_problems:
             faults = list(_sample_problems(variable, term))
         yield from (f"{where}, term {term.name!r}: {fault}" for fault in faults)
@@ -178,10 +178,10 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
         )
 
 
-def _shape_problems(variable: Variable, term: Term) -> Iterator[str]:
-    shape = term.membership
+def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
+    """Tell what is wrong with the parameters of a membership function, for a universe of `num_points`."""
     if isinstance(shape, Sampled):
-        yield from _value_problems(variable, shape)
+        yield from _value_problems(shape, num_points)
         return
     parameters = {name: getattr(shape, name) for name in shape.__slots__}
     if not all(math.isfinite(value) for value in parameters.values()):
@@ -225,11 +225,11 @@ def _corner_problems(shape: MembershipFunction, corners: dict[str, float]) -> It
         yield f"{_listed(corners)} leave a flank no width; make it wider, or use a trapezoidal shape"
 
 
-def _value_problems(variable: Variable, shape: Sampled) -> Iterator[str]:
-    if len(shape.values) != variable.num_points:
+def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
+    if len(shape.values) != num_points:
         yield (
-            f"{len(shape.values)} membership values are given for a universe of {variable.num_points} "
-            "points; give one for each point"
+            f"{len(shape.values)} membership values are given for a universe of {num_points} points; give "
+            "one for each point"
         )
     if not all(0.0 <= value <= 1.0 for value in shape.values):
         yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
