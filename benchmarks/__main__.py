@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, flights, inference
+from benchmarks import commands, flights, inference, recording
 
 PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "training")
 
@@ -42,7 +42,7 @@ def main() -> None:
         "flights": lambda: flights.run(options.controller, options.flights),
         "inference": lambda: inference.run(options.controller),
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
-        "recording": lambda: commands.run_recording(options.controller),
+        "recording": lambda: recording.run(options.controller),
         "start": commands.run_start,
         "training": lambda: commands.run_training(options.generations),
     }

@@ -1,4 +1,4 @@
-"""Whole commands on the clock: Monte Carlo, start-up, recording, and a full-size training."""
+"""Whole commands on the clock: Monte Carlo, start-up, and a full-size training."""
 
 import os
 import re
@@ -6,15 +6,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 
 from benchmarks.timing import best_wall_seconds, line
 from pipeline import controller_source
 from pipeline.config import compose_experiment
 from pipeline.monte_carlo import fly_cases
-from pipeline.recording import FlightRecorder
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.simulation import fly_logged
 
 PROCESSORS = os.cpu_count() or 1
 
@@ -27,24 +24,6 @@ def run_monte_carlo(controller: str) -> None:
     seconds = best_wall_seconds(lambda: fly_cases(experiment.mission, flown, scenarios, None))
     print(f"Monte Carlo: {len(scenarios)} cases of {controller}, trajectories kept, {PROCESSORS} threads")
     line("seconds", f"{seconds:.3f}")
-
-
-def run_recording(controller: str) -> None:
-    """Print what logging one flight costs."""
-    composed = compose_experiment(["+experiment=evaluate", f"controller={controller}"])
-    experiment = composed.experiment
-    mission = experiment.mission
-    flown = controller_source.load(experiment.controller, mission)
-    scenario = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[0]
-    log = fly_logged(mission, flown, scenario)
-    recorder = FlightRecorder(mission, flown, seed=0, config=composed.config, near_limit_m=2.0)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "flight.mcap"
-        seconds = best_wall_seconds(lambda: recorder.record(path, scenario, log, "benchmark"))
-        size = path.stat().st_size
-    print("Recording one flight, three 25-rule systems")
-    line("milliseconds", f"{1e3 * seconds:.1f}")
-    line("KiB", f"{size / 1024:.0f}")
 
 
 def run_start() -> None:
