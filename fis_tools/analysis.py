@@ -132,7 +132,8 @@ def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
     sequence.fast_forward(1)
     low = np.array([variable.minimum for variable in system.inputs])
     high = np.array([variable.maximum for variable in system.inputs])
-    return low + (high - low) * np.asarray(sequence.random(num_samples), dtype=np.float64)
+    samples: Floats = low + (high - low) * np.asarray(sequence.random(num_samples), dtype=np.float64)
+    return samples
 
 
 def surface(

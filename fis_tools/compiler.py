@@ -1,22 +1,23 @@
 """Fuzzy systems as functions of whole arrays: ``compile(system)`` and then arrays in, arrays out.
 
 What comes out is what scikit-fuzzy's ``ControlSystemSimulation.compute()`` gives sample by sample, but for
-two things. NaN is refused; scikit-fuzzy takes it for "does not matter". Where no rule fires an output has its
-declared default, or NaN where none is declared; scikit-fuzzy then gives no output, a stale one, or, for the
-defuzzifiers of the maximum, some point of the universe.
+three things. NaN is refused; scikit-fuzzy takes it for "does not matter". Where no rule fires an output has
+its default; scikit-fuzzy then gives no output, a stale one, or, for the defuzzifiers of the maximum, some
+point of the universe. Memberships below `fis_tools.membership.SMALLEST_MEMBERSHIP` are zero.
 """
 
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fis_tools import interpreter, kernel
 from fis_tools.kernel import NotCompilable, Packed
+from fis_tools.membership import sample_terms
 from fis_tools.model import FuzzySystem
 from fis_tools.program import Program, assemble
 from fis_tools.validate import nearest, validate
@@ -25,6 +26,10 @@ Floats = NDArray[np.float64]
 
 #: A thread of its own is worth its while from this many samples on.
 SAMPLES_A_THREAD = 10_000
+
+#: What the kernel is trusted with: how far memberships go from point to point, and what each term reaches.
+STEEPEST = 0.25
+LOWEST_PEAK = 0.5
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,7 +43,7 @@ class CompiledSystem:
     program : Program
         The system as numbers.
     packed : Packed or None
-        The same for `fis_tools.kernel`, where that covers the system: faster, and equal within rounding.
+        The same for `fis_tools.kernel`, where that covers the system: faster, equal to 1e-13 of the range.
     threads : int
         How many share a large batch; their number changes no result.
     """
@@ -143,33 +148,57 @@ class CompiledSystem:
         return f"<compiled {self.system.name!r}: {self.program.num_rules} rules, {' -> '.join(names)}>"
 
 
-def compile(system: object, *, threads: int | None = None) -> CompiledSystem:
+def compile(
+    system: object, *, defaults: Mapping[str, float] | None = None, threads: int | None = None
+) -> CompiledSystem:
     """Turn a fuzzy system into a function of whole arrays.
 
     Parameters
     ----------
     system : FuzzySystem, or scikit-fuzzy's ControlSystem or ControlSystemSimulation
         What to compile. It is read once: later changes of a control system have no effect.
+    defaults : mapping, optional
+        For a control system: an output's value when no rule fires, by its name. Others get zero, or the end
+        of their universe that is nearest to zero. A FuzzySystem declares its own.
     threads : int, optional
-        How many may share a batch of `SAMPLES_A_THREAD` samples each or more; by default one a processor.
+        How many may share a batch, `SAMPLES_A_THREAD` samples each or more; by default one a processor.
 
     Raises
     ------
     fis_tools.validate.InvalidSystem
         If something is wrong with the system.
-    fis_tools.kernel.NotCompilable
-        If a control system holds what cannot be compiled; the text says what.
+    fis_tools.skfuzzy_read.UnreadableControlSystem
+        If a control system holds what cannot be compiled, or this is none; the text says what.
+    ValueError
+        If defaults are given for a FuzzySystem.
     """
-    read = system if isinstance(system, FuzzySystem) else _read(system)
-    validate(read)
+    if isinstance(system, FuzzySystem):
+        if defaults is not None:
+            raise ValueError("defaults are for control systems; declare them in the outputs of a FuzzySystem")
+        validate(system)
+        read = system
+    else:
+        read = _read(system, defaults)
+    return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
+
+
+def _packed(system: FuzzySystem) -> Packed | None:
+    """Pack a system for the kernel where its method keeps all digits: over smooth terms that reach their top.
+
+    Where terms are narrower than the grid, hardly any area is left and rounding decides; there only the very
+    same arithmetic gives the same result.
+    """
+    for variable in (*system.inputs, *system.outputs):
+        memberships = sample_terms(variable)
+        if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
+            return None
     try:
-        packed = kernel.pack(read)
+        return kernel.pack(system)
     except NotCompilable:
-        packed = None
-    return CompiledSystem(read, assemble(read), packed, threads or os.cpu_count() or 1)
+        return None
 
 
-def _read(control_system: object) -> FuzzySystem:
+def _read(control_system: Any, defaults: Mapping[str, float] | None) -> FuzzySystem:
     from fis_tools.skfuzzy_read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
 
-    return read_control_system(control_system)
+    return read_control_system(control_system, defaults=defaults)

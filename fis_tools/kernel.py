@@ -518,7 +518,7 @@ def falling(
     return last
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _evaluate(
     values: Floats,
     rules: Indices,
