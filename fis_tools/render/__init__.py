@@ -28,7 +28,16 @@ from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
 from fis_tools.render.surface_maps import draw_surface, surface_map
 from fis_tools.render.surface_spaces import surface_space
 from fis_tools.render.surfaces import evaluated, held_words, over_axes
-from fis_tools.render.theme import BRIGHTNESS_MAP, DARK, LIGHT, THEMES, Theme
+from fis_tools.render.theme import (
+    BRIGHTNESS_MAP,
+    DARK,
+    LIGHT,
+    THEMES,
+    Theme,
+    contrast,
+    readable_on,
+    term_colours,
+)
 
 __all__ = [
     "BRIGHTNESS_MAP",
@@ -38,6 +47,7 @@ __all__ = [
     "Figure",
     "Theme",
     "conclusion_panel",
+    "contrast",
     "draw_surface",
     "encode",
     "evaluated",
@@ -52,6 +62,7 @@ __all__ = [
     "output_curve",
     "output_panel",
     "over_axes",
+    "readable_on",
     "rule_bars",
     "rule_list",
     "rule_matrix",
@@ -63,4 +74,5 @@ __all__ = [
     "surface_map",
     "surface_space",
     "system_figures",
+    "term_colours",
 ]

@@ -17,7 +17,7 @@ POINTS_AN_INCH = 72.0
 LINE_SPACING = 1.2
 
 #: What ticks and the name of an axis take beside the words at the ticks.
-_BESIDE = 0.35
+_BESIDE = 0.42
 #: What a number under a tick takes.
 _A_NUMBER = 0.55
 
@@ -52,17 +52,20 @@ def height(words: str, size: float) -> float:
 
 
 def broken(words: str, room: float, size: float) -> str:
-    """Break words into lines no wider than the room, at spaces and after underscores, hyphens and strokes."""
+    """Break words into lines no wider than the room, at spaces.
+
+    A word that is wider by itself is broken after its underscores, hyphens and strokes; what cannot be broken
+    stays too wide.
+    """
     lines = [""]
     for word in filter(None, words.split(" ")):
-        glue = " "
-        for piece in _PIECE.findall(word):
-            joined = f"{lines[-1]}{glue if lines[-1] else ''}{piece}"
-            if lines[-1] and width(joined, size) > room:
+        pieces = [word] if width(word, size) <= room else _PIECE.findall(word)
+        for place, piece in enumerate(pieces):
+            glue = " " if place == 0 and lines[-1] else ""
+            if lines[-1] and width(lines[-1] + glue + piece, size) > room:
                 lines.append(piece)
             else:
-                lines[-1] = joined
-            glue = ""
+                lines[-1] += glue + piece
     return "\n".join(lines)
 
 

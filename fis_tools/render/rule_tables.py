@@ -116,12 +116,12 @@ def rule_matrix(
     index = _fixed_terms(system, outer, dict(fixed or {}))
     terms = cells.terms[index].reshape(-1, len(last.terms))
     weights = cells.weights[index].reshape(terms.shape)
-    _label(ax, last, rows)
+    sizes = _label(ax, last, rows)
     _fill(ax, concluded, terms, weights, theme)
     ax.grid(visible=False)
     ax.tick_params(which="both", length=0)
     ax.spines[:].set_visible(False)
-    dress(ax, theme)
+    dress(ax, theme, *sizes)
     return ax
 
 
@@ -140,7 +140,8 @@ def _fixed_terms(system: FuzzySystem, outer: list[Variable], fixed: dict[str, st
     return tuple(variable.term_index(fixed[variable.name]) for variable in outer)
 
 
-def _label(ax: Axes, columns: Variable, rows: Variable | None) -> None:
+def _label(ax: Axes, columns: Variable, rows: Variable | None) -> tuple[float, float]:
+    """Name columns and rows; return the sizes of their letters."""
     num_columns, num_rows = len(columns.terms), len(rows.terms) if rows else 1
     names = [term.name for term in columns.terms]
     beside = [term.name for term in rows.terms] if rows else []
@@ -154,15 +155,12 @@ def _label(ax: Axes, columns: Variable, rows: Variable | None) -> None:
         below = lettering.fit(names, (box[0], room), _LABEL_SIZES)
     ax.set_xticks(range(num_columns), below.texts, rotation=below.rotation)
     ax.set_xlabel(columns.name)
-    if rows is not None:
-        high = 0.95 * lettering.inches(ax)[1] / num_rows
-        ax.set_yticks(
-            range(num_rows), lettering.fit(beside, (left, high), _LABEL_SIZES, may_stand=False).texts
-        )
-        ax.set_ylabel(rows.name, labelpad=6)
-    else:
-        ax.set_yticks([])
+    high = 0.95 * lettering.inches(ax)[1] / num_rows
+    at_rows = lettering.fit(beside, (left, high), _LABEL_SIZES, may_stand=False)
+    ax.set_yticks(range(len(beside)), at_rows.texts)
+    ax.set_ylabel(rows.name if rows else "", labelpad=6)
     ax.set(xlim=(-0.5, num_columns - 0.5), ylim=(-0.5, num_rows - 0.5))
+    return below.size, at_rows.size
 
 
 def _fill(

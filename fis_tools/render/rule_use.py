@@ -8,7 +8,7 @@ from fis_tools.analysis import FIRED, rule_usage
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.rule_names import legend, rule_names
-from fis_tools.render.theme import LIGHT, SMALL, Floats, Theme, dress
+from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, dress
 
 _SIZES = (6.5, SMALL)
 #: Rules with a smaller share that never fire are not drawn along a flight.
@@ -85,12 +85,14 @@ def firing_map(
         rasterized=True,
     )
     _add_scale(ax, image, theme)
-    _name_rows(ax, system, [f"{names[place]} ({100 * shares[place]:.0f}\u00a0%)" for place in shown])
+    size = _name_rows(ax, system, [f"{names[place]} ({100 * shares[place]:.0f}\u00a0%)" for place in shown])
     left = len(system.rules) - len(shown)
-    rest = f"; {left} more rules share {100 * max(0.0, 1 - shares[shown].sum()):.1f} %" if left else ""
-    ax.set_xlabel(f"time (s){rest}")
+    if left:
+        rest = 100 * max(0.0, 1.0 - float(shares[shown].sum()))
+        ax.set_title(f"{left} more rules share {rest:.1f} %", loc="right")
+    ax.set_xlabel("time (s)")
     ax.grid(visible=False)
-    dress(ax, theme)
+    dress(ax, theme, y_size=size)
     return ax
 
 
@@ -131,7 +133,7 @@ def rule_bars(
         )
     order = np.argsort(-values, kind="stable")[:most_rules]
     names = rule_names(system)
-    _name_rows(ax, system, [names[place] for place in order])
+    size = _name_rows(ax, system, [names[place] for place in order])
     ax.barh(range(len(order)), 100 * values[order], height=0.7, color=theme.lines[0])
     for row, place in enumerate(order):
         ax.annotate(
@@ -144,10 +146,12 @@ def rule_bars(
             color=theme.ink,
         )
     left = len(system.rules) - len(order)
-    rest = f"; {left} more rules have {_greatest_left(values, order)} at most" if left else ""
-    ax.set(xlim=(0.0, 112 * max(float(values.max()), 1e-12)), xlabel=f"{label} (%){rest}")
+    if left:
+        ax.set_title(f"{left} more rules have {_greatest_left(values, order)} at most", loc="right")
+    ax.set_xlim(0.0, 112 * max(float(values.max()), 1e-12))
+    ax.set_xlabel(f"{label} (%)")
     ax.spines[["top", "right"]].set_visible(False)
-    dress(ax, theme)
+    dress(ax, theme, y_size=size)
     return ax
 
 
@@ -155,8 +159,8 @@ def _greatest_left(values: Floats, shown: NDArray[np.intp]) -> str:
     return f"{100 * float(np.delete(values, shown).max()):.1f} %"
 
 
-def _name_rows(ax: Axes, system: FuzzySystem, names: list[str]) -> None:
-    """Write names left of the rows of axes, the first at the top."""
+def _name_rows(ax: Axes, system: FuzzySystem, names: list[str]) -> float:
+    """Write names left of the rows of axes, the first at the top; return their size."""
     count = max(1, len(names))
     wanted = min(3.2, max((lettering.width(name, SMALL) for name in names), default=0.0))
     room, _ = lettering.make_room(ax, left=wanted + 0.02)
@@ -164,7 +168,8 @@ def _name_rows(ax: Axes, system: FuzzySystem, names: list[str]) -> None:
     texts = lettering.fit(names, (room, 0.95 * down / count), _SIZES, may_stand=False)
     ax.set_yticks(range(len(names)), texts.texts)
     ax.set(ylim=(count - 0.5, -0.5))
-    ax.set_ylabel(lettering.shortened(legend(system), 0.95 * down, 9.0))
+    ax.set_ylabel(lettering.shortened(legend(system), 0.95 * down, MEDIUM))
+    return texts.size
 
 
 def _add_scale(ax: Axes, image: object, theme: Theme) -> None:

@@ -93,15 +93,20 @@ DARK = Theme(
 THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 
 
-def dress(ax: Axes, theme: Theme) -> None:
-    """Give axes and their figure a theme's colours; take every text as it is written, dollars included."""
+def dress(ax: Axes, theme: Theme, x_size: float = SMALL, y_size: float = SMALL) -> None:
+    """Give axes and their figure a theme's colours, and take every text as it is written, dollars included.
+
+    The sizes are those of the words at the ticks.
+    """
     figure = ax.get_figure(root=True)
     if figure is not None:
         figure.set_facecolor(theme.paper)
     ax.set_facecolor(theme.paper)
     for spine in ax.spines.values():
         spine.set_edgecolor(theme.muted)
-    ax.tick_params(which="both", color=theme.muted, labelcolor=theme.ink, labelsize=SMALL)
+    ax.tick_params(which="both", color=theme.muted, labelcolor=theme.ink)
+    ax.tick_params(axis="x", labelsize=x_size)
+    ax.tick_params(axis="y", labelsize=y_size)
     for axis in (ax.xaxis, ax.yaxis):
         axis.label.set(color=theme.ink, size=MEDIUM)
         axis.get_offset_text().set_color(theme.ink)

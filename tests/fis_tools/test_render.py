@@ -1,16 +1,24 @@
-"""What the pictures say, read back from their axes."""
+"""Membership functions and whole figures: what they say, read back, and that words keep apart."""
 
-from dataclasses import replace
-
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from sample_controllers import force_x_system, force_z_system, general_controller
+from picture_systems import (
+    autopilot_system,
+    collisions,
+    nine_terms_system,
+    one_input_system,
+    room_system,
+    seen_words,
+)
+from sample_controllers import force_x_system, force_z_system
 
+from fis_tools import render
 from fis_tools.inference import infer
 from fis_tools.membership import sample_terms
-from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from fis_tools.render import memberships, rule_matrix, surface_map, system_figures
+from fis_tools.model import FuzzySystem, Gaussian, Term, Variable
+from fis_tools.render import DARK, LIGHT, Theme, memberships, system_figures
 
 
 def test_membership_functions_are_drawn_named_and_told_apart_without_colour() -> None:
@@ -25,83 +33,79 @@ def test_membership_functions_are_drawn_named_and_told_apart_without_colour() ->
     assert ax.get_xlim() == (0.0, 200.0)
 
 
-def test_names_of_terms_do_not_run_into_one_another() -> None:
+def test_names_stand_over_their_peaks_and_do_not_run_into_one_another() -> None:
     names = ("rather far to the left", "a little to the left", "just about ahead", "to the right")
-    terms = tuple(Term(name, Gaussian(0.1 * place, 0.1)) for place, name in enumerate(names))
+    terms = tuple(Term(name, Gaussian(0.1 + 0.1 * place, 0.1)) for place, name in enumerate(names))
     figure = Figure(figsize=(5, 2), layout="constrained")
     ax = memberships(Variable("angle", "rad", 0.0, 1.0, terms), figure.subplots())
-    figure.canvas.draw()
-    boxes = [text.get_window_extent() for text in ax.texts]
-    for place, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[place + 1 :])
-        assert box.y1 <= figure.bbox.y1
+    assert collisions(figure) == []
+    peaks = [ax.transData.transform((0.1 + 0.1 * place, 1.0)) for place in range(4)]
+    for text, (x, y) in zip(ax.texts, peaks, strict=True):
+        box = text.get_window_extent()
+        assert box.x0 <= x <= box.x1
+        assert box.y0 >= y
 
 
-def test_the_rule_matrix_holds_every_consequent_at_its_place() -> None:
-    system = force_x_system()
-    ax = rule_matrix(system, Figure().subplots())
-    words = [text.get_text() for text in ax.texts]
-    assert words == [rule.consequents[0].term for rule in system.rules]
-    # the rule of the third distance and the fourth velocity stands at column 3, row 2
-    assert ax.texts[2 * 5 + 3].get_position() == (3, 2)
-    assert [label.get_text() for label in ax.get_xticklabels()][4] == "towards\nfast"
-    assert ax.get_ylabel() == "distance"
+def test_a_value_is_marked_with_its_memberships_the_greatest_first() -> None:
+    variable = force_x_system().inputs[0]
+    ax = memberships(variable, Figure().subplots(), 60.0)
+    functions = sample_terms(variable)
+    expected = {
+        term.name: np.interp(60.0, variable.universe, function)
+        for term, function in zip(variable.terms, functions, strict=True)
+    }
+    title = ax.get_title(loc="left").replace("\n", " ").replace("\xa0", " ")
+    assert title.startswith("distance = 60 m: near 0.88, middle 0.32, very near 0.06")
+    marks = {
+        (float(x), float(y)) for line in ax.lines[6:] for x, y in [(*line.get_xdata(), *line.get_ydata())]
+    }
+    assert marks == {(60.0, float(mu)) for mu in expected.values() if mu >= 0.005}
+    outside = memberships(variable, Figure().subplots(), 250.0)
+    assert outside.get_title(loc="left").startswith("distance = 250 m (taken as 200): very far")
 
 
-def test_brightness_alone_orders_the_terms_and_words_stay_readable() -> None:
-    system = force_x_system()
-    ax = rule_matrix(system, Figure().subplots())
-    image = np.asarray(ax.images[0].get_array())
-    brightness = image @ (0.299, 0.587, 0.114)
-    place = {term.name: index for index, term in enumerate(system.outputs[0].terms)}
-    order = np.array([place[text.get_text()] for text in ax.texts]).reshape(5, 5)
-    for lower in range(4):
-        assert brightness[order == lower].max() + 0.08 < brightness[order == lower + 1].min()
-    for text, cell in zip(ax.texts, brightness.ravel(), strict=True):
-        assert abs({"white": 1.0, "black": 0.0}[str(text.get_color())] - cell) > 0.45
+SYSTEMS = {
+    "two inputs": force_x_system(),
+    "three inputs": force_z_system(),
+    "one input": one_input_system(),
+    "125 rules": autopilot_system(),
+    "nine long names": nine_terms_system(),
+    "no table": room_system(),
+}
 
 
-def test_a_third_input_needs_a_term() -> None:
-    system = force_z_system()
-    ax = rule_matrix(system, Figure().subplots(), {"eta_u": "right"})
-    assert [text.get_text() for text in ax.texts] == [r.consequents[0].term for r in system.rules[30:]]
-    with pytest.raises(ValueError, match="for one term of 'eta_u'; fix it to one of left, ahead, right"):
-        rule_matrix(system, Figure().subplots())
-    with pytest.raises(ValueError, match="no outer input 'distance'"):
-        rule_matrix(system, Figure().subplots(), {"distance": "near", "eta_u": "left"})
+@pytest.mark.parametrize("kind", SYSTEMS)
+def test_no_word_of_a_figure_runs_into_another_or_over_the_edge(kind: str) -> None:
+    system = SYSTEMS[kind]
+    sample = np.array([v.minimum + 0.42 * (v.maximum - v.minimum) for v in system.inputs])
+    given = {v.name: float(x) for v, x in zip(system.inputs, sample, strict=True)}
+    theme = DARK if kind == "no table" else LIGHT
+    figures = dict(system_figures(system, theme=theme))
+    figures["marked"] = render.memberships_figure(system, given, theme=theme)
+    figures["inference"] = render.inference_figure(infer(system, sample), theme=theme)
+    for name, figure in figures.items():
+        assert collisions(figure) == [], name
+        assert min(text.get_size() for text, _ in seen_words(figure)) >= 6.5, name
 
 
-def test_a_rule_base_that_is_no_table_has_no_matrix() -> None:
-    with pytest.raises(ValueError, match="no full table"):
-        rule_matrix(general_controller().systems[0], Figure().subplots())
-
-
-def test_one_input_makes_one_row() -> None:
-    system = force_x_system()
-    inputs = system.inputs[1:]
-    system = FuzzySystem("row", inputs, system.outputs, table_rules(inputs, system.outputs[0], ["ZE"] * 5))
-    ax = rule_matrix(system, Figure().subplots())
-    assert len(ax.texts) == 5
-    assert [name for name, _ in system_figures(system)] == ["memberships", "rules"]
-
-
-def test_the_surface_map_lies_as_the_rule_matrix_does() -> None:
-    system = force_x_system()
-    ax = surface_map(system, Figure().subplots(), num_points=3)
-    values = np.asarray(ax.images[0].get_array())
-    # up the y axis the distance grows, along x the velocity
-    assert ax.get_ylabel() == "distance (m)"
-    assert values[2, 0] == pytest.approx(infer(system, np.array([200.0, -0.3])).values[0], abs=1e-13)
-    assert values[0, 2] == pytest.approx(infer(system, np.array([0.0, 0.3])).values[0], abs=1e-13)
-    assert ax.images[0].get_clim() == (values.min(), values.max())
-    assert ax.images[0].origin == "lower"
-
-
-def test_a_flat_surface_is_drawn_without_contours() -> None:
-    system = force_x_system()
-    output = system.outputs[0]
-    flat = replace(system, rules=table_rules(system.inputs, output, ["ZE"] * 25))
-    assert not surface_map(flat, Figure().subplots(), num_points=5).texts
+@pytest.mark.parametrize("layout", [None, "constrained"])
+@pytest.mark.parametrize("kind", ["two inputs", "nine long names", "no table"])
+def test_no_word_runs_into_another_on_axes_of_the_usual_size(kind: str, layout: str | None) -> None:
+    system = SYSTEMS[kind]
+    times, strengths = np.arange(0.0, 30.0, 10.0), np.full((3, len(system.rules)), 0.25)
+    values = np.linspace(0.5, 0.0, len(system.rules))
+    for draw in (
+        lambda ax: memberships(system.inputs[0], ax, system.inputs[0].maximum / 3),
+        lambda ax: kind == "no table" or render.rule_matrix(system, ax),
+        lambda ax: render.rule_list(system, ax),
+        lambda ax: render.rule_bars(system, values, ax),
+        lambda ax: render.firing_map(system, times, strengths, ax),
+        lambda ax: render.surface_map(system, ax, num_points=21),
+        lambda ax: render.output_curve(system, ax),
+    ):
+        figure = Figure(figsize=(6.4, 4.8), layout=layout)
+        draw(figure.subplots())
+        assert collisions(figure) == []
 
 
 @pytest.mark.parametrize(
@@ -109,11 +113,43 @@ def test_a_flat_surface_is_drawn_without_contours() -> None:
     [
         (force_x_system(), {"memberships": 3, "rules": 1, "surface": 2}),
         (force_z_system(), {"memberships": 4, "rules": 3, "surface": 4}),
-        (general_controller().systems[0], {"memberships": 4, "surface-heat": 2, "surface-vent": 2}),
+        (room_system(), {"memberships": 4, "rules": 1, "surface-heat": 2, "surface-vent": 2}),
+        (one_input_system(), {"memberships": 2, "rules": 1, "curve": 1}),
     ],
 )
 def test_figures_of_a_system(system: FuzzySystem, expected: dict[str, int]) -> None:
     figures = dict(system_figures(system))
     assert {name: len(figure.axes) for name, figure in figures.items()} == expected
-    for figure in figures.values():
-        figure.canvas.draw()
+
+
+def test_a_name_with_dollars_stays_a_name() -> None:
+    variable = Variable("$a_b$", "$", 0.0, 1.0, (Term("$x^2$", Gaussian(0.0, 1.0)),))
+    figure = Figure()
+    memberships(variable, figure.subplots(), 0.5)
+    assert not any(text.get_parse_math() for text, _ in seen_words(figure))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+def test_pictures_leave_the_settings_of_matplotlib_as_they_were(theme: Theme) -> None:
+    mpl.get_backend()  # which is chosen when it is asked for
+    before = mpl.rcParams.copy()
+    system = force_x_system()
+    for _, figure in system_figures(system, theme=theme):
+        render.encode(figure, "svg")
+    render.encode(render.inference_figure(infer(system, np.array([80.0, 0.1])), theme=theme), "png", 50)
+    assert mpl.rcParams == before
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+def test_every_word_can_be_read_on_the_paper_of_a_theme(theme: Theme) -> None:
+    system = room_system()
+    figures = [figure for _, figure in system_figures(system, theme=theme)]
+    figures.append(render.inference_figure(infer(system, np.array([16.0, 3.0])), theme=theme))
+    times, strengths = np.arange(3.0), np.full((3, 2), 0.5)
+    figures.append(render.firing_figure(system, times, strengths, theme=theme))
+    for figure in figures:
+        assert figure.get_facecolor() == mpl.colors.to_rgba(theme.paper)
+        for text, _ in seen_words(figure):
+            is_on_picture = text.get_path_effects() or text.get_bbox_patch() is not None
+            if not is_on_picture:
+                assert render.contrast(text.get_color(), theme.paper) >= 4.5, text.get_text()
