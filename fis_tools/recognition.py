@@ -346,5 +346,7 @@ def _fitted(samples: Samples, kind: type[MembershipFunction], start: tuple[float
         return np.where(np.isfinite(given), given - samples.values, 1.0)
 
     # To the last digit, which a start that leads anywhere needs few steps for.
-    least = least_squares(residuals, start, method="lm", ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=200)
+    least = least_squares(
+        residuals, start, method="lm", x_scale="jac", ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=200
+    )
     return kind, tuple(least.x)
