@@ -35,14 +35,27 @@ class Samples:
     are_flown: bool
 
 
-def read_flight(path: Path | str, controller: FuzzyController) -> Flight:
-    """Read a flight to review a controller along.
+def read_flights(paths: Sequence[Path | str], controller: FuzzyController) -> list[Flight]:
+    """Read the flights to review a controller along; each is called as its file, or as its path where needed.
 
     Raises
     ------
     fis_tools.validate.ControllerFileError
-        If it cannot be read, or its systems have other inputs than the controller's.
+        If one cannot be read, or its systems have other inputs than the controller's.
     """
+    names = _names([Path(path) for path in paths])
+    return [Flight(name, _flown(path, controller)) for name, path in zip(names, paths, strict=True)]
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Return the shortest ends of paths, without suffix, that tell them apart."""
+    parts = [path.with_suffix("").parts for path in paths]
+    lengths = range(1, max((len(one) for one in parts), default=0) + 1)
+    candidates = (["/".join(one[-length:]) for one in parts] for length in lengths)
+    return next((names for names in candidates if len(set(names)) == len(set(parts))), [])
+
+
+def _flown(path: Path | str, controller: FuzzyController) -> dict[str, FlownSystem]:
     known = {system.name: system for system in controller.systems}
     flown = {one.system.name: one for one in flights.read_flight(path) if one.system.name in known}
     if not flown:
@@ -55,7 +68,7 @@ def read_flight(path: Path | str, controller: FuzzyController) -> Flight:
                 f"{path}: its system {name!r} senses {', '.join(logged)}, but the controller's senses "
                 f"{', '.join(wanted)}; give flights of this controller"
             )
-    return Flight(Path(path).stem, flown)
+    return flown
 
 
 def samples_of(system: FuzzySystem, flown: Sequence[Flight]) -> Samples:

@@ -14,7 +14,7 @@ from fis_tools.model import FuzzyController
 from fis_tools.review import carried, content
 from fis_tools.review.colours import BRIGHTNESS, level_styles
 from fis_tools.review.findings import finding_counts, finding_rows
-from fis_tools.review.flown import read_flight, samples_of
+from fis_tools.review.flown import read_flights, samples_of
 
 #: joined in this order
 SCRIPTS = (
@@ -45,7 +45,7 @@ def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) 
         If a flight cannot be read, or its systems have other inputs than the controller's.
     """
     systems = controller.systems
-    flown = [read_flight(path, controller) for path in flight_paths]
+    flown = read_flights(flight_paths, controller)
     samples = {system.name: samples_of(system, flown) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if flown else None)
@@ -62,9 +62,9 @@ def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) 
         flights=flown,
         findings=finding_rows(audited, controller),
         systems=[
-            content.system_words(f"s{index}", system, samples[system.name], measured.measures)
+            content.system_words(place, system, samples[system.name], measured.measures)
             | {"findings": finding_counts(audited, system.name)}
-            for index, (system, measured) in enumerate(zip(systems, audited.systems, strict=True), start=1)
+            for place, (system, measured) in enumerate(zip(systems, audited.systems, strict=True), start=1)
         ],
     )
 

@@ -62,6 +62,7 @@ def log_flight(path: Path, controller: FuzzyController, num_samples: int) -> Pat
     """Log what every system of a controller does along `path_of`, every 10 s."""
     metadata = {f"fis.{system.name}": _description(system) for system in controller.systems}
     attachments = {"controller.json": dump_json(controller).encode()}
+    path.parent.mkdir(parents=True, exist_ok=True)
     paths = [path_of(system, num_samples) for system in controller.systems]
     with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
         for sample in range(num_samples):

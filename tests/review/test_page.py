@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from fis_tools import __main__ as command_line
 from fis_tools import analysis, serialize
@@ -97,7 +98,7 @@ def test_a_slider_moves_the_number_to_what_python_infers(shown):
     shown.locator("#s1-x1-slider").focus()
     for _ in range(12):
         shown.keyboard.press("ArrowRight")
-    shown.wait_for_function("(before) => document.querySelector('#s1 output').value !== before", arg=before)
+    expect(result).not_to_have_text(before)
     inputs = shown.evaluate("review.states[0].inputs")
     expected = infer(system, np.array(inputs)).values[0]
     assert number_after(result.inner_text(), "force_x") == pytest.approx(expected, rel=1e-4)
@@ -106,12 +107,11 @@ def test_a_slider_moves_the_number_to_what_python_infers(shown):
 
 def test_a_number_field_sets_the_slider_and_tells_what_lies_outside(shown):
     shown.locator("#s1-x1").fill("42.5")
-    shown.wait_for_function("document.getElementById('s1-x1-slider').value === '42.5'")
+    expect(shown.locator("#s1-x1-slider")).to_have_value("42.5")
     told = shown.locator("#s1 .belongs").first
-    assert "distance = 42.5 m" in told.inner_text()
+    expect(told).to_contain_text("distance = 42.5 m")
     shown.locator("#s1-x1").fill("500")
-    shown.wait_for_function("document.querySelector('#s1 .belongs').textContent.includes('taken as')")
-    assert "distance = 500 m, taken as 200 m" in told.inner_text()
+    expect(told).to_contain_text("distance = 500 m, taken as 200 m")
     result = shown.locator("#s1 .live.inference output").inner_text()
     inputs = np.array([500.0, shown.evaluate("review.states[0].inputs")[1]])
     expected = infer(paper_like_controller().systems[0], inputs).values[0]
@@ -120,7 +120,7 @@ def test_a_number_field_sets_the_slider_and_tells_what_lies_outside(shown):
 
 def test_rules_sort_by_numbers_and_words(shown):
     heads = shown.locator("#s1-rules thead th")
-    column = heads.all_inner_texts().index("moves (%)")
+    column = [head.strip() for head in heads.all_inner_texts()].index("moves (%)")
     cells = f"document.querySelectorAll('#s1-rules tbody tr > :nth-child({column + 1})')"
     keys = f"[...{cells}].map((cell) => Number(cell.dataset.value))"
     button = heads.nth(column).locator("button")
@@ -247,6 +247,27 @@ def test_a_finding_shows_where_it_is_seen(opened):
     assert {name: inputs[names.index(name)] for name in point} == point
 
 
+def test_proved_ranges_hold_all_outputs_and_the_extremes_are_attained(shown):
+    for place, system in enumerate(paper_like_controller().systems, start=1):
+        outputs = analysis.evaluate(system, analysis.spread_inputs(system))
+        table = shown.locator(f"#s{place} table", has_text="proved by interval arithmetic")
+        name, _, proved, *_ = table.locator("tbody tr").locator("th, td").all_inner_texts()
+        low, high = (float(word.split()[0].replace("−", "-")) for word in proved.split(" to "))
+        assert name == system.outputs[0].name
+        assert low - 1e-4 <= outputs.min() < outputs.max() <= high + 1e-4
+        table.get_by_role("button").last.click()
+        inputs = np.array(shown.evaluate(f"review.states[{place - 1}].inputs"))
+        assert infer(system, inputs).values[0] == pytest.approx(high, abs=0.012 * 0.2)
+
+
+def test_flights_of_one_name_are_told_apart(tmp_path):
+    controller = FuzzyController("one", (force_z_system(),))
+    paths = [log_flight(tmp_path / folder / "best.mcap", controller, 3) for folder in ("a", "b")]
+    text = page.write(controller, paths)
+    assert "a/best (3 inferences), b/best (3 inferences)" in text
+    assert "Reviewed along the flight best (3 inferences)." in page.write(controller, paths[:1])
+
+
 def test_tab_reaches_every_control_and_shows_where_it_is(opened, text):
     shown = opened(text)
     wanted = shown.evaluate(
@@ -314,6 +335,7 @@ def test_it_prints_every_rule_and_no_control(opened, text, tmp_path):
     # terms in numbers are folded on the screen
     assert "Gaussian, mean 50, standard deviation 25" in printed
     assert "Signature" in printed
+    assert printed.count("no. rule moves (%)") > 2, "heads are repeated on every page of a table"
     for control in ("Theme", "Show rules with", "Show findings with", "Along x"):
         assert control in shown.locator("body").inner_text()
         assert control not in printed
@@ -368,7 +390,7 @@ def test_all_kinds_of_systems_are_shown(opened):
     )
     shown = opened(page.write(FuzzyController("kinds", (general, single))))
     shown.locator("#s1 .live.inference select").select_option(label="vent")
-    shown.wait_for_function("document.querySelector('#s1 output').value.startsWith('vent = ')")
+    expect(shown.locator("#s1 .live.inference output")).to_contain_text("vent = ")
     assert pixels(shown, "#s2 canvas.curve") != pixels(shown, "#s1 canvas.map")
     assert shown.locator("#s1 .matrix").count() == 0
     assert shown.locator("#s2 .matrix td").count() == 5

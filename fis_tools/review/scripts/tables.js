@@ -23,17 +23,15 @@ function sortBy(table, column, isDescending) {
   });
 }
 
-/** Put a button into each head of a table that sorts; numbers are sorted with the greatest first. */
+/** Let each head of a table sort by its column, with a button for the keyboard; a click anywhere in it does. */
 function makeSortable(table) {
   [...table.tHead.rows[0].cells].forEach((head, column) => {
-    const first = head.dataset.first ?? "ascending";
-    const button = make("button", { type: "button", class: "sort" }, ...head.childNodes);
-    button.addEventListener("click", () => {
+    const label = `Sort by ${head.textContent.trim()}`;
+    head.append(" ", make("button", { type: "button", class: "sort", "aria-label": label }));
+    head.addEventListener("click", () => {
       const now = head.getAttribute("aria-sort");
-      const isDescending = now ? now === "ascending" : first === "descending";
-      sortBy(table, column, isDescending);
+      sortBy(table, column, now ? now === "ascending" : head.dataset.first === "descending");
     });
-    head.append(button);
   });
 }
 
