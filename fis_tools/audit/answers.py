@@ -5,17 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from fis_tools.analysis import evaluate
-from fis_tools.audit.finding import (
-    NEGLIGIBLE,
-    Finding,
-    Floats,
-    Severity,
-    Thresholds,
-    amount,
-    percent,
-    place,
-    span,
-)
+from fis_tools.audit.finding import Finding, Severity, Thresholds
+from fis_tools.formats.amounts import NEGLIGIBLE, Floats, amount, percent, place, span
 from fis_tools.measures import Measures
 from fis_tools.model import FuzzySystem
 

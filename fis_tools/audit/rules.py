@@ -9,17 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.audit.finding import (
-    Finding,
-    Floats,
-    Severity,
-    Thresholds,
-    amount,
-    listed,
-    percent,
-    place,
-    span,
-)
+from fis_tools.audit.finding import Finding, Severity, Thresholds
+from fis_tools.formats.amounts import Floats, amount, listed, percent, place, span
 from fis_tools.formats.text import antecedent_words, consequent_words
 from fis_tools.measures import Measures, centre
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, conjunctions

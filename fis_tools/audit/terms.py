@@ -7,7 +7,8 @@ import numpy as np
 
 from fis_tools.analysis import distinguishability
 from fis_tools.audit import names
-from fis_tools.audit.finding import Finding, Severity, Thresholds, amount, listed, percent, span
+from fis_tools.audit.finding import Finding, Severity, Thresholds
+from fis_tools.formats.amounts import amount, listed, percent, span
 from fis_tools.formats.text import number
 from fis_tools.measures import Measures, centre, statements
 from fis_tools.membership import sample_terms

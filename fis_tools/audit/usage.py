@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from fis_tools.analysis import firing, rule_usage
-from fis_tools.audit.finding import Finding, Floats, Severity, Thresholds, amount, listed, percent
+from fis_tools.audit.finding import Finding, Severity, Thresholds
 from fis_tools.compiler import compile as compiled
 from fis_tools.contribution import importance
+from fis_tools.formats.amounts import Floats, amount, listed, percent
 from fis_tools.formats.text import antecedent_words, consequent_words
 from fis_tools.model import FuzzySystem
 

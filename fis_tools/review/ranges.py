@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fis_tools import bounds
-from fis_tools.audit.finding import amount
+from fis_tools.formats.amounts import amount
 from fis_tools.interval import NotBounded
 from fis_tools.model import FuzzySystem, Variable
 
