@@ -58,7 +58,7 @@ function paintMapAxes(context, response, frame, colours) {
   context.strokeRect(frame.left, frame.top, frame.width, frame.height);
   context.fillStyle = colours.muted;
   context.textAlign = "center";
-  for (const value of ticks(xVariable.minimum, xVariable.maximum, 4)) {
+  for (const value of ticks(xVariable.minimum, xVariable.maximum, 5)) {
     context.fillRect(x(value), bottom, 1, 4);
     context.fillText(shown(value), x(value), bottom + 16);
   }

@@ -119,7 +119,8 @@ function outputStep(state, output, chart) {
 /** Say what the smallest change of one input is that turns the sign of an output. */
 function signWords(state, output) {
   const { system, inputs, inference } = state;
-  const { name } = system.outputs[output];
+  const { name, minimum, maximum } = system.outputs[output];
+  if (minimum >= 0 || maximum <= 0) return "";
   if (signOf(system.outputs[output], inference.outputs[output].value) === 0) return `${name} is zero here.`;
   const found = signChange(system, inputs, output);
   if (!found) return `No change of one input alone turns the sign of ${name} from here.`;

@@ -50,7 +50,8 @@ function surfaceView(element, state, scale, id) {
 
 function rangeWords({ variable, low, high }) {
   const extent = `${quantity(low, variable)} to ${quantity(high, variable)}`;
-  return `On this surface ${variable.name} goes from ${extent}; the ring marks the present inputs, the thick line is zero.`;
+  const zero = low < 0 && high > 0 ? ", the thick line is zero" : "";
+  return `On this surface ${variable.name} goes from ${extent}; the ring marks the present inputs${zero}.`;
 }
 
 /** The choices of both axes and of the output, those with nothing to choose left out. */
