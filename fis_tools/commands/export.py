@@ -19,7 +19,7 @@ from fis_tools.commands.arguments import (
     place_for,
     write,
 )
-from fis_tools.formats import csv, fcl, fis, fll, fml, html, latex, markdown, text
+from fis_tools.formats import c, csv, fcl, fis, fll, fml, html, latex, markdown, text
 from fis_tools.formats.antecedents import NotExpressible
 from fis_tools.formats.carried import Written
 from fis_tools.model import FuzzyController
@@ -61,6 +61,7 @@ FORMS = {
     "fll": Form(".fll", write_one=fll.write),
     "fml": Form(".fml", write_one=fml.write),
     "fcl": Form(".fcl", write_one=fcl.write),
+    "c": Form(".c", write=c.write),
 }
 
 EPILOG = """\
@@ -70,6 +71,7 @@ forms:
   fis, fll, fml                      MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form
                                      has no place for is listed, and carried in a comment that `import` reads
   fcl                                IEC 61131-7, written only: a file a system
+  c                                  C99 source that stands alone
 
 examples:
   python -m fis_tools export controller.yaml --format markdown > controller.md
@@ -81,7 +83,9 @@ examples:
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
-    command = add_command(commands, "export", run, "write a controller as tables or for other programs")
+    command = add_command(
+        commands, "export", run, "write a controller as tables, for other programs, or as C source"
+    )
     command.epilog = EPILOG
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument("--format", choices=list(FORMS), required=True, help="what to write")

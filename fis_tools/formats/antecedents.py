@@ -96,19 +96,15 @@ def flat_antecedents(
         If its meaning would change.
     """
     plain = with_plain_not(expression, and_operator, or_operator)
-    is_flat = all(isinstance(part, Is | Not) for part in _operands(plain))
-    if is_flat and (repeats_inputs or not _has_repeated_input(_operands(plain))):
+    is_flat = all(isinstance(part, Is | Not) for part in operands_of(plain))
+    if is_flat and (repeats_inputs or not _has_repeated_input(operands_of(plain))):
         return [plain]
     if or_operator != "max" and any(isinstance(part, Or) for part in parts_of(plain)):
         raise NotExpressible(f"'and' and 'or' are nested, and {or_operator} does not distribute")
     found = [_conjunction(leaves, and_operator) for leaves in _alternatives(plain)]
-    if not repeats_inputs and any(_has_repeated_input(_operands(part)) for part in found):
+    if not repeats_inputs and any(_has_repeated_input(operands_of(part)) for part in found):
         raise NotExpressible("it says two things of one input")
     return list(dict.fromkeys(found))
-
-
-def _operands(expression: Expression) -> tuple[Expression, ...]:
-    return expression.operands if isinstance(expression, And | Or) else (expression,)
 
 
 def parts_of(expression: Expression) -> Iterator[Expression]:
@@ -122,13 +118,31 @@ def parts_of(expression: Expression) -> Iterator[Expression]:
                 yield from parts_of(operand)
 
 
+def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
+    """Put the statements of a flat antecedent, one of each input, in the order of the inputs."""
+    if isinstance(expression, And | Or):
+        places = {name: place for place, name in enumerate(inputs)}
+        kind = type(expression)
+        return kind(tuple(sorted(expression.operands, key=lambda leaf: places[statement_of(leaf).variable])))
+    return expression
+
+
 def _has_repeated_input(leaves: Sequence[Expression]) -> bool:
-    names = [statement.variable for leaf in leaves if isinstance(statement := _statement(leaf), Is)]
+    names = [statement_of(leaf).variable for leaf in leaves if isinstance(leaf, Is | Not)]
     return len(set(names)) != len(names)
 
 
-def _statement(leaf: Expression) -> Expression:
-    return leaf.operand if isinstance(leaf, Not) else leaf
+def statement_of(leaf: Expression) -> Is:
+    """Return the statement that an antecedent makes or denies, which must be one."""
+    statement = leaf.operand if isinstance(leaf, Not) else leaf
+    if not isinstance(statement, Is):
+        raise TypeError(f"{leaf} is made of several statements; expected one")
+    return statement
+
+
+def operands_of(expression: Expression) -> tuple[Expression, ...]:
+    """Return what a conjunction or disjunction joins; of anything else, itself."""
+    return expression.operands if isinstance(expression, And | Or) else (expression,)
 
 
 def _conjunction(leaves: tuple[Expression, ...], and_operator: AndOperator) -> Expression:

@@ -14,7 +14,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from fis_tools.formats.antecedents import NotExpressible, flat_antecedents, parts_of, renamed, with_plain_not
+from fis_tools.formats.antecedents import (
+    NotExpressible,
+    flat_antecedents,
+    in_order,
+    parts_of,
+    renamed,
+    with_plain_not,
+)
 from fis_tools.formats.text import number
 from fis_tools.model import (
     And,
@@ -237,6 +244,9 @@ def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -
             f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
             f"{'json' if dialect.is_nested else 'fll or json'}"
         ) from reason
+    if not dialect.repeats_inputs:
+        inputs = [variable.name for variable in system.inputs]
+        antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
     outputs = [output.name for output in system.outputs]
     groups = list(_consequent_groups(rule.consequents, outputs, dialect))
     return [Rule(antecedent, group, "", *operators) for antecedent in antecedents for group in groups]

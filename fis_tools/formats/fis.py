@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import get_args
 
 from fis_tools.formats import foreign
+from fis_tools.formats.antecedents import operands_of, statement_of
 from fis_tools.formats.carried import Reading, Written, comment, understand
 from fis_tools.formats.dialect import Dialect, losses, only_system, say, settle
 from fis_tools.formats.foreign import Extent, Table
@@ -154,11 +155,9 @@ def _variable_lines(variable: Variable) -> list[str]:
 
 def _rule_line(system: FuzzySystem, rule: Rule) -> str:
     joined = isinstance(rule.antecedent, Or)
-    leaves = rule.antecedent.operands if isinstance(rule.antecedent, And | Or) else (rule.antecedent,)
     asked: dict[str, int] = {}
-    for leaf in leaves:
-        statement = leaf.operand if isinstance(leaf, Not) else leaf
-        assert isinstance(statement, Is)  # noqa: S101 - `say` left nothing else
+    for leaf in operands_of(rule.antecedent):
+        statement = statement_of(leaf)
         index = system.variable(statement.variable).term_index(statement.term) + 1
         asked[statement.variable] = -index if isinstance(leaf, Not) else index
     concluded = {c.variable: system.variable(c.variable).term_index(c.term) + 1 for c in rule.consequents}
@@ -328,18 +327,14 @@ def _count(entries: dict[str, tuple[int, str]], key: str) -> int:
 
 
 def _refuse_other_methods(entries: dict[str, tuple[int, str]]) -> None:
-    for key, only, cure in (
-        (
-            "Type",
-            "mamdani",
-            "convert it (MATLAB's convertToMamdani…), because Sugeno systems have no surface of sets",
-        ),
-        ("ImpMethod", "min", "evaluate it with 'min', the one implication that is read"),
-        ("AggMethod", "max", "evaluate it with 'max', the one aggregation that is read"),
+    for key, only, reason in (
+        ("Type", "mamdani", "other systems conclude numbers, not fuzzy sets"),
+        ("ImpMethod", "min", "it is the one implication that is read"),
+        ("AggMethod", "max", "it is the one aggregation that is read"),
     ):
         word, where = _word(entries, key)
         if word != only:
-            raise ControllerFileError(f"{where} is {word[:40]!r}; expected {only!r}: {cure}")
+            raise ControllerFileError(f"{where} is {word[:40]!r}; expected {only!r}: {reason}")
 
 
 def _variable(section: _Section) -> Variable:

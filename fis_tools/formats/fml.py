@@ -11,6 +11,7 @@ from dataclasses import fields, replace
 from html import escape
 
 from fis_tools.formats import foreign, xml
+from fis_tools.formats.antecedents import operands_of, statement_of
 from fis_tools.formats.carried import Reading, Written, comment, understand
 from fis_tools.formats.dialect import Dialect, losses, only_system, say, settle
 from fis_tools.formats.foreign import Extent, Table
@@ -191,7 +192,6 @@ def _operator_words(and_operator: AndOperator, or_operator: OrOperator) -> tuple
 
 def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
     conjunction, disjunction = _operator_words(system.and_operator_of(rule), system.or_operator_of(rule))
-    leaves = rule.antecedent.operands if isinstance(rule.antecedent, And | Or) else (rule.antecedent,)
     words = {
         "name": name,
         "andMethod": conjunction,
@@ -201,9 +201,8 @@ def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
     }
     yield f"    <rule{_attributes(**words)}>"
     yield "      <antecedent>"
-    for leaf in leaves:
-        statement = leaf.operand if isinstance(leaf, Not) else leaf
-        assert isinstance(statement, Is)  # noqa: S101 - `say` left nothing else
+    for leaf in operands_of(rule.antecedent):
+        statement = statement_of(leaf)
         modifier = _attributes(modifier="not") if isinstance(leaf, Not) else ""
         yield _clause(statement.variable, statement.term, modifier, 8)
     yield "      </antecedent>"

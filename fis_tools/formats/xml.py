@@ -96,7 +96,7 @@ def read(text: str) -> tuple[Element, list[tuple[int, str]]]:
         builder.parser.feed(text)
         builder.parser.close()
     except ParseError as error:
-        fault = error.msg.partition(":")[0]
+        fault = str(error).partition(":")[0]
         raise ControllerFileError(
             f"line {error.position[0]}: it is not XML ({fault}); correct it there, or get a whole copy if it "
             "is cut"

@@ -1,0 +1,67 @@
+"""No damage to a foreign file gives anything but a sentence."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fis_tools.formats import fis, fll, fml
+from fis_tools.serialize import ControllerFileError, Kind, loads
+from tests.exchange.systems import alone, nested_system
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+TEXTS: dict[Kind, list[str]] = {
+    "fis": [(EXAMPLES / "tipper.fis").read_text(encoding="utf-8"), fis.write(alone(nested_system())).text],
+    "fll": [(EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"), fll.write(alone(nested_system())).text],
+    "fml": [(EXAMPLES / "pendulum.fml").read_text(encoding="utf-8"), fml.write(alone(nested_system())).text],
+}
+DAMAGE = st.sampled_from([*"[](){}<>,:;='\"#%/&!-.0159e \n\t\\", "nan", "-1", "1e999", "not ", "--"])
+
+
+def is_read(text: str, kind: Kind) -> bool:
+    try:
+        loads(text, kind)
+    except ControllerFileError as refusal:
+        assert str(refusal)  # noqa: PT017 - a damaged file may still be a right one
+        return False
+    return True
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from(list(TEXTS)), st.booleans(), st.data())
+def test_damage_anywhere(kind: Kind, is_ours: bool, data: st.DataObject) -> None:
+    text = TEXTS[kind][is_ours]
+    for _ in range(data.draw(st.integers(1, 4))):
+        start, length = data.draw(st.integers(0, len(text))), data.draw(st.integers(0, 8))
+        text = text[:start] + data.draw(DAMAGE | st.text(max_size=3)) + text[start + length :]
+    is_read(text, kind)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.sampled_from(list(TEXTS)), st.data())
+def test_lines_mixed_up(kind: Kind, data: st.DataObject) -> None:
+    lines = TEXTS[kind][0].splitlines()
+    for _ in range(data.draw(st.integers(1, 3))):
+        first = data.draw(st.integers(0, len(lines) - 1))
+        second = data.draw(st.integers(0, len(lines) - 1))
+        if data.draw(st.booleans()):
+            lines[first], lines[second] = lines[second], lines[first]
+        else:
+            lines.insert(first, lines[second])
+    is_read("\n".join(lines), kind)
+
+
+@pytest.mark.parametrize("kind", list(TEXTS))
+def test_our_files_cut_anywhere_are_refused(kind: Kind) -> None:
+    text = TEXTS[kind][1].rstrip()
+    for length in [*range(0, len(text), 61), len(text) - 1]:
+        assert not is_read(text[:length], kind)
+    assert is_read(text, kind)
+
+
+@pytest.mark.parametrize("kind", list(TEXTS))
+def test_foreign_files_cut_anywhere(kind: Kind) -> None:
+    text = TEXTS[kind][0]
+    for length in range(0, len(text), 37):
+        is_read(text[:length], kind)
