@@ -318,7 +318,7 @@ def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
     return [
         f"   {variable.name}",
         *_bars(cuts),
-        f"{result}, the {METHODS[system.defuzzifier]} of these terms",
+        f"{result}, the {METHODS[system.defuzzifier_of(variable)]} of these terms",
     ]
 
 

@@ -11,7 +11,26 @@ from sample_controllers import force_x_system, force_z_system, general_controlle
 from fis_tools.formats import csv as csv_format
 from fis_tools.formats import markdown, text
 from fis_tools.inference import infer
-from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, table_rules
+from fis_tools.model import (
+    And,
+    Expression,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    PiShape,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    TwoSidedGaussian,
+    ZShape,
+    table_rules,
+)
 
 A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")
 
@@ -42,6 +61,53 @@ def test_rules_in_words() -> None:
         "[warm up] If temperature is cold and (wind is calm or temperature is not hot) "
         "then heat is high and vent is open (weight 0.25)"
     )
+
+
+def test_ways_of_its_own_are_said_where_they_count() -> None:
+    system = general_controller().systems[0]
+    first, second = system.rules
+    heat, vent = system.outputs
+    system = replace(
+        system,
+        rules=(replace(first, and_operator="min", or_operator="bounded_sum"), second),
+        outputs=(replace(heat, defuzzifier="mom"), replace(vent, accumulation="einstein_sum")),
+    )
+    assert "(and: min, or: bounded_sum) then heat is high" in text.sentences(system)[0]
+    assert text.sentences(system)[1] == text.sentences(general_controller().systems[0])[1]
+    assert text.summary(system).endswith(
+        "and: product, or: probabilistic_sum, defuzzifier: bisector, heat by mom, "
+        "vent accumulated by einstein_sum"
+    )
+    told = text.explain(infer(system, np.array([12.0, 1.0])))
+    assert "the mean of the highest points of these terms" in told
+    assert "the bisector of the area of these terms" in told
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        (Gaussian(0.0, 25.0), "Gaussian, mean 0, standard deviation 25"),
+        (
+            TwoSidedGaussian(1.0, 0.5, 2.0, 0.25),
+            "two-sided Gaussian, one from 1 to 2, standard deviations 0.5 and 0.25",
+        ),
+        (GeneralizedBell(2.0, 3.0, 5.0), "bell, half width 2, slope 3, centre 5"),
+        (Sigmoid(4.0, -2.0), "sigmoid, inflection 4, slope -2"),
+        (
+            SigmoidDifference(2.0, 3.0, 8.0, 4.0),
+            "sigmoid, inflection 2, slope 3, less sigmoid, inflection 8, slope 4",
+        ),
+        (
+            SigmoidProduct(2.0, 3.0, 8.0, -4.0),
+            "sigmoid, inflection 2, slope 3, times sigmoid, inflection 8, slope -4",
+        ),
+        (SShape(2.0, 6.0), "S shape from 2 up to 6"),
+        (ZShape(2.0, 6.0), "Z shape from 2 down to 6"),
+        (PiShape(0.0, 4.0, 6.0, 10.0), "pi shape from 0 over 4 to 6 to 10"),
+    ],
+)
+def test_shapes_in_words(shape: MembershipFunction, words: str) -> None:
+    assert text.shape_words(Term("t", shape)) == words
 
 
 def test_rule_tables_of_one_two_and_three_inputs() -> None:

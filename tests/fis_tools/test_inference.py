@@ -1,5 +1,7 @@
 """The steps of an inference against what can be worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,43 @@ def test_the_strongest_rule_cuts_and_terms_nobody_concludes_have_no_cut() -> Non
     step = infer(FuzzySystem("two", INPUTS, (OUTPUT,), rules), np.array([0.0, 9.0]))
     np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, 0.5], rtol=0, atol=1e-15)
     np.testing.assert_allclose(step.firing_strengths, [1.0, 0.1], rtol=0, atol=1e-15)
+
+
+def test_rules_may_combine_in_their_own_ways() -> None:
+    """With a = 2 and b = 5 the memberships are 0.8, 0.2 and 0.5, 0.5."""
+    both, either = (kind((Is("a", "left"), Is("b", "left"))) for kind in (And, Or))
+    concluded = (Consequent("y", "left"),)
+    rules = (
+        Rule(both, concluded),
+        Rule(both, concluded, and_operator="product"),
+        Rule(both, concluded, and_operator="bounded_difference"),
+        Rule(either, concluded, or_operator="probabilistic_sum"),
+        Rule(either, concluded, or_operator="bounded_sum"),
+        Rule(either, concluded),
+    )
+    step = infer(FuzzySystem("own", INPUTS, (OUTPUT,), rules), np.array([2.0, 5.0]))
+    np.testing.assert_allclose(step.firing_strengths, [0.5, 0.4, 0.3, 0.9, 1.0, 0.8], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("accumulation", "cut"),
+    [("max", 0.5), ("probabilistic_sum", 0.6), ("bounded_sum", 0.7), ("drastic_sum", 1.0), ("product", 0.1)],
+)
+def test_rules_accumulate_as_the_output_says(accumulation: str, cut: float) -> None:
+    rules = (
+        Rule(Is("a", "right"), (Consequent("y", "right"),)),
+        Rule(Is("b", "left"), (Consequent("y", "right"),)),
+    )
+    output = replace(OUTPUT, accumulation=accumulation)  # type: ignore[arg-type]
+    step = infer(FuzzySystem("two", INPUTS, (output,), rules), np.array([2.0, 5.0]))
+    np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, cut], rtol=0, atol=1e-15)
+
+
+def test_outputs_may_be_defuzzified_in_their_own_ways() -> None:
+    outputs = (OUTPUT, replace(OUTPUT, name="z", defuzzifier="lom"))
+    rule = Rule(Is("a", "left"), (Consequent("y", "left"), Consequent("z", "left")))
+    system = FuzzySystem("ways", INPUTS, outputs, (rule,), defuzzifier="som")
+    np.testing.assert_allclose(infer(system, np.array([5.0, 0.0])).values, [0.0, 5.0], rtol=0, atol=1e-14)
 
 
 def test_inputs_are_clipped_and_kept_as_given() -> None:

@@ -1,5 +1,8 @@
 """Sampled membership functions against scikit-fuzzy's generators."""
 
+from dataclasses import astuple
+from typing import Any
+
 import numpy as np
 import pytest
 import skfuzzy
@@ -7,8 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fis_tools.membership import is_unimodal, sample, sample_terms
-from fis_tools.model import Gaussian, Sampled, Term, Trapezoidal, Triangular, Variable
+from fis_tools.membership import is_unimodal, sample, sample_terms, shape_values
+from fis_tools.model import (
+    Gaussian,
+    GeneralizedBell,
+    MembershipFunction,
+    PiShape,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
 
 UNIVERSE = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.integers(2, 60))
 
@@ -68,6 +87,90 @@ def test_trapezoid_is_scikit_fuzzys(
         sample(variable, Term("t", Trapezoidal(left, left_top, right_top, right))),
         _without_tails(skfuzzy.trapmf(variable.universe, [left, left_top, right_top, right])),
     )
+
+
+SPREAD = st.floats(1e-3, 1e3)
+STEEPNESS = st.floats(-50, 50)
+CORNERS = st.lists(st.floats(-2e3, 2e3), min_size=4, max_size=4, unique=True).map(sorted)
+
+
+@st.composite
+def _smooth_shapes(draw: st.DrawFn) -> tuple[MembershipFunction, object]:
+    """A shape with scikit-fuzzy's function for it: a function of the universe."""
+    a, b, c, d = draw(CORNERS)
+    width, other_width, slope, other_slope = draw(st.tuples(SPREAD, SPREAD, STEEPNESS, STEEPNESS))
+    bell = draw(st.floats(0.1, 20))
+    deviations = np.array([width]), np.array([other_width])
+    return draw(
+        st.sampled_from(
+            [
+                (
+                    TwoSidedGaussian(a, width, b, other_width),
+                    lambda x: skfuzzy.gauss2mf(x, a, deviations[0], b, deviations[1]),
+                ),
+                (GeneralizedBell(width, bell, a), lambda x: skfuzzy.gbellmf(x, width, bell, a)),
+                (Sigmoid(a, slope), lambda x: skfuzzy.sigmf(x, a, slope)),
+                (
+                    SigmoidProduct(a, slope, b, other_slope),
+                    lambda x: skfuzzy.psigmf(x, a, slope, b, other_slope),
+                ),
+                (
+                    SigmoidDifference(a, slope, b, other_slope),
+                    lambda x: skfuzzy.dsigmf(x, a, slope, b, other_slope),
+                ),
+                (SShape(a, b), lambda x: skfuzzy.smf(x, a, b)),
+                (ZShape(a, b), lambda x: skfuzzy.zmf(x, a, b)),
+                (PiShape(a, b, c, d), lambda x: skfuzzy.pimf(x, a, b, c, d)),
+            ]
+        )
+    )
+
+
+@settings(max_examples=300, deadline=None)
+@given(UNIVERSE, _smooth_shapes())
+def test_smooth_shapes_are_scikit_fuzzys(extent: tuple[float, float, int], drawn: Any) -> None:
+    shape, generate = drawn
+    variable = _variable(extent)
+    with np.errstate(all="ignore"):
+        expected = generate(variable.universe)
+    np.testing.assert_array_equal(sample(variable, Term("t", shape)), _without_tails(expected))
+
+
+@pytest.mark.parametrize(
+    "shape", [SShape(2.0, 6.0), ZShape(2.0, 6.0), PiShape(2.0, 6.0, 6.0, 8.0), PiShape(0.0, 2.0, 2.0, 6.0)]
+)
+def test_parabolas_on_grid_points_are_scikit_fuzzys(shape: Any) -> None:
+    """Corners and middles on the grid, where scikit-fuzzy's cases meet."""
+    generate = {SShape: skfuzzy.smf, ZShape: skfuzzy.zmf, PiShape: skfuzzy.pimf}[type(shape)]
+    for universe in (np.linspace(0, 10, 21), np.linspace(0, 10, 31), np.linspace(0, 10, 11)):
+        values = shape_values(universe, shape)
+        np.testing.assert_array_equal(values, generate(universe, *astuple(shape)))
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        (GeneralizedBell(2.0, 3.0, 5.0), {5.0: 1.0, 3.0: 0.5, 7.0: 0.5, 1.0: 1 / 65}),
+        (Sigmoid(4.0, 2.0), {4.0: 0.5, 5.0: 1 / (1 + np.exp(-2.0)), 3.0: 1 / (1 + np.exp(2.0))}),
+        (SigmoidDifference(2.0, 3.0, 8.0, 3.0), {2.0: 0.5, 5.0: np.tanh(4.5), 8.0: 0.5}),
+        (SigmoidProduct(3.0, 1.0, 3.0, -1.0), {3.0: 0.25}),
+        (SShape(2.0, 6.0), {2.0: 0.0, 3.0: 0.125, 4.0: 0.5, 5.0: 0.875, 6.0: 1.0, 9.0: 1.0}),
+        (ZShape(2.0, 6.0), {0.0: 1.0, 2.0: 1.0, 3.0: 0.875, 4.0: 0.5, 5.0: 0.125, 6.0: 0.0}),
+        (PiShape(0.0, 4.0, 6.0, 10.0), {1.0: 0.125, 4.0: 1.0, 5.0: 1.0, 6.0: 1.0, 9.0: 0.125, 10.0: 0.0}),
+        (TwoSidedGaussian(4.0, 2.0, 6.0, 1.0), {2.0: np.exp(-0.5), 5.0: 1.0, 7.0: np.exp(-0.5)}),
+    ],
+)
+def test_smooth_shapes_have_the_values_their_formulas_say(
+    shape: MembershipFunction, expected: dict[float, float]
+) -> None:
+    values = shape_values(np.array(list(expected)), shape)
+    np.testing.assert_allclose(values, list(expected.values()), rtol=0, atol=1e-4)
+
+
+def test_a_difference_that_falls_below_zero_is_cut_off() -> None:
+    variable = Variable("x", "", 0.0, 10.0, (), 11)
+    values = sample(variable, Term("t", SigmoidDifference(6.0, 2.0, 4.0, 2.0)))
+    np.testing.assert_array_equal(values, np.zeros(11))
 
 
 def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero() -> None:

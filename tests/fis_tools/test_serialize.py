@@ -3,8 +3,9 @@
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import yaml
@@ -13,22 +14,34 @@ from hypothesis import strategies as st
 from sample_controllers import force_x_system, general_controller, paper_like_controller
 
 from fis_tools.model import (
+    Accumulation,
     And,
+    AndOperator,
     Consequent,
+    Defuzzifier,
     Expression,
     FuzzyController,
     FuzzySystem,
     Gaussian,
+    GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
+    OrOperator,
+    PiShape,
     Rule,
     Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
     rule_table,
     table_rules,
 )
@@ -61,20 +74,38 @@ def variables(draw: st.DrawFn, name: str, is_output: bool) -> Variable:
         num_points = len(points)
     names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=3, unique=True))
     terms = tuple(Term(term, draw(memberships(num_points))) for term in names)
-    default = draw(NUMBERS) if is_output else None
     text = draw(st.text(max_size=12))
-    return Variable(name, draw(st.text(max_size=3)), low, high, terms, num_points, points, default, text)
+    variable = Variable(name, draw(st.text(max_size=3)), low, high, terms, num_points, points, None, text)
+    if not is_output:
+        return variable
+    return replace(
+        variable,
+        default=draw(NUMBERS),
+        defuzzifier=draw(st.none() | st.sampled_from(get_args(Defuzzifier))),
+        accumulation=draw(st.sampled_from(get_args(Accumulation))),
+    )
 
 
 @st.composite
 def memberships(draw: st.DrawFn, num_points: int) -> MembershipFunction:
     corners = sorted(draw(st.lists(NUMBERS, min_size=4, max_size=4)))
+    a, b, c, d = sorted(draw(st.lists(st.integers(-(10**6), 10**6), min_size=4, max_size=4, unique=True)))
+    spread, other_spread = draw(st.tuples(st.floats(1e-3, 1e6), st.floats(1e-3, 1e6)))
+    slope, other_slope = draw(st.tuples(st.floats(-10, 10), st.floats(-10, 10)))
     return draw(
         st.sampled_from(
             [
                 Gaussian(corners[0], draw(st.floats(1e-100, 1e6))),
                 Triangular(*corners[:3]),
                 Trapezoidal(*corners),
+                TwoSidedGaussian(corners[0], spread, corners[1], other_spread),
+                GeneralizedBell(spread, draw(st.floats(0.1, 10)), corners[0]),
+                Sigmoid(corners[0], slope),
+                SigmoidDifference(corners[0], abs(slope), corners[1], abs(slope)),
+                SigmoidProduct(corners[0], slope, corners[1], other_slope),
+                SShape(a / 7, b / 7),
+                ZShape(a / 7, b / 7),
+                PiShape(a / 7, b / 7, c / 7, d / 7),
                 Sampled(tuple(draw(st.lists(st.floats(0, 1), min_size=num_points, max_size=num_points)))),
             ]
         )
@@ -111,10 +142,12 @@ def systems(draw: st.DrawFn, name: str) -> FuzzySystem:
             draw(expressions),
             tuple(draw(st.lists(consequents, min_size=1, max_size=2))),
             labels[index] if labels else "",
+            draw(st.none() | st.sampled_from(get_args(AndOperator))),
+            draw(st.none() | st.sampled_from(get_args(OrOperator))),
         )
         for index in range(count)
     )
-    return FuzzySystem(name, inputs, outputs, rules, "product", "max", "som")
+    return FuzzySystem(name, inputs, outputs, rules, "product", "bounded_sum", "som")
 
 
 @st.composite
@@ -209,6 +242,44 @@ def test_a_file_written_by_hand_means_what_it_says() -> None:
     assert isinstance(system.inputs[0].minimum, float)
 
 
+def _with_everything_chosen() -> FuzzyController:
+    """A controller in which rules, outputs and terms depart from what is usual."""
+    controller = general_controller()
+    (system,) = controller.systems
+    heat, vent = system.outputs
+    terms = (Term("low", GeneralizedBell(0.5, 2.0, 0.0)), Term("high", SShape(0.5, 1.5)))
+    first, second = system.rules
+    system = replace(
+        system,
+        outputs=(replace(heat, terms=terms, defuzzifier="mom"), replace(vent, accumulation="bounded_sum")),
+        rules=(replace(first, and_operator="min", or_operator="hamacher_sum"), second),
+    )
+    return replace(controller, systems=(system,))
+
+
+def test_what_departs_is_written_and_the_usual_is_not() -> None:
+    mapping = to_mapping(_with_everything_chosen())["systems"][0]
+    heat, vent = mapping["outputs"]
+    assert (heat["defuzzifier"], vent["accumulation"]) == ("mom", "bounded_sum")
+    assert heat["terms"] == [
+        {"name": "low", "shape": "generalized_bell", "width": 0.5, "slope": 2.0, "centre": 0.0},
+        {"name": "high", "shape": "s_shape", "foot": 0.5, "top": 1.5},
+    ]
+    first, second = mapping["rules"]
+    assert list(first) == ["label", "and_operator", "or_operator", "if", "then"]
+    assert (first["and_operator"], first["or_operator"]) == ("min", "hamacher_sum")
+    assert list(second) == ["if", "then"]
+    assert not {"defuzzifier", "accumulation"} & {*vent.keys() - {"accumulation"}, *mapping["inputs"][0]}
+    assert loads(dump_yaml(_with_everything_chosen()), "yaml") == _with_everything_chosen()
+
+
+def test_a_table_with_a_rule_of_its_own_ways_is_no_table() -> None:
+    first, *rest = force_x_system().rules
+    system = replace(force_x_system(), rules=(replace(first, and_operator="min"), *rest))
+    controller = FuzzyController("c", (system,))
+    assert loads(dump_json(controller), "json") == controller
+
+
 def _edited(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     mapping = to_mapping(paper_like_controller())
     change(mapping)
@@ -289,6 +360,19 @@ TERM = (*INPUT, "terms", 0)
         ),
         (_edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}}]), ["'then' is missing"]),
         (_edit(*SYSTEM, "defuzzifier", to="centre"), ["defuzzifier 'centre'"]),
+        (_edit(*SYSTEM, "defuzzifier", to=None), ["defuzzifier is empty", "expected a word"]),
+        (_edit(*SYSTEM, "outputs", 0, "defuzzifier", to="centre"), ["'force_x'", "'centre'"]),
+        (_edit(*SYSTEM, "outputs", 0, "accumulation", to=1), ["accumulation is 1", "expected a word"]),
+        (_edit(*INPUT, "accumulation", to="max"), ["unknown key 'accumulation'"]),
+        (_edit(*TERM, "shape", to="pi_shape"), ["unknown key 'mean'", "left_top"]),
+        (
+            _edit(*TERM, to={"name": "near", "shape": "s_shape", "foot": 1.0}),
+            ["'top' is missing"],
+        ),
+        (
+            _edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}, "then": [], "and_operator": 2}]),
+            ["rules[0].and_operator is 2"],
+        ),
     ],
 )
 def test_wrong_content_is_refused_with_a_sentence(

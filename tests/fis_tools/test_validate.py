@@ -12,16 +12,23 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Gaussian,
+    GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
+    PiShape,
     Rule,
     Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
+    TwoSidedGaussian,
     Variable,
+    ZShape,
 )
 from fis_tools.validate import MAX_NESTING, InvalidSystem, controller_problems, problems, validate
 
@@ -50,6 +57,11 @@ def _with_rule(antecedent: Expression, *consequents: Consequent) -> FuzzySystem:
     return replace(system, rules=(*system.rules, rule))
 
 
+def _with_own_operators(**changes: object) -> FuzzySystem:
+    first, *rest = force_x_system().rules
+    return replace(force_x_system(), rules=(replace(first, **changes), *rest))  # type: ignore[arg-type]
+
+
 def _nested(depth: int) -> Expression:
     expression: Expression = Is("distance", "near")
     for _ in range(depth):
@@ -76,6 +88,21 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_membership(Triangular(0.0, 2.0, 1.0)), ["left, peak, right", "ascend"]),
         (_with_membership(Triangular(0.0, NAN, 1.0)), ["finite"]),
         (_with_membership(Trapezoidal(0.0, 2.0, 1.0, 3.0)), ["left, left_top, right_top, right", "ascend"]),
+        (_with_membership(TwoSidedGaussian(3.0, 1.0, 2.0, 1.0)), ["left_mean, right_mean", "ascend"]),
+        (_with_membership(TwoSidedGaussian(1.0, 1.0, 2.0, 0.0)), ["right standard deviation 0.0"]),
+        (_with_membership(TwoSidedGaussian(1.0, -1.0, 2.0, 1.0)), ["left standard deviation -1.0"]),
+        (_with_membership(GeneralizedBell(0.0, 2.0, 1.0)), ["width 0.0", "above 0"]),
+        (_with_membership(GeneralizedBell(1.0, -2.0, 1.0)), ["slope -2.0", "above 0"]),
+        (_with_membership(GeneralizedBell(1.0, 2.0, INF)), ["width, slope, centre", "finite"]),
+        (_with_membership(Sigmoid(NAN, 1.0)), ["inflection, slope", "finite"]),
+        (_with_membership(SShape(2.0, 1.0)), ["foot, top", "ascend"]),
+        (_with_membership(ZShape(2.0, 2.0)), ["top, foot", "no width", "trapezoidal"]),
+        (_with_membership(PiShape(0.0, 2.0, 1.0, 3.0)), ["left, left_top, right_top, right", "ascend"]),
+        (_with_membership(PiShape(0.0, 0.0, 1.0, 3.0)), ["no width"]),
+        (
+            _with_membership(SigmoidDifference(150.0, 1.0, 50.0, 1.0)),
+            ["falls to -1", "make the first sigmoid the higher one"],
+        ),
         (_with_membership(Sampled((0.0, 1.0))), ["2 membership values", "101 points"]),
         (_with_membership(Sampled((1.5,) * 101)), ["outside [0, 1]"]),
         (_with_membership(Sampled((-0.1,) * 101)), ["outside [0, 1]"]),
@@ -108,6 +135,13 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (replace(force_x_system(), and_operator="mean"), ["and_operator 'mean'", "min, product"]),
         (replace(force_x_system(), or_operator="sum"), ["or_operator 'sum'"]),
         (replace(force_x_system(), defuzzifier="middle"), ["defuzzifier 'middle'", "centroid"]),
+        (replace(force_x_system(), defuzzifier=None), ["defuzzifier None"]),
+        (_with_output(defuzzifier="middle"), ["output 'force_x': defuzzifier 'middle'"]),
+        (_with_output(accumulation="mean"), ["output 'force_x': accumulation 'mean'", "probabilistic_sum"]),
+        (_with_distance(defuzzifier="mom"), ["input 'distance' has a defuzzifier"]),
+        (_with_distance(accumulation="bounded_sum"), ["input 'distance' has an accumulation"]),
+        (_with_own_operators(and_operator="mean"), ["rule 1: and_operator 'mean'", "hamacher_product"]),
+        (_with_own_operators(or_operator="xor"), ["rule 1: or_operator 'xor'", "max, probabilistic_sum"]),
         (_with_rule(Is("distanse", "near")), ["rule 26", "'distanse'", "did you mean 'distance'?"]),
         (_with_rule(Is("distance", "nearby")), ["rule 26", "no term 'nearby'", "did you mean 'near'?"]),
         (_with_rule(Is("force_x", "ZE")), ["input 'force_x' does not exist"]),
