@@ -113,6 +113,8 @@ class Comparison:
     fields : tuple of FieldComparison
         In the order of the data's flow within a sample.
     lone : tuple of LoneMessages
+    told_apart : tuple of str
+        Metadata entries and attachments that differ: why flights part, but not whether they do.
     """
 
     first: Path
@@ -121,6 +123,7 @@ class Comparison:
     num_samples: int
     fields: tuple[FieldComparison, ...]
     lone: tuple[LoneMessages, ...]
+    told_apart: tuple[str, ...]
 
     @property
     def is_equal(self) -> bool:
@@ -130,13 +133,9 @@ class Comparison:
     @property
     def parting(self) -> FieldComparison | LoneMessages | None:
         """What differs first, None where nothing does."""
-        ways: list[tuple[int, tuple[int, str], int, FieldComparison | LoneMessages]] = []
-        for place, field in enumerate(self.fields):
-            if field.parting is not None:
-                ways.append((field.parting.sample, _flow(field.topic), place, field))
-        for place, lone in enumerate(self.lone):
-            ways.append((lone.sample, _flow(lone.topic), place - len(self.lone), lone))
-        return min(ways, key=lambda way: way[:3])[3] if ways else None
+        ways: list[tuple[int, FieldComparison | LoneMessages]] = [(lone.sample, lone) for lone in self.lone]
+        ways += [(field.parting.sample, field) for field in self.fields if field.parting is not None]
+        return min(ways, key=lambda way: (way[0], _flow(way[1].topic)))[1] if ways else None
 
 
 def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comparison:
@@ -174,7 +173,26 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
         lone += _lone_messages(name, pair, (rows, other_rows), samples)
         if pair[0] is not None and pair[1] is not None and rows.size:
             fields += _compared_fields(pair[0], pair[1], (rows, other_rows), samples, tolerance)
-    return Comparison(first.path, second.path, tolerance, len(samples), tuple(fields), tuple(lone))
+    return Comparison(
+        first.path,
+        second.path,
+        tolerance,
+        len(samples),
+        tuple(fields),
+        tuple(lone),
+        tuple(_told_apart(first, second)),
+    )
+
+
+def _told_apart(first: Recording, second: Recording) -> Iterator[str]:
+    for name in sorted(first.metadata.keys() | second.metadata.keys()):
+        entries, others = first.metadata.get(name, {}), second.metadata.get(name, {})
+        for key in sorted(entries.keys() | others.keys()):
+            if entries.get(key) != others.get(key):
+                yield f"{name} {key}"
+    for name in sorted(first.attachments.keys() | second.attachments.keys()):
+        if first.attachments.get(name) != second.attachments.get(name):
+            yield name
 
 
 def _flow(topic: str) -> tuple[int, str]:
@@ -291,6 +309,8 @@ def in_words(comparison: Comparison) -> list[str]:
         lines.append(
             f"  {lone.topic}: {lone.num_messages} messages in the {owner} alone, from {lone.time_s:g} s on"
         )
+    if comparison.told_apart:
+        lines.append(f"  described differently: {', '.join(comparison.told_apart)}")
     return lines + _table(comparison.fields)
 
 

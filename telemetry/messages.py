@@ -31,6 +31,9 @@ POINT_DTYPE: Final = np.dtype(
     ]
 )
 
+#: the same bytes, as they are filled in
+_PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
+
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
 
 
@@ -124,12 +127,9 @@ def _packed_points(points_m: ArrayLike, states: ArrayLike) -> NDArray[np.void]:
             f"point states reach from {state.min()} to {state.max()}, but 0 to "
             f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.topics.PointState"
         )
-    cloud = np.empty(len(points), dtype=POINT_DTYPE)
-    colours = topics.POINT_COLOURS_RGBA[state]
-    for column, axis in enumerate(("x", "y", "z")):
-        cloud[axis] = points[:, column]
-    for column, channel in enumerate(("red", "green", "blue", "alpha")):
-        cloud[channel] = colours[:, column]
+    cloud = np.empty(len(points), dtype=_PACKED_DTYPE)
+    cloud["position"] = points
+    cloud["colour"] = topics.POINT_COLOURS_RGBA[state]
     return cloud
 
 

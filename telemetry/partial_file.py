@@ -1,7 +1,8 @@
 """A file under construction, which gets its name only when it is complete and safely on disk."""
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from io import BufferedWriter
 from pathlib import Path
 from typing import Final
@@ -51,6 +52,25 @@ class PartialFile:
         # closing writes what is buffered; the error worth reporting is the one that came first
         with suppress(OSError):
             self.stream.close()
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BufferedWriter]:
+    """Give a stream whose file gets its name when the block ends; if it ends in an exception nothing is left.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened or the disk refuses.
+    """
+    file = PartialFile(path)
+    try:
+        yield file.stream
+        file.commit()
+    except BaseException:
+        file.abandon()
+        file.partial_path.unlink(missing_ok=True)
+        raise
 
 
 def open_stream(path: Path) -> BufferedWriter:

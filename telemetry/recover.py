@@ -21,7 +21,7 @@ from telemetry import topics
 from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
 from telemetry.metadata import sealed, unsealed
-from telemetry.partial_file import PARTIAL_SUFFIX, PartialFile
+from telemetry.partial_file import PARTIAL_SUFFIX, whole_file
 from telemetry.reader import DAMAGE
 
 _FRAME: Final = struct.Struct("<BQ")
@@ -211,16 +211,13 @@ def _write(source: Path, output: Path, salvage: _Salvage) -> None:
     if output.exists():
         raise RecordingError(f"{output} exists; remove it or choose another name with -o")
     try:
-        target = PartialFile(output)
+        with whole_file(output) as stream:
+            _copy(Writer(stream, compression=CompressionType.ZSTD), source, salvage)
     except OSError as error:
-        raise RecordingError(f"{output} cannot be written: {error.strerror or error}") from error
-    try:
-        _copy(Writer(target.stream, compression=CompressionType.ZSTD), source, salvage)
-        target.commit()
-    except OSError as error:
-        target.abandon()
-        target.partial_path.unlink(missing_ok=True)
-        raise RecordingError(f"{output} cannot be written: {error.strerror or error}; make room") from error
+        raise RecordingError(
+            f"{output} cannot be written: {error.strerror or error}; "
+            "make room, or choose another file with -o"
+        ) from error
 
 
 def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:

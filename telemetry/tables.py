@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from telemetry import arrow, topics
 from telemetry.errors import RecordingError
+from telemetry.partial_file import whole_file
 from telemetry.reader import Recording, TopicColumns
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
     ----------
     recording : Recording
     folder : Path
-        Made where it does not exist; files of the same names are replaced.
+        Made where it does not exist; files of the same names are replaced, each once the new one is complete.
     file_format : str
         ``csv`` or ``parquet``.
 
@@ -53,14 +54,16 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
                 continue
             path = folder / f"{name.strip('/').replace('/', '_')}.{file_format}"
             table = flat_table(recording, name)
-            if file_format == "csv":
-                pyarrow.csv.write_csv(table, path)
-            else:
-                pyarrow.parquet.write_table(table, path)
+            with whole_file(path) as stream:
+                if file_format == "csv":
+                    pyarrow.csv.write_csv(table, stream)
+                else:
+                    pyarrow.parquet.write_table(table, stream)
             paths.append(path)
     except OSError as error:
         raise RecordingError(
-            f"{folder} cannot be written to: {error.strerror or error}; choose another folder with -o"
+            f"{folder} cannot be written to: {error.strerror or error}; "
+            "make room, or choose another folder with -o"
         ) from error
     return paths
 

@@ -1,7 +1,5 @@
 """When a file appears, what a mistake says, and what survives a crash or a full disk."""
 
-import errno
-import io
 import os
 import re
 import signal
@@ -13,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic_flight
+from full_disk import fill_disk
 from synthetic_flight import SyntheticFlight
 
 import telemetry
-from telemetry import EpisodeWriter, RecordingError, partial_file
+from telemetry import EpisodeWriter, RecordingError
 from telemetry.recover import recover
 
 
@@ -118,29 +117,11 @@ def test_an_event_brings_everything_before_it_to_the_file(
     assert now["/log"]["level"].tolist() == ["warning"]
 
 
-class FullDisk(io.FileIO):
-    """A file on a disk with room for so many bytes."""
-
-    def __init__(self, path: Path, room: int):
-        super().__init__(path, "wb")
-        self.room = room
-
-    def write(self, data: object) -> int:
-        size = len(memoryview(data))  # type: ignore[arg-type]
-        if size > self.room:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self.room -= size
-        return super().write(data)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("room", [0, 20_000, 90_000])
 def test_a_full_disk_is_said_and_leaves_nothing_half_written(
     short_flight: SyntheticFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
 ) -> None:
-    def open_on_full_disk(path: Path) -> io.BufferedWriter:
-        return io.BufferedWriter(FullDisk(path, room))
-
-    monkeypatch.setattr(partial_file, "open_stream", open_on_full_disk)
+    fill_disk(monkeypatch, room)
     path = tmp_path / "flight.mcap"
     with pytest.raises(RecordingError, match=r"No space left on device.*make room or choose another"):
         synthetic_flight.record(short_flight, path)

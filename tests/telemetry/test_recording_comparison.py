@@ -134,6 +134,22 @@ def test_flights_of_different_lengths_and_topics(base: tuple[SyntheticFlight, Pa
     assert "/fis/f_x has a message in the first alone" in in_words(comparison)[0]
 
 
+def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(
+    base: tuple[SyntheticFlight, Path], tmp_path: Path
+) -> None:
+    flight, path = base
+    metadata = synthetic_flight.metadata(flight)
+    metadata["episode"]["seed"] = "8"
+    attachments = {"config.yaml": b"seed: 8\n"}
+    with EpisodeWriter(tmp_path / "other.mcap", metadata=metadata, attachments=attachments) as writer:
+        for k in range(21):
+            synthetic_flight.write_sample(writer, flight, k)
+    comparison = compare(telemetry.read(path), telemetry.read(tmp_path / "other.mcap"))
+    assert comparison.is_equal
+    assert comparison.told_apart == ("episode seed", "config.yaml", "controller.json")
+    assert "  described differently: episode seed, config.yaml, controller.json" in in_words(comparison)
+
+
 def test_another_number_of_rules_is_a_difference(base: tuple[SyntheticFlight, Path], tmp_path: Path) -> None:
     flight, path = base
     fewer = dataclasses.replace(flight, firing_strengths=flight.firing_strengths[:, :, :9])

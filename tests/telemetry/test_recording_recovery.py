@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disk import fill_disk
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
@@ -201,6 +202,21 @@ def test_a_whole_file_needs_no_rescue(short_file: Path, tmp_path: Path) -> None:
     assert recovery.output is None
     assert recovery.num_messages == len(messages_of(short_file))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("room", [0, 20_000])
+def test_a_rescue_on_a_full_disk_leaves_the_source_alone(
+    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    path = cut(short_file, 90_000, tmp_path)
+    content = path.read_bytes()
+    fill_disk(monkeypatch, room)
+    with pytest.raises(
+        RecordingError, match=r"rescued\.mcap cannot be written: No space left on device; make room"
+    ):
+        recover(path, tmp_path / "rescued.mcap")
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == content
 
 
 def test_a_rescue_overwrites_nothing(short_file: Path, tmp_path: Path) -> None:

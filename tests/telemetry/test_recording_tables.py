@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
+from full_disk import fill_disk
 from synthetic_flight import SyntheticFlight
 
 import telemetry
@@ -75,6 +76,20 @@ def test_a_folder_that_cannot_be_is_said(short_file: Path, tmp_path: Path) -> No
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(RecordingError, match="choose another folder with -o"):
         export(telemetry.read(short_file), tmp_path / "file", "csv")
+
+
+@pytest.mark.parametrize("file_format", ["csv", "parquet"])
+def test_a_table_has_its_name_only_once_it_is_complete(
+    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file_format: Format
+) -> None:
+    recording = telemetry.read(short_file, "/mission")
+    (path,) = export(recording, tmp_path, file_format)
+    before = path.read_bytes()
+    fill_disk(monkeypatch, 1_000)
+    with pytest.raises(RecordingError, match="No space left on device; make room"):
+        export(recording, tmp_path, file_format)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize(
