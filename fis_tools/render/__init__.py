@@ -35,6 +35,7 @@ from fis_tools.render.theme import (
     THEMES,
     Theme,
     contrast,
+    luminance,
     readable_on,
     term_colours,
 )
@@ -56,6 +57,7 @@ __all__ = [
     "firing_shares",
     "held_words",
     "inference_figure",
+    "luminance",
     "memberships",
     "memberships_figure",
     "one_panel",

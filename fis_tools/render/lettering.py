@@ -21,6 +21,9 @@ _BESIDE = 0.42
 #: What a number under a tick takes.
 _A_NUMBER = 0.55
 
+#: Pictures of pixels set letters on whole ones, which makes small letters a little wider.
+_HINTED = 1.05
+
 _PIECE = re.compile(r"[^_\-/]*[_\-/]+|[^_\-/]+")
 _TO_PATH = TextToPath()
 
@@ -43,7 +46,7 @@ def width(words: str, size: float) -> float:
 @lru_cache(maxsize=4096)
 def _line_width(line: str, size: float, family: str) -> float:
     points, _, _ = _TO_PATH.get_text_width_height_descent(line, FontProperties(size=size), ismath=False)
-    return float(points) / POINTS_AN_INCH
+    return _HINTED * float(points) / POINTS_AN_INCH
 
 
 def height(words: str, size: float) -> float:

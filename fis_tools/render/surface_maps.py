@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.contour import QuadContourSet
@@ -143,12 +144,14 @@ def _contours(result: Surface, ax: Axes, limits: tuple[float, float]) -> None:
     if changes_sign(result, limits):
         zero = ax.contour(result.x, result.y, result.values, [0.0], colors="black", linewidths=2.2)
         zero.set_path_effects([withStroke(linewidth=4.0, foreground="white")])
-        _label(ax, zero, MEDIUM)
+        vertices = np.concatenate([path.vertices for path in zero.get_paths()])
+        off_middle = ax.transAxes.inverted().transform(ax.transData.transform(vertices)) - 0.5
+        _label(ax, zero, MEDIUM, [vertices[np.argmin(np.abs(off_middle).max(axis=1))]])
 
 
-def _label(ax: Axes, lines: QuadContourSet, size: float) -> None:
+def _label(ax: Axes, lines: QuadContourSet, size: float, places: Any = False) -> None:
     """Write levels on contours, each with a rim, but for those that the edge of the axes would cut."""
-    for label in ax.clabel(lines, fmt=number, fontsize=size, inline=False):
+    for label in ax.clabel(lines, fmt=number, fontsize=size, inline=False, manual=places):
         rim = readable_on(to_rgb(label.get_color()))
         label.set_path_effects([withStroke(linewidth=2.0, foreground=rim)])
         x, y = ax.transAxes.inverted().transform(ax.transData.transform(label.get_position()))

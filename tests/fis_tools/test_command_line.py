@@ -58,10 +58,37 @@ def test_plot_writes_pictures(
         capsys, "plot", controller_path, "-o", folder, "--format", form, "--system", "force_x"
     )
     assert status == 0
-    names = [f"force_x-{name}.{form}" for name in ("memberships", "rules", "surface")]
+    names = [f"force_x-{name}.{form}" for name in ("memberships", "rules", "surface", "surface-3d")]
     assert printed.split() == [str(folder / name) for name in names]
     start = {"png": b"\x89PNG", "svg": b"<?xml"}[form]
     assert all((folder / name).read_bytes().startswith(start) for name in names)
+
+
+def test_plot_draws_what_is_asked_for(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    inputs = "distance=80,velocity_body_x=0.05"
+
+    def drawn(*words: object) -> list[str]:
+        status, printed, _ = run(capsys, "plot", *words, "-o", tmp_path, "--system", "force_x")
+        assert status == 0
+        return [Path(line).stem.removeprefix("force_x-") for line in printed.splitlines()]
+
+    assert drawn(controller_path, "--only", "inference", "--inputs", inputs) == ["inference"]
+    assert drawn(controller_path, "--only", "rules", "--only", "memberships") == ["memberships", "rules"]
+    assert drawn(flight, "--time", "15", "--only", "inference", "--only", "firing") == ["inference", "firing"]
+    assert drawn(flight)[-1] == "firing"
+
+
+def test_a_dark_picture_is_dark_and_says_the_inputs(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("plot", controller_path, "--only", "inference", "--inputs", "distance=80,velocity_body_x=0.05")
+    assert run(capsys, *words, "--theme", "dark", "--format", "svg", "-o", tmp_path)[0] == 0
+    content = (tmp_path / "force_x-inference.svg").read_text(encoding="utf-8")
+    assert "#14181d" in content
+    assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
 
 
 def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
@@ -88,6 +115,10 @@ def test_surface_prints_numbers_or_draws(
         assert value == pytest.approx(infer(force_x_system(), [x, y]).values[0], abs=1e-13)  # type: ignore[arg-type]
     assert run(capsys, *words, "-o", tmp_path / "surface.png")[0] == 0
     assert (tmp_path / "surface.png").read_bytes().startswith(b"\x89PNG")
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    picture = tmp_path / "space.svg"
+    assert run(capsys, *words, "--3d", "--theme", "dark", "--flights", flight, "-o", picture)[0] == 0
+    assert "force_x (N)" in picture.read_text(encoding="utf-8")
 
 
 def test_export_writes_every_form(
@@ -154,6 +185,11 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["surface", "PAPER", "--system", "force_x", "--points", "1"], "no whole number from 2 to 1000"),
         (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1"], "no input 'a'"),
         (["surface", "PAPER", "--system", "force_z", "--fixed", "eta_u=inf"], "finite"),
+        (["surface", "PAPER", "--system", "force_x", "--3d"], "--3d and --flights are for pictures; add -o"),
+        (["plot", "PAPER", "--only", "firing"], "--only firing is for logged flights"),
+        (["plot", "PAPER", "--only", "inference"], "force_x needs distance, velocity_body_x"),
+        (["plot", "PAPER", "--inputs", "distance=1"], "the inputs of no system are all given"),
+        (["plot", "PAPER", "--only", "surface"], "invalid choice"),
         (["explain", "PAPER"], "force_x needs distance, velocity_body_x"),
         (["explain", "PAPER", "--inputs", "distance=1"], "add --inputs"),
         (["explain", "PAPER", "--inputs", "distanse=1"], "did you mean 'distance'?"),
