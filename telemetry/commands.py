@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,10 +52,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        return int(options.run(options) or 0)
+        status = int(options.run(options) or 0)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever read the output has had enough, as `| head` has; nothing more can be told
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except RecordingError as error:
         print(f"telemetry: {error}", file=sys.stderr)
         return MISTAKE
+    return status
 
 
 def _parser() -> argparse.ArgumentParser:

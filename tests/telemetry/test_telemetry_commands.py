@@ -1,7 +1,10 @@
 """The commands: what they print, what they make, and one clear sentence on a mistake."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -117,6 +120,15 @@ def test_a_cut_file_is_sent_to_recover(
     path.write_bytes(short_file.read_bytes()[:70_000])
     assert main(["info", str(path)]) == 2
     assert f"`python -m telemetry recover {path}`" in capsys.readouterr().err
+
+
+def test_output_that_nobody_reads_to_its_end_is_no_error(flight_file: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "telemetry", "info", str(flight_file)]
+    done = subprocess.run(command, check=False, stdout=writer, stderr=subprocess.PIPE)  # noqa: S603
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
