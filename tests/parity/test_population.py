@@ -79,6 +79,12 @@ FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
         (replace(SPARSE, rules=(NEGATED,)), "its rules are not plain conjunctions"),
         (replace(SPARSE, defuzzifier="mom"), "only minimum, maximum and centroid are covered"),
         (replace(SPARSE, and_operator="product"), "only minimum, maximum and centroid are covered"),
+        (with_output(SPARSE, defuzzifier="som"), "only minimum, maximum and centroid are covered"),
+        (with_output(SPARSE, accumulation="bounded_sum"), "only minimum, maximum and centroid are covered"),
+        (
+            replace(SPARSE, rules=tuple(replace(rule, and_operator="product") for rule in SPARSE.rules)),
+            "its rules are not plain conjunctions .* without operators of their own",
+        ),
         (with_output(SPARSE, num_points=5, terms=TWO_PEAKS), "output term 'left' has more than one peak"),
         (
             with_output(SPARSE, points=(-1.0, 0.5, 1.0), num_points=3),
