@@ -23,8 +23,8 @@ Floats = NDArray[np.float64]
 NUM_SPREAD = 2048
 
 CONTROLLER_HELP = (
-    "a controller file (.json, .yaml), a file of another program (.fis, .fll, .fml, .xml), the folder of a run "
-    "(its champion.json), or a logged flight (.mcap)"
+    "a controller file (.json, .yaml), a file of another program (.fis, .fll, .fml, .xml), the folder of a "
+    "run (its champion.json), or a logged flight (.mcap)"
 )
 
 

@@ -5,10 +5,7 @@ identifiers, rules have the form that the format knows, and what it has no place
 assumes of such a file. The law of every format is that reading what was written gives `say` back.
 """
 
-import re
-import unicodedata
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -22,17 +19,14 @@ from fis_tools.formats.antecedents import (
     renamed,
     with_plain_not,
 )
-from fis_tools.formats.text import number
+from fis_tools.formats.identifiers import Names
 from fis_tools.model import (
     And,
     AndOperator,
     Consequent,
-    Expression,
     FuzzyController,
     FuzzySystem,
-    Is,
     MembershipFunction,
-    Not,
     Or,
     OrOperator,
     Rule,
@@ -48,26 +42,6 @@ OUTPUT_POINTS = 101
 #: Points of an input's universe where a file states none. Other programs evaluate the functions themselves,
 #: so the points must be close enough to stand for them.
 INPUT_POINTS = 1001
-
-#: What may stand in a rule of some format and is therefore no name.
-_RESERVED = {
-    *(
-        "if",
-        "is",
-        "and",
-        "or",
-        "not",
-        "then",
-        "with",
-        "any",
-        "very",
-        "somewhat",
-        "extremely",
-        "seldom",
-        "plus",
-    ),
-    *("nan", "inf", "term", "rule", "range"),
-}
 
 
 @dataclass(frozen=True)
@@ -160,7 +134,7 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
                 f"output {output.name!r} combines rules that conclude one term by {output.accumulation}, "
                 f"which {dialect.title} cannot say; export as json"
             )
-    names = _Names(system, dialect)
+    names = Names(system, are_unique=dialect.has_unique_names)
     groups = [
         [renamed(said, names.statements) for said in _said_rules(place, rule, system, dialect)]
         for place, rule in enumerate(system.rules, start=1)
@@ -272,7 +246,7 @@ def _consequent_groups(
             yield tuple(sorted(group, key=lambda consequent: outputs.index(consequent.variable)))
 
 
-def _said_variable(variable: Variable, names: "_Names", dialect: Dialect, *, is_output: bool) -> Variable:
+def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
     has_table = any(isinstance(term.membership, Sampled) for term in variable.terms)
     if has_table:
         num_points, points = universe_of(variable.minimum, variable.maximum, variable.universe.tolist())
@@ -340,163 +314,3 @@ def middle(minimum: float, maximum: float) -> float:
 def one_line(text: str) -> str:
     """Return a text that stands in one line and opens no comment."""
     return " ".join("".join(c if c.isprintable() and c != "#" else " " for c in text).split())
-
-
-# Names.
-
-
-class _Names:
-    """Identifiers for everything that has a name."""
-
-    def __init__(self, system: FuzzySystem, dialect: Dialect) -> None:
-        everything = (*system.inputs, *system.outputs)
-        self.variables = dict(
-            zip((v.name for v in everything), _identifiers(v.name for v in everything), strict=True)
-        )
-        self.terms = {
-            (variable.name, term.name): name
-            for variable in everything
-            for term, name in zip(
-                variable.terms, _identifiers(term.name for term in variable.terms), strict=True
-            )
-        }
-        if dialect.has_unique_names:
-            self._make_unique()
-        taken = {*self.variables.values(), *self.terms.values()} if dialect.has_unique_names else set()
-        self.system = _free(identifier(system.name), taken)
-        self.statements = {
-            (variable, term): (self.variables[variable], name)
-            for (variable, term), name in self.terms.items()
-        }
-
-    def _make_unique(self) -> None:
-        """Put the variable before each term whose name is not the only one of its kind."""
-        count = Counter((*self.variables.values(), *self.terms.values()))
-        taken = {*self.variables.values(), *(name for name in self.terms.values() if count[name] == 1)}
-        for (variable, term), name in self.terms.items():
-            if count[name] > 1:
-                self.terms[variable, term] = _free(f"{self.variables[variable]}_{name}", taken)
-                taken.add(self.terms[variable, term])
-
-
-def identifier(name: str) -> str:
-    """Return a word of ASCII letters, digits and underscores that stands for a name in any format."""
-    ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii")
-    word = re.sub(r"\W+", "_", ascii_name, flags=re.ASCII) or "_"
-    return f"_{word}" if word[0].isdigit() or word.lower() in _RESERVED else word
-
-
-def _identifiers(names: Iterable[str]) -> list[str]:
-    found: list[str] = []
-    for name in names:
-        found.append(_free(identifier(name), set(found)))
-    return found
-
-
-def _free(name: str, taken: set[str]) -> str:
-    count, free = 1, name
-    while free in taken:
-        count += 1
-        free = f"{name}_{count}"
-    return free
-
-
-# What is lost.
-
-
-def losses(controller: FuzzyController, said: Said, dialect: Dialect) -> tuple[str, ...]:
-    """List what a file does not say of a controller with one system, a sentence each.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        What was to be written.
-    said : Said
-        What `say` made of its system.
-    dialect : Dialect
-        The format.
-    """
-    found = [f"{what}: {_listed(items)}" for what, items in _differences(controller, said, dialect) if items]
-    if found and dialect.is_read:
-        found.append(
-            "a comment in the file carries all of this: fis_tools reads it back, other programs do not"
-        )
-    return tuple(found)
-
-
-def _differences(
-    controller: FuzzyController, said: Said, dialect: Dialect
-) -> Iterator[tuple[str, list[str]]]:
-    (system,) = controller.systems
-    pairs = list(
-        zip(
-            (*system.inputs, *system.outputs),
-            (*said.system.inputs, *said.system.outputs),
-            strict=True,
-        )
-    )
-    names = [(system.name, said.system.name)]
-    for variable, other in pairs:
-        names.append((variable.name, other.name))
-        names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=True))
-    yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
-    yield "units are left out", [f"{v.name} in {v.unit}" for v, o in pairs if v.unit != o.unit]
-    yield "descriptions are left out", [v.name for v, o in pairs if v.description != o.description]
-    yield (
-        "the points of universes are left out, and readers choose their own",
-        [
-            f"{v.name} {v.num_points}" + (" uneven ones" if v.points else "")
-            for v, o in pairs
-            if (v.num_points, v.points) != (o.num_points, o.points)
-        ],
-    )
-    yield (
-        "the output when no rule fires is left out",
-        [
-            f"{v.name} {number(v.default)}"
-            for v, o in pairs
-            if v.default is not None and not dialect.holds_defaults
-        ],
-    )
-    changed = [
-        f"{place} as {len(group)}" if len(group) > 1 else f"{place} in another form"
-        for place, (rule, group) in enumerate(zip(system.rules, said.rules, strict=True), start=1)
-        if not _is_word_for_word(rule, group)
-    ]
-    yield "rules are written otherwise, with the same meaning", changed
-    yield (
-        "membership functions are written otherwise, with the same meaning inside the range",
-        [
-            f"{v.name} {term.name}"
-            for v, o in pairs
-            for term, other in zip(v.terms, o.terms, strict=True)
-            if term.membership != other.membership
-        ],
-    )
-    yield "labels of rules are left out", [rule.label for rule in system.rules if rule.label]
-    yield "attributes are left out", [key for key, _ in controller.attributes]
-    yield "provenance is left out", [key for key, _ in controller.provenance]
-    if controller.name != said.system.name:
-        yield "the controller's name is left out", [controller.name]
-
-
-def _is_word_for_word(rule: Rule, group: Sequence[Rule]) -> bool:
-    """Tell whether a rule became one rule of the same form."""
-    if len(group) != 1 or len(rule.consequents) != len(group[0].consequents):
-        return False
-    return _form(rule.antecedent) == _form(group[0].antecedent)
-
-
-def _form(expression: Expression) -> object:
-    match expression:
-        case Is():
-            return "is"
-        case Not(operand):
-            return ("not", _form(operand))
-        case And(operands) | Or(operands):
-            return (type(expression), tuple(_form(operand) for operand in operands))
-
-
-def _listed(items: Sequence[str], most: int = 4) -> str:
-    more = f" and {len(items) - most} more" if len(items) > most else ""
-    return ", ".join(items[:most]) + more

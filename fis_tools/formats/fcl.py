@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from itertools import groupby, pairwise
 
 from fis_tools.formats.carried import Written
-from fis_tools.formats.dialect import Dialect, losses, only_system, say
+from fis_tools.formats.dialect import Dialect, only_system, say
 from fis_tools.formats.foreign import rule_words
+from fis_tools.formats.losses import losses
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.membership import sample
 from fis_tools.model import (

@@ -8,14 +8,22 @@ Gaussian's numbers are the standard deviation and the mean, in this order. A rul
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import get_args
 
 from fis_tools.formats import foreign
 from fis_tools.formats.antecedents import operands_of, statement_of
 from fis_tools.formats.carried import Reading, Written, comment, understand
-from fis_tools.formats.dialect import Dialect, losses, only_system, say, settle
+from fis_tools.formats.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.fis_sections import (
+    Section,
+    numbers_in,
+    quoted_word,
+    section_of,
+    sections_of,
+    whole_number,
+)
 from fis_tools.formats.foreign import Extent, Table
+from fis_tools.formats.losses import losses
 from fis_tools.model import (
     And,
     AndOperator,
@@ -205,33 +213,6 @@ def _is_unread_by_octave(term: Term) -> bool:
 # Reading.
 
 
-@dataclass
-class _Section:
-    """A section of a file: its title and its lines, each with its number."""
-
-    title: str
-    line: int
-    lines: list[tuple[int, str]] = field(default_factory=list)
-
-    def entries(self, known: Sequence[str]) -> dict[str, tuple[int, str]]:
-        """Return ``key=value`` lines by key."""
-        found: dict[str, tuple[int, str]] = {}
-        for line, content in self.lines:
-            key, equals, value = content.partition("=")
-            key = key.strip()
-            if not equals:
-                raise ControllerFileError(f"line {line}: {content[:40]!r} is no key=value; correct it")
-            if key in found:
-                raise ControllerFileError(
-                    f"line {line}: {key} appears twice in {self.title}; keep one of them"
-                )
-            if key not in known and not (key.startswith("MF") and "MF" in known):
-                where = f"line {line}: in {self.title} the key"
-                foreign.choice(dict.fromkeys(known), key, where, "or drop the line if it says nothing needed")
-            found[key] = (line, value.strip())
-        return found
-
-
 def read(text: str) -> Reading:
     """Read a `.fis` file.
 
@@ -240,20 +221,7 @@ def read(text: str) -> Reading:
     fis_tools.validate.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
-    comments: list[tuple[int, str]] = []
-    sections: list[_Section] = []
-    for line, raw in enumerate(text.splitlines(), start=1):
-        content = raw.strip()
-        if content.startswith(("%", "#", "//")):
-            comments.append((line, content.lstrip("%#/ ")))
-        elif content.startswith("["):
-            sections.append(_Section(content, line))
-        elif content and not sections:
-            raise ControllerFileError(
-                f"line {line}: {content[:40]!r} stands before [System]; is this a .fis file?"
-            )
-        elif content:
-            sections[-1].lines.append((line, content))
+    sections, comments = sections_of(text)
     return understand(_system(sections), comments, DIALECT)
 
 
@@ -261,69 +229,45 @@ _SYSTEM_KEYS = ("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules"
 _METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod")
 
 
-def _system(sections: Sequence[_Section]) -> FuzzySystem:
-    by_title: dict[str, _Section] = {}
-    for section in sections:
-        if section.title in by_title:
-            raise ControllerFileError(f"line {section.line}: a second {section.title}; keep one of them")
-        by_title[section.title] = section
-    head = _section(by_title, "[System]")
+def _system(sections: dict[str, Section]) -> FuzzySystem:
+    head = section_of(sections, "[System]")
     entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
     for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
         if key not in entries:
             raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
     _refuse_other_methods(entries)
-    counts = {key: _count(entries, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
+    counts = {key: whole_number(entries, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
     expected = [f"[Input{place}]" for place in range(1, counts["NumInputs"] + 1)]
     expected += [f"[Output{place}]" for place in range(1, counts["NumOutputs"] + 1)]
-    for title, section in by_title.items():
+    for title, section in sections.items():
         if title not in {*expected, "[System]", "[Rules]"}:
             raise ControllerFileError(
                 f"line {section.line}: {title[:40]} is not one of the sections that [System] counts; "
                 "correct NumInputs or NumOutputs, or drop it"
             )
-    variables = [_variable(_section(by_title, title)) for title in expected]
+    variables = [_variable(section_of(sections, title)) for title in expected]
     inputs, outputs = variables[: counts["NumInputs"]], variables[counts["NumInputs"] :]
-    rules = _section(by_title, "[Rules]").lines
+    rules = section_of(sections, "[Rules]").lines
     if len(rules) != counts["NumRules"]:
         raise ControllerFileError(
             f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(rules)} lines; correct the "
             "number, or get a whole copy of the file"
         )
     joins = (
-        foreign.choice(_AND, *_word(entries, "AndMethod"), "or rewrite the rules"),
-        foreign.choice(_OR, *_word(entries, "OrMethod"), "or rewrite the rules"),
+        foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
+        foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
     )
     return settle(
         FuzzySystem(
-            name=_word(entries, "Name")[0] if "Name" in entries else "unnamed",
+            name=quoted_word(entries, "Name")[0] if "Name" in entries else "unnamed",
             inputs=tuple(inputs),
             outputs=tuple(outputs),
             rules=tuple(_rule(line, content, inputs, outputs) for line, content in rules),
             and_operator=joins[0],
             or_operator=joins[1],
-            defuzzifier=foreign.choice(_DEFUZZIFIERS, *_word(entries, "DefuzzMethod"), ""),
+            defuzzifier=foreign.choice(_DEFUZZIFIERS, *quoted_word(entries, "DefuzzMethod"), ""),
         )
     )
-
-
-def _section(by_title: dict[str, _Section], title: str) -> _Section:
-    if title not in by_title:
-        raise ControllerFileError(f"there is no section {title}; get a whole copy of the file")
-    return by_title[title]
-
-
-def _word(entries: dict[str, tuple[int, str]], key: str) -> tuple[str, str]:
-    """Return a quoted word, and where it stands."""
-    line, value = entries[key]
-    if len(value) < 2 or value[0] != value[-1] or value[0] not in "'\"":
-        raise ControllerFileError(f"line {line}: {key} is {value[:40]!r}; expected a word in quotes, '…'")
-    return value[1:-1], f"line {line}: {key}"
-
-
-def _count(entries: dict[str, tuple[int, str]], key: str) -> int:
-    line, value = entries[key]
-    return foreign.count(value, f"line {line}: {key}", 100_000)
 
 
 def _refuse_other_methods(entries: dict[str, tuple[int, str]]) -> None:
@@ -332,12 +276,12 @@ def _refuse_other_methods(entries: dict[str, tuple[int, str]]) -> None:
         ("ImpMethod", "min", "it is the one implication that is read"),
         ("AggMethod", "max", "it is the one aggregation that is read"),
     ):
-        word, where = _word(entries, key)
+        word, where = quoted_word(entries, key)
         if word != only:
             raise ControllerFileError(f"{where} is {word[:40]!r}; expected {only!r}: {reason}")
 
 
-def _variable(section: _Section) -> Variable:
+def _variable(section: Section) -> Variable:
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
     )
@@ -350,7 +294,7 @@ def _variable(section: _Section) -> Variable:
         if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
-    num_terms = _count(entries, "NumMFs")
+    num_terms = whole_number(entries, "NumMFs")
     keys = [f"MF{place}" for place in range(1, num_terms + 1)]
     found = [key for key in entries if key.startswith("MF")]
     if sorted(found) != sorted(keys):
@@ -359,12 +303,12 @@ def _variable(section: _Section) -> Variable:
             "MF1 on, or get a whole copy of the file"
         )
     line, value = entries["Range"]
-    low, high = _numbers(value, f"line {line}: Range", 2)
+    low, high = numbers_in(value, f"line {line}: Range", 2)
     extent = Extent(low, high)
     default = entries.get("Default")
     states_default = is_output and default is not None and default[1].lower() != "nan"
     return foreign.variable(
-        _word(entries, "Name")[0],
+        quoted_word(entries, "Name")[0],
         extent,
         [_term(*entries[key], extent) for key in keys],
         is_output=is_output,
@@ -372,17 +316,6 @@ def _variable(section: _Section) -> Variable:
         if default and states_default
         else None,
     )
-
-
-def _numbers(value: str, where: str, expected: int | None = None) -> list[float]:
-    """Read ``[1 2 3]``; commas may part the numbers."""
-    inside = re.fullmatch(r"\[(.*)\]", value)
-    if inside is None:
-        raise ControllerFileError(f"{where} is {value[:40]!r}; expected numbers in brackets, [0 1]")
-    found = foreign.numbers(re.split(r"[\s,;]+", inside[1].strip()), where)
-    if expected is not None and len(found) != expected:
-        raise ControllerFileError(f"{where} has {len(found)} numbers; expected {expected}")
-    return found
 
 
 _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(?P<numbers>\[[^\]]*\])")
@@ -393,7 +326,7 @@ def _term(line: int, value: str, extent: Extent) -> tuple[str, MembershipFunctio
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is no term; expected 'name':'trimf',[0 1 2]")
-    values = _numbers(parts["numbers"], where)
+    values = numbers_in(parts["numbers"], where)
     if parts["shape"] == "discretemf":
         return parts["name"], foreign.table(values, where)
     return parts["name"], foreign.shape(parts["shape"], values, extent, _SHAPES, _FLANKS, where)

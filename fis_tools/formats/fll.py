@@ -5,30 +5,25 @@ after a defuzzifier counts the intervals that an output's range is cut into, one
 universe. Rules are sentences, ``if a is low and (b is high or c is not low) then d is up with 0.5``.
 """
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 from fis_tools.formats import foreign
 from fis_tools.formats.carried import MARK, Reading, Written, comment, understand
-from fis_tools.formats.dialect import Dialect, losses, only_system, say, settle
+from fis_tools.formats.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.fll_rules import Operators, read_rule
 from fis_tools.formats.foreign import Extent, Table
+from fis_tools.formats.losses import losses
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.model import (
-    And,
     AndOperator,
-    Consequent,
     Defuzzifier,
-    Expression,
     FuzzyController,
     FuzzySystem,
     Gaussian,
     GeneralizedBell,
-    Is,
     MembershipFunction,
-    Not,
-    Or,
     OrOperator,
     PiShape,
     Rule,
@@ -43,7 +38,7 @@ from fis_tools.model import (
     Variable,
     ZShape,
 )
-from fis_tools.validate import MAX_NESTING, ControllerFileError
+from fis_tools.validate import ControllerFileError
 
 DIALECT = Dialect(title="an .fll file", holds_descriptions=True, holds_resolution=True, is_nested=True)
 
@@ -269,7 +264,7 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     first = next(iter(operators), (None, None))
     rules = [
         replace(
-            _rule(line, words, operators[place]),
+            read_rule(line, words, operators[place]),
             and_operator=operators[place][0],
             or_operator=operators[place][1],
         )
@@ -298,7 +293,7 @@ def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
             )
 
 
-def _block_operators(block: _Block) -> tuple[AndOperator | None, OrOperator | None]:
+def _block_operators(block: _Block) -> Operators:
     """Return a block's operators; None where it has none."""
     conjunction: AndOperator | None = None
     disjunction: OrOperator | None = None
@@ -369,125 +364,3 @@ def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunctio
         if height != 1.0:
             raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
     return name, foreign.shape(shape, values, extent, _SHAPES, _FLANKS, where)
-
-
-# Rules.
-
-
-@dataclass
-class _Words:
-    """The words of a rule that are still to be read."""
-
-    words: list[str]
-    where: str
-    place: int = 0
-
-    def peek(self) -> str:
-        """Return the next word, or nothing at the end."""
-        return self.words[self.place] if self.place < len(self.words) else ""
-
-    def take(self, expected: str = "") -> str:
-        """Return the next word; where one is expected, it must be this one."""
-        word = self.peek()
-        if not word or (expected and word != expected):
-            found = repr(word[:40]) if word else "its end"
-            raise ControllerFileError(
-                f"{self.where}: the rule has {found} where {expected or 'a name'!r} must be; correct it"
-            )
-        self.place += 1
-        return word
-
-
-_HEDGES = ("any", "extremely", "seldom", "somewhat", "very")
-
-
-def _rule(line: int, text: str, operators: tuple[AndOperator | None, OrOperator | None]) -> Rule:
-    words = _Words(re.findall(r"[()]|[^\s()]+", text), f"line {line}")
-    words.take("if")
-    antecedent = _disjunction(words, operators, 0)
-    words.take("then")
-    concluded = [_conclusion(words)]
-    while words.peek() == "and":
-        words.take()
-        concluded.append(_conclusion(words))
-    weight = 1.0
-    if words.peek() == "with":
-        words.take()
-        weight = foreign.number(words.take(), f"line {line}: the weight")
-    if words.peek():
-        raise ControllerFileError(f"line {line}: {words.peek()[:40]!r} follows the rule; correct it")
-    return Rule(antecedent, tuple(Consequent(variable, term, weight) for variable, term in concluded))
-
-
-def _disjunction(
-    words: _Words, operators: tuple[AndOperator | None, OrOperator | None], depth: int
-) -> Expression:
-    operands = [_conjunction(words, operators, depth)]
-    while words.peek() == "or":
-        words.take()
-        if operators[1] is None:
-            raise ControllerFileError(
-                f"{words.where}: the rule says 'or', but its block has no disjunction; add it"
-            )
-        operands.append(_conjunction(words, operators, depth))
-    return operands[0] if len(operands) == 1 else Or(_flattened(Or, operands))
-
-
-def _conjunction(
-    words: _Words, operators: tuple[AndOperator | None, OrOperator | None], depth: int
-) -> Expression:
-    operands = [_proposition(words, operators, depth)]
-    while words.peek() == "and":
-        words.take()
-        if operators[0] is None:
-            raise ControllerFileError(
-                f"{words.where}: the rule says 'and', but its block has no conjunction; add it"
-            )
-        operands.append(_proposition(words, operators, depth))
-    return operands[0] if len(operands) == 1 else And(_flattened(And, operands))
-
-
-def _flattened(kind: type[And | Or], operands: Sequence[Expression]) -> tuple[Expression, ...]:
-    found: list[Expression] = []
-    for operand in operands:
-        found += operand.operands if isinstance(operand, kind) else (operand,)
-    return tuple(found)
-
-
-def _proposition(
-    words: _Words, operators: tuple[AndOperator | None, OrOperator | None], depth: int
-) -> Expression:
-    if words.peek() == "(":
-        if depth >= MAX_NESTING:
-            raise ControllerFileError(f"{words.where}: nested more than {MAX_NESTING} deep; split the rule")
-        words.take()
-        inner = _disjunction(words, operators, depth + 1)
-        words.take(")")
-        return inner
-    variable = words.take()
-    words.take("is")
-    is_negated = False
-    while words.peek() == "not":
-        words.take()
-        is_negated = not is_negated
-    _refuse_hedge(words)
-    statement = Is(variable, words.take())
-    return Not(statement) if is_negated else statement
-
-
-def _conclusion(words: _Words) -> tuple[str, str]:
-    variable = words.take()
-    words.take("is")
-    if words.peek() == "not":
-        raise ControllerFileError(
-            f"{words.where}: the rule concludes 'not'; conclude a term, made for it if need be"
-        )
-    _refuse_hedge(words)
-    return variable, words.take()
-
-
-def _refuse_hedge(words: _Words) -> None:
-    if words.peek() in _HEDGES:
-        raise ControllerFileError(
-            f"{words.where}: the hedge {words.peek()!r} cannot be read; define a term for it and name that"
-        )

@@ -13,8 +13,9 @@ from html import escape
 from fis_tools.formats import foreign, xml
 from fis_tools.formats.antecedents import operands_of, statement_of
 from fis_tools.formats.carried import Reading, Written, comment, understand
-from fis_tools.formats.dialect import Dialect, losses, only_system, say, settle
+from fis_tools.formats.dialect import Dialect, only_system, say, settle
 from fis_tools.formats.foreign import Extent, Table
+from fis_tools.formats.losses import losses
 from fis_tools.formats.xml import Element
 from fis_tools.model import (
     And,
