@@ -75,7 +75,7 @@ def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str) -> _C
     """
     if word not in known:
         raise ControllerFileError(
-            f"{where} {word[:40]!r} cannot be read; {nearest(word, known)} {cure}".rstrip()
+            f"{where} {word[:40]!r} cannot be read; {nearest(word[:40], known)} {cure}".rstrip()
         )
     return known[word]
 
