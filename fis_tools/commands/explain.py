@@ -1,20 +1,119 @@
-"""`explain`: an inference step by step."""
+"""`explain`: why this output? which rules moved it, what would flip it, and what each did over a flight."""
 
 import argparse
+import json
+import math
+from typing import Any
 
-from fis_tools.commands.arguments import Commands, add_command
+from fis_tools.commands.arguments import (
+    Commands,
+    UserMistake,
+    add_command,
+    add_flights,
+    chosen,
+    flown_inputs,
+)
 from fis_tools.commands.instant import add_instant, samples
+from fis_tools.explanation import explain, shares
 from fis_tools.formats import text
 from fis_tools.inference import infer
+from fis_tools.source import read_controller
+
+SCHEMA = "fuzzy-explanation"
+SCHEMA_VERSION = 1
+
+EPILOG = """\
+With --inputs or --time it tells of one inference how far each rule moved the output, against
+the same inference without the rule, and the smallest change of one input that flips its sign.
+With --flights (or a flight as CONTROLLER) it tells the share of each rule over them.
+
+examples:
+  python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
+  python -m fis_tools explain episodes/best.mcap --time 600 --system force_x --crossing=-0.01
+  python -m fis_tools explain episodes/best.mcap
+  python -m fis_tools explain controller.yaml --flights episodes/*.mcap --all
+"""
 
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
-    command = add_command(commands, "explain", run, "tell an inference step by step: why this output?")
+    command = add_command(
+        commands, "explain", run, "tell why: which rules moved the output, what would flip it"
+    )
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
     add_instant(command)
+    add_flights(command)
+    command.add_argument(
+        "--crossing",
+        type=_finite,
+        metavar="VALUE",
+        help="look for what takes the output across this value, in its unit (default: 0, its sign)",
+    )
+    command.add_argument("--steps", action="store_true", help="tell the inference step by step instead")
+    command.add_argument("--all", action="store_true", help="tell also the rules that hardly moved anything")
+    command.add_argument(
+        "--json",
+        action="store_true",
+        help=f"print it for programs (schema {SCHEMA}, version {SCHEMA_VERSION})",
+    )
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Tell an inference step by step."""
-    told = [text.explain(infer(system, inputs)) for system, inputs in samples(arguments)]
+    """Explain one inference, or what rules did over flights."""
+    at_an_instant = arguments.inputs is not None or arguments.time is not None
+    if at_an_instant and arguments.flights:
+        raise UserMistake("--flights are for the share of each rule over them; drop --inputs and --time")
+    if arguments.steps and (arguments.json or arguments.crossing is not None):
+        raise UserMistake("--steps go without --json and --crossing; drop one of them")
+    if at_an_instant or not (arguments.flights or str(arguments.controller).endswith(".mcap")):
+        _explain_instant(arguments)
+    else:
+        _explain_flights(arguments)
+
+
+def _explain_instant(arguments: argparse.Namespace) -> None:
+    if arguments.steps:
+        print("\n".join(text.explain(infer(system, inputs)) for system, inputs in samples(arguments)), end="")
+        return
+    found = [explain(system, inputs, arguments.crossing or 0.0) for system, inputs in samples(arguments)]
+    if arguments.json:
+        _print_json("explanations", [one.plain() for one in found])
+    else:
+        print("\n".join(one.text(everything=arguments.all) for one in found), end="")
+
+
+def _explain_flights(arguments: argparse.Namespace) -> None:
+    if arguments.steps or arguments.crossing is not None:
+        raise UserMistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
+    controller = chosen(read_controller(arguments.controller), arguments.system)
+    flown = flown_inputs(arguments, controller) or {}
+    found = {
+        system.name: shares(system, flown[system.name]) if len(flown.get(system.name, ())) else None
+        for system in controller.systems
+    }
+    if arguments.json:
+        _print_json("shares", [one.plain() for one in found.values() if one is not None])
+        return
+    told = [
+        f"{name}: it never decided anything on these flights\n"
+        if one is None
+        else one.text(everything=arguments.all)
+        for name, one in found.items()
+    ]
     print("\n".join(told), end="")
+
+
+def _print_json(key: str, entries: list[dict[str, Any]]) -> None:
+    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, key: entries}
+    print(json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False))
+
+
+def _finite(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{word!r} is no number")
+    return value

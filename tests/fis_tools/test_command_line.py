@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,8 @@ from sample_controllers import force_x_system, general_controller, paper_like_co
 from test_flights import log_flight
 
 from fis_tools.__main__ import main
+from fis_tools.explanation import explain, shares
+from fis_tools.flights import inputs_along
 from fis_tools.formats import markdown, text
 from fis_tools.inference import infer
 from fis_tools.serialize import dump_json, dump_yaml, load
@@ -138,11 +141,41 @@ def test_export_writes_every_form(
 def test_explain_tells_each_system_whose_inputs_are_given(
     controller_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, told, _ = run(capsys, "explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2")
+    words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2")
+    status, told, _ = run(capsys, *words)
+    assert status == 0
+    assert told == explain(force_x_system(), {"distance": 80.0, "velocity_body_x": 0.05}).text()
+    _, crossing, _ = run(capsys, *words, "--crossing", "-0.02", "--all")
+    assert "What would take force_x " in crossing
+    assert len(crossing.splitlines()) > len(told.splitlines())
+    _, printed, _ = run(capsys, *words, "--json")
+    assert json.loads(printed)["explanations"][0]["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
+
+
+def test_explain_tells_an_inference_step_by_step(
+    controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2", "--steps")
+    status, told, _ = run(capsys, *words)
     assert status == 0
     assert told.startswith("force_x: 25 rules")
     assert "velocity_body_x = 0.05 m/s" in told
     assert "force_z" not in told
+
+
+def test_explain_tells_the_share_of_each_rule_over_flights(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
+    expected = shares(force_x_system(), inputs_along(flights)["force_x"])
+    status, told, _ = run(capsys, "explain", controller_path, "--flights", *flights, "--system", "force_x")
+    assert (status, told) == (0, expected.text())
+    _, alone, _ = run(capsys, "explain", flights[0], "--all")
+    assert "force_x over 4 inferences: " in alone
+    _, printed, _ = run(capsys, "explain", flights[0], "--json")
+    assert [one["samples"] for one in json.loads(printed)["shares"]] == [4, 4]
+    silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
+    assert "never decided anything" in run(capsys, "explain", silent)[1]
 
 
 def test_explain_takes_the_inputs_of_a_logged_flight(
@@ -196,6 +229,10 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["explain", "PAPER", "--inputs", "distance"], "write NAME=NUMBER"),
         (["explain", "PAPER", "--inputs", "distance=nan"], "write NAME=NUMBER"),
         (["explain", "PAPER", "--time", "1"], "--time is for logged flights"),
+        (["explain", "PAPER", "--inputs", "distance=1", "--flights", "FLIGHT"], "drop --inputs and --time"),
+        (["explain", "FLIGHT", "--steps"], "about one inference; add --time"),
+        (["explain", "FLIGHT", "--time", "1", "--steps", "--json"], "drop one of them"),
+        (["explain", "FLIGHT", "--time", "1", "--crossing", "nan"], "'nan' is no number"),
         (["explain", "FLIGHT", "--time", "-1"], "decided nothing up to -1 s"),
         (["explain", "FLIGHT", "--time", "99999"], "--time 99999 is not on this flight"),
         (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "inferences cover 0 to 40 s"),
