@@ -38,7 +38,7 @@ def unsealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
 
 
 def _checksum(name: str, entries: Mapping[str, str]) -> str:
-    return f"{zlib.crc32(json.dumps([name, sorted(entries.items())]).encode()):08x}"
+    return str(zlib.crc32(json.dumps([name, sorted(entries.items())]).encode()))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -201,7 +201,7 @@ def test_metadata_tells_what_the_episode_was(full: Contents):
     assert episode.pop("config_hash") == hashlib.sha256(text.encode()).hexdigest()
     assert episode.pop("scenario_id") == "start"
     assert episode.pop("product_version") == artifacts.product_version()
-    numbers = {key: json.loads(value) for key, value in episode.items()}
+    numbers = {key: json.loads(value) for key, value in episode.items() if key != "crc32"}
     assert numbers.pop("half_angle_rad") == pytest.approx(math.pi / 12, rel=1e-15)
     assert numbers == {
         "seed": 1,

@@ -1,12 +1,15 @@
 """Metadata is strings: what is said comes back, and nonsense is refused."""
 
+import json
+import zlib
+
 import pytest
 import synthetic_flight
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from telemetry import RecordingError
-from telemetry.metadata import EpisodeDescription, FisDescription
+from telemetry.metadata import EpisodeDescription, FisDescription, sealed, unsealed
 
 words = st.text(max_size=12)
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -72,3 +75,14 @@ def test_nonsense_is_refused() -> None:
         EpisodeDescription.from_metadata({"seed": "seven"})
     with pytest.raises(RecordingError, match="lacks input_units, output_unit, rules"):
         FisDescription.from_metadata({"input_names": "[]", "output_name": "f"})
+
+
+@settings(max_examples=50, deadline=None)
+@given(words, st.dictionaries(words, words, max_size=4))
+def test_sealed_entries_come_back_and_changed_ones_do_not(name: str, entries: dict[str, str]) -> None:
+    kept = {key: value for key, value in entries.items() if key != "crc32"}
+    stored = sealed(name, kept)
+    assert unsealed(name, stored) == kept
+    assert stored["crc32"] == str(zlib.crc32(json.dumps([name, sorted(kept.items())]).encode()))
+    with pytest.raises(ValueError, match="does not agree with its checksum"):
+        unsealed(name, {**stored, "an entry of more than twelve letters": ""})
