@@ -3,6 +3,7 @@
 import argparse
 import re
 from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from typing import TypeAlias
 
@@ -144,8 +145,8 @@ def assignments(words: str) -> dict[str, float]:
             values[name.strip()] = float(number)
         except ValueError:
             equals = ""
-        if not equals or values[name.strip()] != values[name.strip()]:
-            raise UserMistake(f"{word!r} gives no input a number; write NAME=NUMBER,NAME=NUMBER")
+        if not equals or not isfinite(values[name.strip()]):
+            raise UserMistake(f"{word!r} gives no input a finite number; write NAME=NUMBER,NAME=NUMBER")
     return values
 
 
