@@ -76,7 +76,7 @@ def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> Membe
 
 
 class Samples:
-    """Memberships on a universe, with the flanks of the hill that they make."""
+    """Memberships on a universe, with the flanks to either side of the top."""
 
     def __init__(self, universe: Floats, values: Floats) -> None:
         self.universe = universe
@@ -316,7 +316,7 @@ def _bell(samples: Samples) -> Iterator[Estimate]:
 
 
 def _centres(samples: Samples) -> Iterator[float]:
-    """Yield where the centre of a hill may be, the likelier first; beyond the universe for half a hill."""
+    """Yield where the centre of a bell may be, the likelier first; beyond the universe for half a bell."""
     half = [_crossing(samples, flank) for flank in (samples.rising, samples.falling)]
     if half[0] is not None and half[1] is not None:
         yield (half[0] + half[1]) / 2.0
