@@ -34,6 +34,7 @@ SUMMARY: Final = "evaluate/summary.json"
 RECORDINGS: Final = "episodes"
 FIGURES: Final = "figures"
 REPORT: Final = "report.html"
+REVIEW: Final = "review.html"
 
 #: which stage writes what another may miss
 WRITTEN_BY: Final[Mapping[str, str]] = {
@@ -48,6 +49,7 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     RECORDINGS: "record",
     FIGURES: "report",
     REPORT: "report",
+    REVIEW: "report",
 }
 
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"

@@ -3,24 +3,18 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
-from fis_tools.render import BRIGHTNESS_MAP, LIGHT
-
-__all__ = ["STYLE", "THEME", "Figure", "Picture", "brightness_colours", "save", "style"]
+__all__ = ["STYLE", "Figure", "Picture", "save", "style"]
 
 #: colours with a part to play; a page may put others in their places
 INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
 ORANGE, SKY, OLIVE = "#E69F00", "#56B4E9", "#7A7A29"
-
-#: of the pictures of fuzzy systems; the page replaces these lines too
-THEME = replace(LIGHT, lines=(BLUE, VERMILION, GREEN, PURPLE, INK, ORANGE, SKY))
 
 #: of lines that are a limit or a border
 DOTS = (0, (2, 2))
@@ -86,11 +80,3 @@ def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(svg, format="svg", dpi=dots_per_inch, transparent=True, metadata={"Date": None})
     return Picture(png.getvalue(), svg.getvalue())
-
-
-def brightness_colours(count: int) -> list[tuple[str, str]]:
-    """Return a background and a readable ink, as hexadecimal colours, for each of some ordered things."""
-    places = np.linspace(0.08, 0.98, count) if count > 1 else np.array([0.7])
-    colours = np.asarray(mpl.colormaps[BRIGHTNESS_MAP](places))[:, :3]
-    inks = np.where(colours @ (0.299, 0.587, 0.114) > 0.5, "#000000", "#ffffff")
-    return [(mpl.colors.to_hex(colour), str(ink)) for colour, ink in zip(colours, inks, strict=True)]

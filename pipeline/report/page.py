@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fis_tools.formats.text import number, rule_tables, sentences, shape_words, summary, with_unit
-from fis_tools.model import FuzzySystem, Variable
+from fis_tools.formats.text import summary
 from pipeline import artifacts
 from pipeline.figures.style import MOST_POINTS
 from pipeline.objectives import points_needed
 from pipeline.report import paper
 from pipeline.report.contents import POSITION, Contents, Flights, ShownFlight
 from pipeline.report.paper import Reported
-from pipeline.report.pictures import Illustration, system_name
+from pipeline.report.pictures import Illustration
 from pipeline.settings import Mission
 
 #: metric of a summary: decimals on the page
@@ -45,24 +44,18 @@ class Row:
     is_ours: bool
 
 
-def write(
-    contents: Contents,
-    illustrations: Mapping[str, Illustration],
-    term_colours: Mapping[int, Sequence[tuple[str, str]]],
-) -> str:
+def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     """Write the page.
 
     Parameters
     ----------
     contents : Contents
     illustrations : mapping of str to Illustration
-    term_colours : mapping of int to sequence of (str, str)
-        For each number of terms, background and ink of each.
 
     Returns
     -------
     str
-        HTML that needs no other file.
+        HTML that needs no other file, and leads to the review page beside it.
     """
     environment = Environment(
         loader=PackageLoader("pipeline", "templates"),
@@ -91,7 +84,7 @@ def write(
         training=contents.training,
         training_round=contents.training_round,
         evaluation=contents.evaluation,
-        systems=[_system(index, system, term_colours) for index, system in enumerate(systems, start=1)],
+        systems=[(system.name, summary(system)) for system in systems],
         illustrations={name: i.element for name, i in illustrations.items()},
         captions={name: i.caption for name, i in illustrations.items()},
         recordings=[(name, f"{size / 1e6:.2f} MB") for name, size in contents.recordings.items()],
@@ -300,43 +293,4 @@ def _files(manifest: Mapping[str, Any] | None) -> dict[str, str]:
         name: digest
         for name, digest in (manifest or {}).get("sha256", {}).items()
         if artifacts.WRITTEN_BY.get(name.split("/")[0]) != "report"
-    }
-
-
-def _system(
-    index: int, system: FuzzySystem, term_colours: Mapping[int, Sequence[tuple[str, str]]]
-) -> dict[str, Any]:
-    """Return what the template says of a fuzzy system."""
-    tables = rule_tables(system)
-    output = system.outputs[0]
-    colours = dict(zip((term.name for term in output.terms), term_colours[len(output.terms)], strict=True))
-    return {
-        "name": system.name,
-        "id": system_name(index, system),
-        "summary": summary(system),
-        "output": output.name,
-        "has_one_panel": len(system.inputs) <= 2,
-        "down": system.inputs[-2].name if len(system.inputs) > 1 else "",
-        "across": system.inputs[-1].name,
-        "legend": [(term.name, *colours[term.name]) for term in output.terms],
-        "tables": [
-            (title, head[1:], [(row[0], [(word, *colours[word]) for word in row[1:]]) for row in rows])
-            for title, (head, *rows) in tables or ()
-        ],
-        "sentences": None if tables is not None else sentences(system),
-        "variables": [
-            _variable(kind, v)
-            for kind, vs in (("input", system.inputs), ("output", system.outputs))
-            for v in vs
-        ],
-    }
-
-
-def _variable(kind: str, variable: Variable) -> dict[str, Any]:
-    return {
-        "kind": kind,
-        "name": with_unit(variable),
-        "extent": f"{number(variable.minimum)} to {number(variable.maximum)}",
-        "description": variable.description,
-        "terms": [(term.name, shape_words(term)) for term in variable.terms],
     }

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fis_tools.model import FuzzySystem
-from fis_tools.render import system_figures
 from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
-from pipeline.figures.style import BLUE, ORANGE, PURPLE, THEME, Figure, save, style
+from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
 from pipeline.objectives import points_needed
 from pipeline.report import paper
@@ -20,7 +18,7 @@ from pipeline.report.svg import inline
 from pipeline.settings import Mission
 from pipeline.simulation import inspection_points
 
-#: the files that this stage writes into the folder of figures, and no other
+#: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(r"(control|trajectories|distributions|convergence|system)(-[a-z0-9-]+)?\.png")
 
 
@@ -52,7 +50,6 @@ class _Sketch:
     name: str
     caption: str
     figure: Figure
-    is_black_ink: bool = False
 
 
 def draw(contents: Contents) -> dict[str, Illustration]:
@@ -67,14 +64,9 @@ def draw(contents: Contents) -> dict[str, Illustration]:
     with style():
         for sketch in _sketches(contents):
             picture = save(sketch.figure, sketch.name, contents.experiment.report.dots_per_inch)
-            element = inline(picture.svg, sketch.name, sketch.caption, is_black_ink=sketch.is_black_ink)
+            element = inline(picture.svg, sketch.name, sketch.caption)
             illustrations[sketch.name] = Illustration(sketch.name, sketch.caption, picture.png, element)
     return illustrations
-
-
-def system_name(index: int, system: FuzzySystem) -> str:
-    """Return what the pictures of a controller's system are called: a name that is good for files."""
-    return f"system-{index}-{re.sub(r'[^a-z0-9]+', '-', system.name.lower()).strip('-') or 'unnamed'}"
 
 
 def _sketches(contents: Contents) -> Iterator[_Sketch]:
@@ -97,9 +89,6 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
         )
         figure = convergence(contents.logbook, num_points, needed)
         yield _Sketch("convergence", caption, figure)
-    if contents.controller is not None:
-        for index, system in enumerate(contents.controller.systems, start=1):
-            yield from _system_sketches(index, system)
 
 
 def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[_Sketch]:
@@ -186,16 +175,3 @@ def _distributions_sketch(samples: list[Sample], mission: Mission) -> _Sketch:
     )
     figure = distributions(samples, len(inspection_points(mission)))
     return _Sketch("distributions", caption, figure)
-
-
-def _system_sketches(index: int, system: FuzzySystem) -> Iterator[_Sketch]:
-    name = system_name(index, system)
-    words = {
-        "memberships": "membership functions",
-        "rules": "rules",
-        "surface": "control surface",
-        "curve": "control curve",
-    }
-    for kind, figure in system_figures(system, theme=THEME):
-        caption = f"{system.name}: {words.get(kind, kind)}."
-        yield _Sketch(f"{name}-{kind}", caption, figure, is_black_ink=kind == "memberships")

@@ -32,7 +32,7 @@ _FONT = re.compile(r"font-family: [^;\"]*;? ?")
 _INDENT = re.compile(r"\s*\n\s*")
 
 
-def inline(svg: str, name: str, description: str, *, is_black_ink: bool = False) -> str:
+def inline(svg: str, name: str, description: str) -> str:
     """Turn an SVG file into an element of a page.
 
     Parameters
@@ -43,8 +43,6 @@ def inline(svg: str, name: str, description: str, *, is_black_ink: bool = False)
         Put before every id, so that pictures of one page do not take each other's.
     description : str
         What one who cannot see it is told; plain text.
-    is_black_ink : bool
-        Whether black is a colour of lines and letters, to become light on a dark page.
 
     Returns
     -------
@@ -52,8 +50,6 @@ def inline(svg: str, name: str, description: str, *, is_black_ink: bool = False)
         HTML; colours of `VARIABLES` are ``var(--name)``.
     """
     variables = {colour.lower(): f"var(--{variable})" for colour, variable in VARIABLES.items()}
-    if is_black_ink:
-        variables["#000000"] = "var(--ink)"
 
     def fit(tag: re.Match[str]) -> str:
         text = tag[0].replace("xlink:href", "href")
@@ -62,8 +58,8 @@ def inline(svg: str, name: str, description: str, *, is_black_ink: bool = False)
         text = _COLOUR.sub(lambda match: variables.get(match[0], match[0]), text)
         return _FONT.sub("", text)
 
-    label, kind = escape(description), ' class="black-ink"' if is_black_ink else ""
+    label = escape(description)
     text = _LEFT_OUT.sub("", _PROLOGUE.sub("", svg))
     text = _ROOT.sub(lambda match: f"<svg {match[1]}>", text, count=1)
-    text = _TAG.sub(fit, text).replace("<svg", f'<svg role="img"{kind} aria-label="{label}"', 1)
+    text = _TAG.sub(fit, text).replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
     return _INDENT.sub("\n", text).strip()

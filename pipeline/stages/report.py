@@ -1,12 +1,13 @@
-"""Tell a run in pictures, tables and words: report.html and figures/*.png."""
+"""Tell a run in pictures, tables and words: report.html and figures/*.png; its controller: review.html."""
 
 import sys
 from pathlib import Path
 
+from fis_tools.review import page as review
+from fis_tools.validate import ControllerFileError
 from pipeline import artifacts
 from pipeline.compile_notice import announce_compilation
-from pipeline.figures.style import brightness_colours
-from pipeline.report.contents import gather
+from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
 from pipeline.settings import Experiment
@@ -30,10 +31,24 @@ def run(experiment: Experiment, folder: Path) -> None:
         for path in pictures.iterdir():
             if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
                 path.unlink()
-    systems = contents.controller.systems if contents.controller else ()
-    counts = {len(system.outputs[0].terms) for system in systems}
-    page = write(contents, illustrations, {count: brightness_colours(count) for count in counts})
+    page = write(contents, illustrations)
     artifacts.write_atomically(folder / artifacts.REPORT, page)
     sys.stderr.write(
         f"  {folder / artifacts.REPORT}: {len(illustrations)} pictures, {len(page) / 1e6:.1f} MB\n"
     )
+    _write_review(contents, folder)
+
+
+def _write_review(contents: Contents, folder: Path) -> None:
+    """Write the page that the run's fuzzy controller is reviewed on; that of an earlier one goes."""
+    path = folder / artifacts.REVIEW
+    fuzzy = contents.controller.fuzzy if contents.controller else None
+    if fuzzy is None:
+        path.unlink(missing_ok=True)
+        return
+    try:
+        page = review.write(fuzzy, [folder / name for name in contents.recordings])
+    except ControllerFileError as error:
+        raise artifacts.ArtifactError(f"{error}; repeat the stage record") from error
+    artifacts.write_atomically(path, page)
+    sys.stderr.write(f"  {path}: {len(page) / 1e6:.1f} MB\n")

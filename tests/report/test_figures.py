@@ -11,7 +11,7 @@ from pipeline.controllers import from_fuzzy
 from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
-from pipeline.figures.style import BLUE, PURPLE, brightness_colours, save, style
+from pipeline.figures.style import BLUE, PURPLE, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, Tracks, trajectories
 from pipeline.flight import Scenario
 from pipeline.report.svg import inline
@@ -189,21 +189,11 @@ def test_convergence_shows_the_logbook_and_the_rounds():
         assert [2.5, 2.5] in [list(line.get_xdata()) for line in ax.lines]
 
 
-def test_brighter_is_greater_and_words_can_be_read():
-    weights = np.array([0.299, 0.587, 0.114])
-    pairs = brightness_colours(7)
-    levels = [np.array([int(ground[i : i + 2], 16) for i in (1, 3, 5)]) @ weights for ground, _ in pairs]
-    assert np.all(np.diff(levels) > 10)
-    assert (pairs[0][1], pairs[-1][1]) == ("#ffffff", "#000000")
-    assert len(brightness_colours(1)) == 1
-
-
 def test_an_svg_in_a_page_has_ids_of_its_own_and_takes_the_pages_colours():
     figure = distributions([Sample("id='x' \"fill: #0072b2\" <b>", values_of(8, np.arange(8.0)), {})], 99)
     picture = save(figure, "one", 40)
-    one, two = inline(picture.svg, "one", 'a "b" <c>'), inline(picture.svg, "two", "d", is_black_ink=True)
+    one, two = inline(picture.svg, "one", 'a "b" <c>'), inline(picture.svg, "two", "d")
     assert one.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" viewBox=')
-    assert two.startswith('<svg role="img" class="black-ink" ')
     assert "metadata" not in one
     assert "<!--" not in one
     assert "DejaVu" not in one

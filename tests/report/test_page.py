@@ -9,6 +9,8 @@ import pytest
 from matplotlib.image import imread
 
 from fis_tools import serialize
+from fis_tools.formats.text import summary
+from fis_tools.review import page as review
 from pipeline import artifacts
 from pipeline.artifacts import ArtifactError
 from pipeline.cli import main
@@ -20,7 +22,6 @@ from pipeline.scenarios import training_scenarios
 from pipeline.simulation import fly_logged
 from tests.report.runs import (
     HOSTILE,
-    PAPER_CONTROLLER,
     SECTIONS,
     SMALL,
     Page,
@@ -45,12 +46,13 @@ def trained(tmp_path_factory):
     return folder, experiment, text, Page(text)
 
 
-def test_the_page_needs_no_other_file(trained):
+def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
     _, _, text, page = trained
     for tag, attributes in page.tags:
         assert tag not in ("script", "link", "iframe", "object", "embed", "base")
         for name in ("src", "href", "xlink:href", "srcset", "action"):
-            assert attributes.get(name, "#").startswith(("#", "data:"))
+            value = attributes.get(name, "#")
+            assert value.startswith(("#", "data:")) or (tag, value) == ("a", artifacts.REVIEW)
     assert not re.search(r"@import|url\((?!#)", text)
     # the only addresses are names of XML's vocabularies, and none is left
     assert "http" not in text
@@ -77,11 +79,9 @@ def test_all_sections_are_there_with_their_pictures(trained):
         "distributions",
         "convergence",
     }
-    names |= {f"system-1-force-x-{kind}" for kind in ("memberships", "rules", "surface")}
     assert {path.stem for path in (folder / artifacts.FIGURES).iterdir()} == names
     figures = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
-    # rules are tables on the page
-    assert figures == {name for name in names if not name.endswith("-rules")}
+    assert figures == names
     for svg in page.all("svg"):
         assert svg["role"] == "img"
         assert len(svg["aria-label"]) > 10
@@ -131,23 +131,25 @@ def test_numbers_are_those_of_the_summary(trained):
     assert "4.799 ± 0.458" in text
 
 
-def test_rules_are_tables_of_the_controllers_words(trained):
-    _, _, text, page = trained
-    systems = serialize.load(PAPER_CONTROLLER).systems[:1]
-    tables = re.findall(r'<table class="rules">.*?</table>', text, re.DOTALL)
-    assert len(tables) == len(systems)
-    for table, system in zip(tables, systems, strict=True):
-        cells = re.findall(r"<td[^>]*>([^<]*)</td>", table)
-        assert cells == [rule.consequents[0].term for rule in system.rules]
-    assert "Gaussian, mean 50, standard deviation 20" in page.text["controller"]
+def test_the_controller_is_reviewed_on_a_page_of_its_own(trained):
+    folder, _, _, page = trained
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    assert artifacts.REVIEW in [link.get("href") for link in page.all("a")]
+    for system in champion.systems:
+        assert summary(system) in page.text["controller"]
+    assert (folder / artifacts.REVIEW).read_text() == review.write(champion)
 
 
-def test_words_in_the_rule_tables_stand_out_from_their_ground(trained):
-    _, _, text, _ = trained
-    pairs = set(re.findall(r"<td style=\"background: (#\w+); color: (#\w+)\"", text))
-    assert len(pairs) == 5
-    for background, ink in pairs:
-        assert contrast(background, ink) >= 4.5
+def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(tmp_path):
+    overrides = ("+experiment=fly", "controller=file", f"controller.path={small_controller(tmp_path)}")
+    run_of(tmp_path, ("record", "report"), *overrides)
+    path = tmp_path / artifacts.REVIEW
+    recordings = sorted((tmp_path / artifacts.RECORDINGS).glob("*.mcap"))
+    assert "along the flight" in path.read_text()
+    assert path.read_text() == review.write(serialize.load(tmp_path / "one_axis.json"), recordings)
+    (tmp_path / artifacts.CONTROLLER).unlink()
+    run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
+    assert not path.exists()
 
 
 def test_text_stands_out_from_the_page_in_light_and_dark(trained):
@@ -216,7 +218,7 @@ def test_what_is_missing_is_left_out_with_a_sentence(trained, missing):
         assert "the stage train the champion" in " ".join(page.text["training"].split())
     stems = {path.stem for path in (folder / artifacts.FIGURES).iterdir()}
     shown = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
-    assert shown == {stem for stem in stems if not stem.endswith("-rules")}
+    assert shown == stems
 
 
 def test_a_summary_is_made_from_the_episodes_where_it_is_missing(trained):
@@ -282,20 +284,14 @@ def test_names_are_text_and_no_markup(trained):
     folder, experiment, _, _ = trained
     told = contents.gather(experiment, folder)
     (system,) = told.controller.systems
-    renamed = replace(system, name=f"{HOSTILE} {system.name}")
-    sparse = replace(renamed, rules=renamed.rules[:2])
-    hostile = replace(told.controller, name=HOSTILE, systems=(renamed, sparse))
+    hostile = replace(told.controller, name=HOSTILE, systems=(replace(system, name=HOSTILE),))
     hostile_run = replace(experiment, report=replace(experiment.report, title=HOSTILE))
     told = replace(told, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE)
     illustrations = draw(told)
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
-    page = Page(write(told, illustrations, {5: [("#000000", "#ffffff")] * 5}))
+    page = Page(write(told, illustrations))
     assert page.all("script") == []
-    assert page.text["controller"].count(HOSTILE) > 4
-    # a rule base that is no table is told in sentences
-    first = "If distance is very_near and velocity_body_x is negative_large then force_x is positive_large"
-    assert first in page.text["controller"]
-    assert len(page.all("ol")) == 1
+    assert page.text["controller"].count(HOSTILE) >= 2
     assert HOSTILE in page.text["provenance"]
     assert HOSTILE in page.text["summary"]
 
