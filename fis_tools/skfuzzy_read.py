@@ -99,8 +99,7 @@ def read_control_system(
     source = system.ctrl if isinstance(system, control.ControlSystemSimulation) else system
     if not isinstance(source, control.ControlSystem):
         raise UnreadableControlSystem(
-            f"{type(source).__name__} is no control system; pass a ControlSystem of scikit-fuzzy, or a "
-            "simulation of one"
+            f"this is a {type(source).__name__}; pass a scikit-fuzzy ControlSystem or ControlSystemSimulation"
         )
     # The graph's own order is that of `source.rules`, which takes seconds where rules are many.
     rules = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]

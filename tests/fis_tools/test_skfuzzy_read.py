@@ -266,7 +266,7 @@ class _Unhashable:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: read_control_system(3), ["int is no control system", "pass a ControlSystem"]),
+        (lambda: read_control_system({}), ["this is a dict", "pass a scikit-fuzzy ControlSystem"]),
         (_read, ["no inputs", "no outputs", "no rules"]),
         (
             _rule_with(and_func=lambda p, q: p * q, label="odd"),
