@@ -54,22 +54,22 @@ def fire(program: Program, inputs: Floats) -> Floats:
 
 def conclude(program: Program, firing: Floats) -> Floats:
     """Return the defuzzified outputs, (n, num_outputs), for firing strengths (n, num_rules)."""
-    outputs = np.empty((len(firing), len(program.conclusions)))
-    for place, conclusion in enumerate(program.conclusions):
-        _conclude(*conclusion, firing, outputs[:, place])
-    return outputs
+    columns = np.empty((len(program.conclusions), len(firing)))
+    for conclusion, column in zip(program.conclusions, columns, strict=True):
+        _conclude(*conclusion, firing, column)
+    return columns.T
 
 
 def evaluate(program: Program, inputs: Floats) -> Floats:
     """Return the outputs, (n, num_outputs), for inputs (n, num_inputs)."""
-    outputs = np.empty((len(inputs), len(program.conclusions)))
+    columns = np.empty((len(program.conclusions), len(inputs)))
     firing = np.empty((min(BLOCK, len(inputs)), program.num_rules))
     for first in range(0, len(inputs), BLOCK):
         rows = inputs[first : first + BLOCK]
         _fire(*program.antecedents, rows, firing[: len(rows)])
-        for place, conclusion in enumerate(program.conclusions):
-            _conclude(*conclusion, firing[: len(rows)], outputs[first : first + BLOCK, place])
-    return outputs
+        for conclusion, column in zip(program.conclusions, columns, strict=True):
+            _conclude(*conclusion, firing[: len(rows)], column[first : first + BLOCK])
+    return columns.T
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -132,6 +132,7 @@ def _fire(
     values: Floats,
     out: Floats,
 ) -> None:
+    """Write the firing strengths of `Antecedents` for the values, (n, num_inputs)."""
     num_terms = inputs[:, 0].sum()
     slots = np.zeros((num_terms + len(steps)) * LANES)
     for first in range(0, len(values), LANES):
@@ -174,22 +175,19 @@ def _conclude(
     firing: Floats,
     out: Floats,
 ) -> None:
+    """Write one output, a `Conclusion`, for firing strengths (n, num_rules)."""
     num_terms, num_points = memberships.shape
-    cuts, crossings = np.empty(num_terms), np.empty(len(runs))
-    heights = np.empty(num_points)
-    x, y = np.empty(num_points + len(runs)), np.empty(num_points + len(runs))
-    areas = np.empty(num_points + len(runs))
+    cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
+    room = num_points + len(runs)
+    x, y, areas = np.empty(room), np.empty(room), np.empty(room)
     for sample in range(len(firing)):
-        highest = 0.0
-        for term in range(num_terms):
-            cut = firing[sample, rules[bounds[term]]] * weights[bounds[term]]
-            for index in range(bounds[term] + 1, bounds[term + 1]):
-                strength = firing[sample, rules[index]] * weights[index]
-                cut = combine(accumulation, strength, cut)
-            cuts[term] = cut
         heights[:] = 0.0
         for term in range(num_terms):
-            cut = cuts[term]
+            first = bounds[term]
+            cut = firing[sample, rules[first]] * weights[first]
+            for index in range(first + 1, bounds[term + 1]):
+                cut = combine(accumulation, firing[sample, rules[index]] * weights[index], cut)
+            cuts[term] = cut
             for point in range(num_points):
                 height = memberships[term, point]
                 height = height if height < cut else cut
