@@ -38,6 +38,7 @@ class Parting:
 
     Parameters
     ----------
+    topic, field, unit : str
     sample : int
         Number of the instant among all instants of both recordings, from 0.
     time_s : float
@@ -47,6 +48,9 @@ class Parting:
         What the two recordings say there.
     """
 
+    topic: str
+    field: str
+    unit: str
     sample: int
     time_s: float
     component: tuple[int, ...]
@@ -131,11 +135,11 @@ class Comparison:
         return not self.lone and all(field.parting is None for field in self.fields)
 
     @property
-    def parting(self) -> FieldComparison | LoneMessages | None:
+    def parting(self) -> Parting | LoneMessages | None:
         """What differs first, None where nothing does."""
-        ways: list[tuple[int, FieldComparison | LoneMessages]] = [(lone.sample, lone) for lone in self.lone]
-        ways += [(field.parting.sample, field) for field in self.fields if field.parting is not None]
-        return min(ways, key=lambda way: (way[0], _flow(way[1].topic)))[1] if ways else None
+        partings = [field.parting for field in self.fields if field.parting is not None]
+        ways: list[Parting | LoneMessages] = [*self.lone, *partings]
+        return min(ways, key=lambda way: (way.sample, _flow(way.topic)), default=None)
 
 
 def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comparison:
@@ -235,22 +239,31 @@ def _compared_fields(
     tolerance: float,
 ) -> Iterator[FieldComparison]:
     times = first.time_s[rows[0]]
-    for field, values in first.columns.items():
-        if field not in second.columns:
-            continue
-        one, other = values[rows[0]], second[field][rows[1]]
+    for field in (name for name in first.columns if name in second.columns):
+        one, other = first[field][rows[0]], second[field][rows[1]]
         apart = _apart(one, other)
+        greatest = apart.reshape(len(apart), -1).max(axis=1, initial=0.0)
         # half a point is not inspected: whole numbers are the same or they are not
-        tolerated = tolerance if one.dtype.kind == "f" else 0.0
-        greatest_row, *_ = np.unravel_index(int(apart.argmax()), apart.shape) if apart.size else (0,)
+        row = _first_beyond(greatest, tolerance if one.dtype.kind == "f" else 0.0)
+        unit = first.units.get(field, "")
+        parting = None
+        if row is not None:
+            sample, time_s = _sample(samples, times[row]), float(times[row])
+            component, value, other_value = _values(one, other, apart, row)
+            parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
         yield FieldComparison(
             topic=first.topic,
             field=field,
-            unit=first.units.get(field, ""),
-            greatest=float(apart.max(initial=0.0)),
-            greatest_time_s=float(times[greatest_row]),
-            parting=_parting(one, other, apart, tolerated, times, samples),
+            unit=unit,
+            greatest=float(greatest.max()),
+            greatest_time_s=float(times[greatest.argmax()]),
+            parting=parting,
         )
+
+
+def _first_beyond(numbers: Floats, limit: float) -> int | None:
+    beyond = np.flatnonzero(numbers > limit)
+    return int(beyond[0]) if beyond.size else None
 
 
 def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
@@ -266,24 +279,15 @@ def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
     return np.where(is_same, 0.0, np.where(np.isfinite(apart), apart, np.inf))
 
 
-def _parting(
-    one: NDArray[np.generic],
-    other: NDArray[np.generic],
-    apart: Floats,
-    tolerance: float,
-    times: Floats,
-    samples: Floats,
-) -> Parting | None:
-    rows = np.flatnonzero((apart > tolerance).reshape(len(apart), -1).any(axis=1))
-    if not rows.size:
-        return None
-    row = int(rows[0])
-    sample, time_s = _sample(samples, times[row]), float(times[row])
+def _values(
+    one: NDArray[np.generic], other: NDArray[np.generic], apart: Floats, row: int
+) -> tuple[tuple[int, ...], Value, Value]:
+    """Return which numbers of a row are the farthest apart, and what they are."""
     if one.shape != other.shape:
-        return Parting(sample, time_s, (), _length(one), _length(other))
+        return (), _length(one), _length(other)
     component = tuple(int(i) for i in np.unravel_index(int(apart[row].argmax()), apart.shape[1:]))
     place = (row, *component)
-    return Parting(sample, time_s, component, one[place].item(), other[place].item())
+    return component, one[place].item(), other[place].item()
 
 
 def _length(values: NDArray[np.generic]) -> str:
@@ -314,21 +318,23 @@ def in_words(comparison: Comparison) -> list[str]:
     return lines + _table(comparison.fields)
 
 
-def _parting_in_words(parting: FieldComparison | LoneMessages, num_samples: int) -> str:
-    where = parting if isinstance(parting, LoneMessages) else parting.parting
-    assert where is not None  # noqa: S101 - a field that never parts is no parting
-    instant = f"sample {where.sample} of 0 to {num_samples - 1} ({where.time_s:g} s): {parting.topic}"
-    if isinstance(where, LoneMessages):
-        return f"{instant} has a message in the {'first' if where.is_in_first else 'second'} alone"
-    assert isinstance(parting, FieldComparison)  # noqa: S101 - the other kind has returned
-    unit = f" {parting.unit}" if parting.unit and "," not in parting.unit else ""
-    name = f"{parting.field}[{', '.join(map(str, where.component))}]" if where.component else parting.field
-    by = ""
-    if not isinstance(where.first, str) and not isinstance(where.second, str):
-        by = f", {abs(float(where.first) - float(where.second)):.6g}{unit} apart"
-    return (
-        f"{instant} {name} is {where.first!r}{unit} in the first and {where.second!r}{unit} in the second{by}"
+def _parting_in_words(parting: Parting | LoneMessages, num_samples: int) -> str:
+    instant = f"sample {parting.sample} of 0 to {num_samples - 1} ({parting.time_s:g} s): {parting.topic}"
+    if isinstance(parting, LoneMessages):
+        return f"{instant} has a message in the {'first' if parting.is_in_first else 'second'} alone"
+    first, second, unit = parting.first, parting.second, _spaced(parting.unit)
+    index = f"[{', '.join(map(str, parting.component))}]" if parting.component else ""
+    told = (
+        f"{instant} {parting.field}{index} is {first!r}{unit} in the first and {second!r}{unit} in the second"
     )
+    if isinstance(first, str) or isinstance(second, str) or not np.isfinite(first - second):
+        return told
+    return f"{told}, {abs(first - second):.6g}{unit} apart"
+
+
+def _spaced(unit: str) -> str:
+    """Return a unit to stand behind a number; none for a field whose numbers have several."""
+    return f" {unit}" if unit and "," not in unit else ""
 
 
 def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
@@ -336,12 +342,13 @@ def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
     rows = [("field", "parts at", "greatest difference", "at")]
     for field in fields:
         if field.greatest > 0.0:
-            unit = f" {field.unit}" if field.unit and "," not in field.unit else ""
             rows.append(
                 (
                     f"{field.topic} {field.field}",
                     "within the tolerance" if field.parting is None else f"{field.parting.time_s:g} s",
-                    f"{field.greatest:.6g}{unit}" if np.isfinite(field.greatest) else "differs",
+                    f"{field.greatest:.6g}{_spaced(field.unit)}"
+                    if np.isfinite(field.greatest)
+                    else "differs",
                     f"{field.greatest_time_s:g} s",
                 )
             )
