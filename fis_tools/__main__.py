@@ -6,11 +6,23 @@ import os
 import sys
 from collections.abc import Sequence
 
-from fis_tools.commands import audit, bounds, explain, export, firing, importing, plot, review, show, surface
+from fis_tools.commands import (
+    audit,
+    bounds,
+    diff,
+    explain,
+    export,
+    firing,
+    importing,
+    plot,
+    review,
+    show,
+    surface,
+)
 from fis_tools.commands.arguments import UserMistake
 from fis_tools.validate import ControllerFileError
 
-COMMANDS = (show, plot, surface, export, importing, audit, explain, firing, bounds, review)
+COMMANDS = (show, plot, surface, export, importing, audit, explain, firing, bounds, diff, review)
 
 EPILOG = """\
 examples:
@@ -21,6 +33,7 @@ examples:
   python -m fis_tools explain episodes/best.mcap --time 600
   python -m fis_tools firing episodes/*.mcap
   python -m fis_tools bounds controller.yaml --where "distance > 150" --ask "force_x > 0"
+  python -m fis_tools diff before.yaml after.yaml -o diff.html
   python -m fis_tools export controller.yaml --format markdown > controller.md
   python -m fis_tools import tipper.fis -o tipper.yaml
   python -m fis_tools review controller.yaml --flights episodes/*.mcap -o review.html
