@@ -13,13 +13,13 @@ from fis_tools.analysis import Surface
 from fis_tools.formats.text import number, with_unit
 from fis_tools.model import FuzzySystem
 from fis_tools.render.surfaces import (
-    changes_sign,
     entitle,
     evaluated,
     held_without_units,
     held_words,
     over_axes,
     round_levels,
+    signed,
     value_limits,
 )
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Floats, Theme, dress, readable_on
@@ -141,8 +141,9 @@ def _contours(result: Surface, ax: Axes, limits: tuple[float, float]) -> None:
             result.x, result.y, result.values, levels, colors=colours, linewidths=0.8, linestyles="solid"
         )
         _label(ax, lines, SMALL - 0.5)
-    if changes_sign(result, limits):
-        zero = ax.contour(result.x, result.y, result.values, [0.0], colors="black", linewidths=2.2)
+    values = signed(result, limits)
+    if values is not None:
+        zero = ax.contour(result.x, result.y, values, [0.0], colors="black", linewidths=2.2)
         zero.set_path_effects([withStroke(linewidth=4.0, foreground="white")])
         vertices = np.concatenate([path.vertices for path in zero.get_paths()])
         off_middle = ax.transAxes.inverted().transform(ax.transData.transform(vertices)) - 0.5

@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 from fis_tools.analysis import Surface
 from fis_tools.formats.text import number, with_unit
 from fis_tools.render import lettering
-from fis_tools.render.surfaces import changes_sign, entitle, held_without_units, round_levels, value_limits
+from fis_tools.render.surfaces import entitle, held_without_units, round_levels, signed, value_limits
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Floats, Theme, dress
 
 #: Lines of the net, along each input.
@@ -72,7 +72,10 @@ def surface_space(
     heights = heights[(heights >= low) & (heights <= high)]
     words = [number(value) for value in heights]
     ax.set_zticks(heights, words)
-    ax.zaxis.labelpad = lettering.POINTS_AN_INCH * max(lettering.width(word, SMALL) for word in words) - 8.0
+    # numbers along z are centred where their ticks end
+    longest = lettering.POINTS_AN_INCH * max((lettering.width(word, SMALL) for word in words), default=0.0)
+    ax.tick_params(axis="z", labelsize=SMALL, pad=max(3.0, 0.5 * longest - 6.0))
+    ax.zaxis.labelpad = longest - 6.0
     # the names of the axes need the room that a smaller box leaves
     ax.set_box_aspect(None, zoom=_ZOOM)
     return ax
@@ -97,5 +100,6 @@ def _contours_below(
             linewidths=1.0,
             **options,
         )
-    if changes_sign(result, limits):
-        ax.contour(result.x, result.y, result.values, [0.0], colors=theme.ink, linewidths=2.2, **options)
+    values = signed(result, limits)
+    if values is not None:
+        ax.contour(result.x, result.y, values, [0.0], colors=theme.ink, linewidths=2.2, **options)

@@ -80,10 +80,14 @@ def round_levels(result: Surface, limits: tuple[float, float]) -> Floats:
     return np.asarray(levels[is_between & (np.abs(levels) > _SAME * (high - low))])
 
 
-def changes_sign(result: Surface, limits: tuple[float, float]) -> bool:
-    """Tell whether there are outputs below and above zero."""
+def signed(result: Surface, limits: tuple[float, float]) -> Floats | None:
+    """Return outputs whose zeros are exact, for the contour of zero; None where they are all of one sign.
+
+    Where rules cancel, the output is zero but for the last digits, and its contour would follow these.
+    """
     least = _SAME * (limits[1] - limits[0])
-    return bool(result.values.min() < -least and result.values.max() > least)
+    values = np.where(np.abs(result.values) > least, result.values, 0.0)
+    return values if values.min() < 0.0 < values.max() else None
 
 
 def entitle(ax: Any, words: str) -> None:

@@ -62,6 +62,16 @@ def test_a_thick_contour_is_where_the_output_changes_sign() -> None:
     assert "0" in [text.get_text() for text in ax.texts]
 
 
+def test_where_rules_cancel_the_contour_of_zero_does_not_follow_the_last_digits() -> None:
+    result = surface(force_x_system(), num_points=31)
+    noise = np.random.default_rng(0).choice([-1e-17, 1e-17], (31, 31))
+    values = np.where(np.abs(result.x) <= 100, noise, np.sign(result.x - 100) * 0.05)
+    values[:, :5] = -0.05
+    ax = draw_surface(replace(result, values=values), Figure().subplots())
+    for vertices in thick_lines(ax):
+        assert np.ptp(vertices[:, 0]) < 2 * 200 / 30
+
+
 def test_without_a_change_of_sign_no_contour_is_thick() -> None:
     system = force_x_system()
     output = system.outputs[0]
