@@ -1,5 +1,6 @@
 """What a recording holds, seen through the mcap library's own readers."""
 
+import dataclasses
 from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
@@ -204,6 +205,16 @@ def test_the_same_flight_gives_the_same_bytes(
 
 def test_a_full_flight_stays_small(flight_file: Path) -> None:
     assert flight_file.stat().st_size < 500 * 1024
+
+
+def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(
+    flight: SyntheticFlight, tmp_path: Path
+) -> None:
+    # random numbers, which nothing compresses: no flight is larger
+    strengths = np.random.default_rng(5).random((3, 360, 125))
+    many = dataclasses.replace(flight, firing_strengths=strengths)
+    path = synthetic_flight.record(many, tmp_path / "many.mcap")
+    assert strengths.astype(np.float32).nbytes < path.stat().st_size < 1024 * 1024
 
 
 def test_plain_rerun_sees_points_pose_and_transforms(flight: SyntheticFlight, flight_file: Path) -> None:
