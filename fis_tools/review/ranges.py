@@ -12,7 +12,7 @@ from fis_tools.model import FuzzySystem, Variable
 #: how near proved and attained ends are brought, as a fraction of the output's range
 TOLERANCE = 0.01
 #: for each end of each output
-MOST_BOXES = 20_000
+MOST_BOXES = 5_000
 
 
 def range_rows(system: FuzzySystem) -> tuple[list[dict[str, Any]], str]:

@@ -34,6 +34,15 @@ function oncePerFrame(work) {
   };
 }
 
+/** Run `work` once it has not been asked for during a moment. */
+function onceIdle(work, milliseconds = 150) {
+  let timer = 0;
+  return () => {
+    clearTimeout(timer);
+    timer = setTimeout(work, milliseconds);
+  };
+}
+
 /** A select element with its label; `changed` is told the index of the choice. */
 function choice(label, names, chosen, changed) {
   const options = names.map((name, index) => make("option", { value: index }, name));

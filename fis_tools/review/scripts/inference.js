@@ -68,12 +68,32 @@ function cutTerms(system, output, firing) {
 
 /** Add to `found` where a membership function crosses its cut between two points of the grid. */
 function addCrossings(found, grid, values, cut) {
-  const reaches = cut === 0 ? (value) => value > cut : (value) => value >= cut;
+  const reaches = (value) => (cut === 0 ? value > cut : value >= cut);
+  let isReached = reaches(values[0]);
   for (let i = 0; i + 1 < grid.length; i++) {
-    if (reaches(values[i]) !== reaches(values[i + 1])) {
+    const wasReached = isReached;
+    isReached = reaches(values[i + 1]);
+    if (wasReached !== isReached) {
       found.push(grid[i] + ((cut - values[i]) * (grid[i + 1] - grid[i])) / (values[i + 1] - values[i]));
     }
   }
+}
+
+/** Join the points of a grid and others, ascending, each once. */
+function joinPoints(grid, others) {
+  const sorted = Float64Array.from(others).sort();
+  const points = new Float64Array(grid.length + sorted.length);
+  let count = 0;
+  let next = 0;
+  const add = (point) => {
+    if (count === 0 || point !== points[count - 1]) points[count++] = point;
+  };
+  for (let i = 0; i < grid.length; i++) {
+    while (next < sorted.length && sorted[next] < grid[i]) add(sorted[next++]);
+    add(grid[i]);
+  }
+  while (next < sorted.length) add(sorted[next++]);
+  return points.subarray(0, count);
 }
 
 /** The highest of the cut terms, at the universe's points and at the crossings: [points, heights]. */
@@ -82,16 +102,15 @@ function aggregate(variable, cuts) {
   const concluded = variable.terms.map((_, term) => term).filter((term) => !Number.isNaN(cuts[term]));
   const crossings = [];
   for (const term of concluded) addCrossings(crossings, grid, variable.terms[term].values, cuts[term]);
-  const points = Float64Array.from([...grid, ...crossings])
-    .sort()
-    .filter((point, place, all) => place === 0 || point !== all[place - 1]);
+  const points = joinPoints(grid, crossings);
   const heights = new Float64Array(points.length);
-  let place = 0;
-  for (let i = 0; i < points.length; i++) {
-    while (place + 1 < grid.length && grid[place + 1] <= points[i]) place++;
-    for (const term of concluded) {
-      const membership = interpolate(points[i], grid, variable.terms[term].values, place);
-      heights[i] = Math.max(heights[i], Math.min(cuts[term], membership));
+  for (const term of concluded) {
+    const { values } = variable.terms[term];
+    let place = 0;
+    for (let i = 0; i < points.length; i++) {
+      while (place + 1 < grid.length && grid[place + 1] <= points[i]) place++;
+      const height = Math.min(cuts[term], interpolate(points[i], grid, values, place));
+      if (height > heights[i]) heights[i] = height;
     }
   }
   return [points, heights];

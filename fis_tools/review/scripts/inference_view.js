@@ -141,6 +141,10 @@ function inferenceView(element, state, id) {
   const result = make("output", { class: "value", for: system.inputs.map((_, i) => `${id}-x${i + 1}`).join(" ") });
   const how = make("p", { class: "note" });
   const sign = make("p", { class: "note sign" });
+  const tellSign = onceIdle(() => {
+    sign.textContent = signWords(state, output);
+    sign.classList.remove("stale");
+  });
   const show = () => {
     const variable = system.outputs[output];
     const fired = firedRules(state, output, id);
@@ -148,7 +152,8 @@ function inferenceView(element, state, id) {
     note.textContent = fired.note;
     how.textContent = outputStep(state, output, chart);
     result.value = `${variable.name} = ${quantity(state.inference.outputs[output].value, variable, 5)}`;
-    sign.textContent = signWords(state, output);
+    sign.classList.add("stale");
+    tellSign();
   };
   const choose = (chosen) => {
     output = chosen;

@@ -1,6 +1,7 @@
-// The smallest change of one input that turns the sign of an output.
+// The smallest change of one input that turns the sign of an output, as fis_tools/explanation/flips.py finds it.
 
-const SCAN_POINTS = 200;
+const MOST_STEPS = 8;
+const FINE_POINTS = 800;
 const BISECTIONS = 40;
 
 /** The sign of an output: zero for what is nothing against its range. */
@@ -8,43 +9,59 @@ function signOf(variable, value) {
   return Math.abs(value) < 1e-12 * (variable.maximum - variable.minimum) ? 0 : Math.sign(value);
 }
 
-/** Follow one input from where it stands to one end of its range; return where the sign has turned, or null. */
-function turnTowards(system, inputs, output, input, end) {
-  const signAt = (value) => signOf(system.outputs[output], evaluate(system, inputs.with(input, value), output));
-  const { minimum, maximum } = system.inputs[input];
-  const start = Math.min(Math.max(inputs[input], minimum), maximum);
-  const sign = signAt(start);
-  const count = Math.ceil((SCAN_POINTS * Math.abs(end - start)) / (maximum - minimum));
-  let before = start;
-  for (let i = 1; i <= count; i++) {
-    let after = i === count ? end : start + ((end - start) * i) / count;
-    if (signAt(after) === -sign) {
-      for (let halving = 0; halving < BISECTIONS; halving++) {
-        const middle = (before + after) / 2;
-        if (signAt(middle) === -sign) after = middle;
-        else before = middle;
-      }
-      return after;
+/** The values of an input that are looked at: steps between the points of its universe, fewer where it is fine. */
+function placesToLook({ universe }) {
+  const gaps = universe.length - 1;
+  const steps = Math.min(Math.max(Math.round(FINE_POINTS / gaps), 1), MOST_STEPS);
+  const places = [];
+  for (let i = 0; i < gaps; i++) {
+    for (let step = 0; step < steps; step++) {
+      places.push(universe[i] + ((universe[i + 1] - universe[i]) * step) / steps);
     }
-    before = after;
   }
-  return null;
+  places.push(universe[gaps]);
+  return places;
+}
+
+/** Halve the way between a value before the turn and one after it; return the one after. */
+function locate(isTurned, before, after) {
+  for (let halving = 0; halving < BISECTIONS; halving++) {
+    const middle = (before + after) / 2;
+    if (isTurned(middle)) after = middle;
+    else before = middle;
+  }
+  return after;
 }
 
 /**
- * Search each input in steps of a 200th of its range for the nearest value that turns the output's sign.
+ * Search each input both ways for the nearest value where the output has the other sign.
  * Returns the input, the value and the change of the one that changes least in parts of its range, or null.
  */
 function signChange(system, inputs, output) {
-  if (signOf(system.outputs[output], evaluate(system, inputs, output)) === 0) return null;
+  const variable = system.outputs[output];
+  const start = clipInputs(system, inputs);
+  const sign = signOf(variable, evaluate(system, start, output));
+  if (sign === 0) return null;
   let best = null;
-  system.inputs.forEach(({ minimum, maximum }, input) => {
-    for (const end of [minimum, maximum]) {
-      const at = turnTowards(system, inputs, output, input, end);
-      if (at === null) continue;
-      const by = at - inputs[input];
-      const share = Math.abs(by) / (maximum - minimum);
-      if (!best || share < best.share) best = { input, at, by, share };
+  system.inputs.forEach((asked, input) => {
+    const isTurned = (value) => signOf(variable, evaluate(system, start.with(input, value), output)) === -sign;
+    const range = asked.maximum - asked.minimum;
+    const places = placesToLook(asked);
+    const above = places.filter((value) => value > start[input]);
+    const below = places.filter((value) => value < start[input]).reverse();
+    for (const way of [above, below]) {
+      let before = start[input];
+      for (const value of way) {
+        if (best && Math.abs(before - inputs[input]) / range >= best.share) break;
+        if (isTurned(value)) {
+          const at = locate(isTurned, before, value);
+          const by = at - inputs[input];
+          const share = Math.abs(by) / range;
+          if (!best || share < best.share) best = { input, at, by, share };
+          break;
+        }
+        before = value;
+      }
     }
   });
   return best;
