@@ -5,7 +5,7 @@ it commands; the controller's attribute ``force_axes`` says whether components a
 Hill's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,38 @@ SIGNALS = {
     "velocity_radial": Signal(lanes.VELOCITY_HILL, "m/s", "velocity relative to Hill along i"),
     "velocity_along_track": Signal(lanes.VELOCITY_HILL + 1, "m/s", "velocity relative to Hill along j"),
     "velocity_cross_track": Signal(lanes.VELOCITY_HILL + 2, "m/s", "velocity relative to Hill along k"),
+    "centre_radial": Signal(
+        lanes.CENTRE, "m", "centre of the ellipse of free motion along i; above zero the ellipse falls behind"
+    ),
+    "centre_along_track": Signal(lanes.CENTRE + 1, "m", "centre of the ellipse of free motion along j"),
+    "ring_error_radial": Signal(
+        lanes.RING_ERROR, "m", "along i, from the place on the ring that follows the Sun to the deputy's"
+    ),
+    "ring_error_along_track": Signal(
+        lanes.RING_ERROR + 1, "m", "along j, the same, halved as the ellipse is twice as long as high"
+    ),
+    "target_radial": Signal(lanes.TARGET_DIRECTION, "", "direction of the target along i, from -1 to 1"),
+    "target_along_track": Signal(lanes.TARGET_DIRECTION + 1, "", "direction of the target along j"),
+    "target_cross_track": Signal(lanes.TARGET_DIRECTION + 2, "", "direction of the target along k"),
+    "sun_alignment": Signal(
+        lanes.SUN_BEARING,
+        "",
+        "cosine of the angle from the deputy to the Sun in the orbit plane; 1 with the Sun behind the deputy",
+    ),
+    "sun_ahead": Signal(
+        lanes.SUN_BEARING + 1,
+        "",
+        "sine of the same angle; above zero the Sun has yet to come to the deputy",
+    ),
+}
+
+#: numbers that a controller may set besides its systems, as attributes, each with what it means
+CONSTANTS = {
+    "ring_size_m": "height of the ring that ring_error_* refer to, m",
+    "ring_lead_rad": "how far the Sun is ahead of the deputy's place on the ring, rad",
+    "dead_band_force_x_n": "a force_x smaller than this is not fired, N",
+    "dead_band_force_y_n": "the same for force_y",
+    "dead_band_force_z_n": "the same for force_z",
 }
 
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
@@ -92,8 +124,8 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
     Raises
     ------
     ControllerError
-        If a system senses or drives something unknown, an attribute is missing, or the compiled flight does
-        not cover a system.
+        If a system senses or drives something unknown, an attribute is missing or no number, or the compiled
+        flight does not cover a system.
     """
     attributes = dict(fuzzy.attributes)
     force_axes = attributes.get("force_axes", "")
@@ -136,7 +168,9 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
         pack(*fuzzy.systems)
     except NotCompilable as error:
         raise ControllerError(f"controller {fuzzy.name!r} cannot fly: {error}") from error
-    return Controller(fuzzy.name, fuzzy.systems, force_axes, fuzzy=fuzzy)
+    controller = Controller(fuzzy.name, fuzzy.systems, force_axes, fuzzy=fuzzy)
+    constants_of(controller)
+    return controller
 
 
 def coast() -> Controller:
@@ -174,14 +208,50 @@ def law_of(controller: Controller, num_controls: int) -> Law:
         signals=signals,
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
         layout=layout_of(controller.systems)[0].ravel(),
+        constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
         force_axes=FORCE_AXES[controller.force_axes],
         has_plan=controller.plan is not None,
         plan=plan,
     )
 
 
+def has_constants(controller: Controller) -> bool:
+    """Tell whether a controller sets any of `CONSTANTS`."""
+    return controller.fuzzy is not None and any(name in CONSTANTS for name, _ in controller.fuzzy.attributes)
+
+
+def constants_of(controller: Controller) -> Floats:
+    """Return the constants of a controller, in the order of `CONSTANTS`; zero where it sets none.
+
+    Raises
+    ------
+    ControllerError
+        If one is no finite number, or negative where it measures a length or a force.
+    """
+    attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
+    values = np.zeros(len(CONSTANTS))
+    for place, name in enumerate(CONSTANTS):
+        text = attributes.get(name, "0")
+        try:
+            values[place] = float(text)
+        except ValueError:
+            values[place] = np.nan
+        if not np.isfinite(values[place]) or (values[place] < 0 and name != "ring_lead_rad"):
+            least = "a number" if name == "ring_lead_rad" else "a number from 0 on"
+            raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
+    return values
+
+
+def with_constants(numbers: Packed, controller: Controller) -> Packed:
+    """Append a controller's constants to its numbers, or to those of a population of its structure."""
+    if not has_constants(controller):
+        return numbers
+    rows = np.broadcast_to(constants_of(controller), (len(numbers.values), len(CONSTANTS)))
+    return replace(numbers, values=np.hstack([numbers.values, rows]))
+
+
 def packed(controller: Controller) -> Packed:
     """Return the numbers of a controller's systems; a plan has none."""
     if controller.systems:
-        return pack(*controller.systems)
+        return with_constants(pack(*controller.systems), controller)
     return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.uint64), ())

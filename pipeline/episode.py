@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 
 from fis_tools.kernel import LANES, infer
 from pipeline.lane_attitude import aim_plainly, clip, turn_deputies
+from pipeline.lane_orbit import sense_orbit
 from pipeline.lane_sight import sense
 from pipeline.lanes import (
     BEYOND,
     BODY,
+    CENTRE,
+    DEAD_BAND,
     DELTA_V,
     ETA_U,
     FARTHEST,
@@ -117,9 +120,10 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
                 outputs,
             )
             force = GX + LANES * law.axes[system]
+            dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
             for i in range(num_lanes):
                 coasts = world.coasts_when_complete and lanes[LEFT + i] == 0.0
-                lanes[force + i] += 0.0 if coasts else outputs[i]
+                lanes[force + i] += 0.0 if coasts or abs(outputs[i]) < dead_band else outputs[i]
             if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
                 log.is_decided[k] = True
                 log.fis_output[k, system] = outputs[0]
@@ -203,6 +207,18 @@ def start_lanes(
         work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
 
 
+@njit(cache=True, error_model="numpy")
+def needs_of(law: Law) -> tuple[bool, bool]:
+    """Tell whether a law senses the relative angles, and whether it senses free motion, target or Sun."""
+    needs_angles, needs_orbit = False, False
+    for system in range(len(law.axes)):
+        for place in range(3):
+            signal = law.signals[system, place]
+            needs_angles |= signal in (LAMBDA_U, ETA_U)
+            needs_orbit |= signal >= CENTRE
+    return needs_angles, needs_orbit
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def fly(
     world: World,
@@ -235,10 +251,8 @@ def fly(
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
     is_logged = len(log.position) > 0
-    needs_angles = is_logged
-    for system in range(len(law.axes)):
-        for place in range(3):
-            needs_angles |= law.signals[system, place] == LAMBDA_U or law.signals[system, place] == ETA_U
+    needs_angles, needs_orbit = needs_of(law)
+    needs_angles |= is_logged
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
     lanes = work.lanes
     target, count = np.zeros(3), 0
@@ -250,6 +264,8 @@ def fly(
             for component in range(4):
                 lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
         count = sense(world, work, num_lanes, k, needs_angles, target)
+        if needs_orbit:
+            sense_orbit(world, law, values, work, k)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]

@@ -29,6 +29,7 @@ from pipeline.lanes import (
     RZ,
     SUN_COS,
     SUN_SIN,
+    TARGET_DIRECTION,
     TRAVELLED,
     VELOCITY_BODY,
     VX,
@@ -244,6 +245,8 @@ def sense(
             work.clustered[lane, 0] = -1.0  # whatever comes next is new
 
         signals = work.signals
+        for component in range(3):  # a position yet; `pipeline.lane_orbit` makes it a direction
+            signals[LANES * (TARGET_DIRECTION + component) + lane] = target[component] if count > 0.0 else 0.0
         signals[LANES * DISTANCE + lane] = distance
         signals[LANES * VELOCITY_BODY + lane] = c11 * vx + c12 * vy + c13 * vz
         signals[LANES * (VELOCITY_BODY + 1) + lane] = c21 * vx + c22 * vy + c23 * vz

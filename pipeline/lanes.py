@@ -16,7 +16,11 @@ Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 
 #: positions of the signals that a controller may sense, see `pipeline.controllers.SIGNALS`
-DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL, NUM_SIGNALS = 0, 1, 4, 5, 6, 9, 12
+DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL = 0, 1, 4, 5, 6, 9
+CENTRE, RING_ERROR, TARGET_DIRECTION, SUN_BEARING, NUM_SIGNALS = 12, 14, 16, 19, 21
+
+#: positions of the constants that a controller may set, see `pipeline.controllers.CONSTANTS`
+RING_SIZE, RING_LEAD, DEAD_BAND = 0, 1, 2
 
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE, NUM_OUTCOMES = 0, 1, 2, 3, 4, 5, 6
@@ -65,6 +69,7 @@ class Law(NamedTuple):
     signals: Integers  # (F, 3) which signals it senses
     num_inputs: Integers  # (F,)
     layout: Indices  # of `fis_tools.kernel.Packed`, flat
+    constants: int  # where the controller's constants begin among its values; -1 where it has none
     force_axes: int
     has_plan: bool
     plan: Floats  # (K, 3) forces in Hill axes, N; empty without a plan

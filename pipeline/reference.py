@@ -271,14 +271,26 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         is_decided = not has_plan and not (is_complete and world.coasts_when_complete)
         commanded = np.zeros(3)
         if is_decided:
-            signals = measure(position, velocity, dcm, lambda_u, eta_u)
+            signals = measure(
+                position,
+                velocity,
+                dcm,
+                lambda_u,
+                eta_u,
+                target,
+                world.mean_motion,
+                angle,
+                channels.ring_size,
+                channels.ring_lead,
+            )
             for f in range(len(channels.axes)):
                 inputs = np.zeros(MAX_INPUTS)
                 for i in range(MAX_INPUTS):
                     if channels.signals[f, i] >= 0:
                         inputs[i] = signals[channels.signals[f, i]]
                 output = infer(inference, f, inputs)
-                commanded[channels.axes[f]] += output
+                if abs(output) >= channels.dead_band[channels.axes[f]]:
+                    commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = output
         if has_plan:

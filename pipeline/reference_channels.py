@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fis_tools.model import FuzzySystem
+from pipeline.guidance import MIN_PROJECTION_M
 from pipeline.physics.vectors import norm, times
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,15 @@ SIGNALS = (
     "velocity_radial",
     "velocity_along_track",
     "velocity_cross_track",
+    "centre_radial",
+    "centre_along_track",
+    "ring_error_radial",
+    "ring_error_along_track",
+    "target_radial",
+    "target_along_track",
+    "target_cross_track",
+    "sun_alignment",
+    "sun_ahead",
 )
 
 #: what a fuzzy system can command, along the axes of body or Hill
@@ -48,16 +58,26 @@ class Channels(NamedTuple):
         Whether the systems command Hill axes instead of body axes.
     plan_h : array, shape (K, 3) or (0, 3)
         Forces to play instead of any inference, N, Hill axes; no rows where there is no plan.
+    ring_size, ring_lead : float
+        Height of the ring that follows the Sun, m, and how far the Sun is ahead of the place on it, rad.
+    dead_band : array, shape (3,)
+        Smallest force along each axis that is fired, N.
     """
 
     axes: Integers
     signals: Integers
     is_force_hill: bool
     plan_h: Floats
+    ring_size: float
+    ring_lead: float
+    dead_band: Floats
 
 
 def channels_of(
-    systems: Sequence[FuzzySystem], force_axes: str = "body", plan_h: Floats | None = None
+    systems: Sequence[FuzzySystem],
+    force_axes: str = "body",
+    plan_h: Floats | None = None,
+    constants: Floats | None = None,
 ) -> Channels:
     """Wire fuzzy systems by the names of their variables.
 
@@ -69,7 +89,10 @@ def channels_of(
         ``body`` or ``hill``.
     plan_h : array, optional
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
+    constants : array, optional
+        Ring size (m), ring lead (rad), and three dead bands (N); zero unless given.
     """
+    ring_size, ring_lead, *dead_band = np.zeros(5) if constants is None else constants
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
         signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
@@ -78,12 +101,65 @@ def channels_of(
         signals=signals,
         is_force_hill=force_axes == "hill",
         plan_h=np.zeros((0, 3)) if plan_h is None else np.ascontiguousarray(plan_h, dtype=np.float64),
+        ring_size=float(ring_size),
+        ring_lead=float(ring_lead),
+        dead_band=np.array(dead_band, dtype=np.float64),
     )
 
 
 @njit(cache=True)
-def measure(position_h: Floats, velocity_h: Floats, dcm: Floats, lambda_u: float, eta_u: float) -> Floats:
-    """Return every signal, in the order of `SIGNALS`, in m, m/s and rad.
+def natural_motion(
+    position_h: Floats,
+    velocity_h: Floats,
+    mean_motion: float,
+    sun_angle: float,
+    ring_size: float,
+    ring_lead: float,
+) -> Floats:
+    """Return the centre of the ellipse of free motion, radial and along the track, and the ring errors, m.
+
+    Free motion is ``x = x_c + X``, ``y = y_c + 2 Y``, where ``(X, Y)`` turns at minus the mean motion, as the
+    Sun does, and ``x_c`` is constant (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960).
+    """
+    x, y = position_h[0], position_h[1]
+    x_rate, y_rate = velocity_h[0], velocity_h[1]
+    centre = np.array([4.0 * x + 2.0 * y_rate / mean_motion, y - 2.0 * x_rate / mean_motion])
+    offset = np.array([x - centre[0], 0.5 * (y - centre[1])])
+    place = ring_size * np.array([np.cos(sun_angle - ring_lead), np.sin(sun_angle - ring_lead)])
+    return np.concatenate((centre, offset - place))
+
+
+@njit(cache=True)
+def sun_bearing(position_h: Floats, sun_angle: float) -> Floats:
+    """Return cosine and sine of the angle from the deputy to the Sun in the orbit plane."""
+    reach = np.sqrt(position_h[0] ** 2 + position_h[1] ** 2)
+    if reach < MIN_PROJECTION_M:
+        return np.zeros(2)
+    angle = sun_angle - np.arctan2(position_h[1], position_h[0])
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+@njit(cache=True)
+def direction(target_h: Floats) -> Floats:
+    """Return the unit vector towards the target; zeros without one."""
+    length = norm(target_h)
+    return target_h / length if length >= MIN_PROJECTION_M else np.zeros(3)
+
+
+@njit(cache=True)
+def measure(
+    position_h: Floats,
+    velocity_h: Floats,
+    dcm: Floats,
+    lambda_u: float,
+    eta_u: float,
+    target_h: Floats,
+    mean_motion: float,
+    sun_angle: float,
+    ring_size: float,
+    ring_lead: float,
+) -> Floats:
+    """Return every signal, in the order of `SIGNALS`, in m, m/s, rad and pure numbers.
 
     Parameters
     ----------
@@ -93,9 +169,13 @@ def measure(position_h: Floats, velocity_h: Floats, dcm: Floats, lambda_u: float
         From Hill to body axes.
     lambda_u, eta_u : float
         Relative angles, rad.
+    target_h : array, shape (3,)
+        The target, m, Hill axes; zeros without one.
+    mean_motion, sun_angle, ring_size, ring_lead : float
+        rad/s, rad, m and rad.
     """
     velocity_b = times(dcm, velocity_h)
-    return np.array(
+    known = np.array(
         [
             norm(position_h),
             velocity_b[0],
@@ -111,3 +191,5 @@ def measure(position_h: Floats, velocity_h: Floats, dcm: Floats, lambda_u: float
             velocity_h[2],
         ]
     )
+    motion = natural_motion(position_h, velocity_h, mean_motion, sun_angle, ring_size, ring_lead)
+    return np.concatenate((known, motion, direction(target_h), sun_bearing(position_h, sun_angle)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.kernel import LANES, Packed, evaluate, padded, scratch_for
 from pipeline import lanes
-from pipeline.controllers import Controller, law_of, packed
+from pipeline.controllers import Controller, constants_of, law_of, packed
 from pipeline.episode import fly_many
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import num_clusters
@@ -299,7 +299,9 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
         return float(evaluate(numbers, row, system)[0])
 
     plan = law_of(controller, mission.num_controls).plan
-    channels = channels_of(controller.systems, controller.force_axes, plan if len(plan) else None)
+    channels = channels_of(
+        controller.systems, controller.force_axes, plan if len(plan) else None, constants_of(controller)
+    )
     return reference.fly(mission, scenario, channels, infer)
 
 

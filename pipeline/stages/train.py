@@ -13,7 +13,7 @@ from fis_tools.parameters import Bounds, Encoding
 from pipeline import artifacts, controller_source, tables
 from pipeline.checkpoint import Generation
 from pipeline.compile_notice import announce_compilation
-from pipeline.controllers import Controller, ControllerError, law_of
+from pipeline.controllers import Controller, ControllerError, law_of, with_constants
 from pipeline.evolution import Evaluate, evolve_rounds
 from pipeline.objectives import fitness_parts
 from pipeline.progress import TrainingProgress
@@ -118,7 +118,8 @@ def fitness_of_round(
     )
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
-        outcomes = fly_population(world, law, encoding.pack(genomes), starts, sun_angles, optimizer.workers)
+        numbers = with_constants(encoding.pack(genomes), template)
+        outcomes = fly_population(world, law, numbers, starts, sun_angles, optimizer.workers)
         return fitness_parts(outcomes, penalty, world.num_points, mission.inspection_threshold_percent)
 
     return evaluate

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.model import FuzzyController, FuzzySystem, Term, Triangular, Variable, table_rules
+from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Triangular, Variable, table_rules
 from pipeline.controllers import Controller, from_fuzzy
 from pipeline.flight import FlightLog, Scenario
 from pipeline.physics.clohessy_wiltshire import state_transition
@@ -36,9 +36,10 @@ def ball(moment: float) -> tuple[tuple[float, ...], ...]:
     return ((moment, 0.0, 0.0), (0.0, moment, 0.0), (0.0, 0.0, moment))
 
 
-def controller(systems: tuple[FuzzySystem, ...], force_axes: str = "body") -> Controller:
+def controller(systems: tuple[FuzzySystem, ...], force_axes: str = "body", **constants: float) -> Controller:
     """A controller of some systems."""
-    return from_fuzzy(FuzzyController("tried", systems, (("force_axes", force_axes),)))
+    attributes = {"force_axes": force_axes} | {name: repr(value) for name, value in constants.items()}
+    return from_fuzzy(FuzzyController("tried", systems, tuple(sorted(attributes.items()))))
 
 
 def three_input_system() -> FuzzySystem:
@@ -72,6 +73,55 @@ def sparse_system() -> FuzzySystem:
     return FuzzySystem("sparse", (distance,), (output,), table_rules((distance,), output, ["t3", "t2", "t1"]))
 
 
+def leaning_system(axis: str, reach: float, *senses: tuple[str, str, float]) -> FuzzySystem:
+    """Leans against its first input and along the others, by terms that part a range in three."""
+    inputs = tuple(
+        replace(variable(name, unit, -width, width, 0.4 * width), terms=tuple(three_terms(width)))
+        for name, unit, width in senses
+    )
+    output = variable(axis, "N", -reach, reach, 0.25 * reach, default=0.0)
+    cells = np.indices([3] * len(inputs)).reshape(len(inputs), -1).T - 1
+    consequents = [f"t{int(np.clip(2 - cell[0] + cell[1:].sum(), 0, 4))}" for cell in cells]
+    return FuzzySystem("leaning_" + axis, inputs, (output,), table_rules(inputs, output, consequents))
+
+
+def three_terms(width: float) -> list[Term]:
+    """Below, about and above zero."""
+    return [Term(f"t{i}", Gaussian((i - 1) * width, 0.4 * width)) for i in range(3)]
+
+
+#: senses free motion, the target's direction and the Sun's, and keeps still below its dead bands
+ORBITAL = controller(
+    (
+        leaning_system(
+            "force_x",
+            0.02,
+            ("ring_error_along_track", "m", 80.0),
+            ("centre_along_track", "m", 120.0),
+            ("target_radial", "", 1.0),
+        ),
+        leaning_system(
+            "force_y",
+            0.03,
+            ("centre_radial", "m", 60.0),
+            ("ring_error_radial", "m", 80.0),
+            ("sun_ahead", "", 1.0),
+        ),
+        leaning_system(
+            "force_z",
+            0.02,
+            ("target_along_track", "", 1.0),
+            ("target_cross_track", "", 1.0),
+            ("sun_alignment", "", 1.0),
+        ),
+    ),
+    "hill",
+    ring_size_m=31.0,
+    ring_lead_rad=0.4,
+    dead_band_force_x_n=0.002,
+    dead_band_force_y_n=0.004,
+    dead_band_force_z_n=0.001,
+)
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.controllers import Controller, coast, law_of, open_loop
+from pipeline.controllers import Controller, coast, constants_of, law_of, open_loop
 from pipeline.flight import FlightLog, Scenario
 from pipeline.reference import fly_compiled
 from pipeline.reference_channels import channels_of
@@ -18,6 +18,7 @@ from pipeline.simulation import fly_logged
 from tests.simulation.cases import (
     COMPLETED,
     MIXED,
+    ORBITAL,
     OVER_POLES,
     RESTORING,
     SPARSE,
@@ -69,6 +70,7 @@ FLOWN = {
     ),
     "systems of one, two and three inputs": (mission(), MIXED, [*STARTS, COMPLETED]),
     "a controller that is often silent": (mission(), SPARSE, STARTS),
+    "free motion, target and Sun": (mission(), ORBITAL, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,
@@ -84,13 +86,14 @@ POINTED = {
     "over a pole without force": (mission(attitude=IDEAL), coast(), OVER_POLES),
     "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
+    "free motion, target and Sun": (mission(attitude=IDEAL), ORBITAL, [*STARTS, *OVER_POLES]),
     "another camera": (mission(attitude=IDEAL, sensor={"boresight": (-0.8, 0.6, 0.0)}), STEERING, STARTS),
 }
 
 
 def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
     plan = None if controller.plan is None else law_of(controller, what.num_controls).plan
-    channels = channels_of(controller.systems, controller.force_axes, plan)
+    channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
     return fly_logged(what, controller, start), fly_compiled(what, start, channels, pack(controller.systems))
 
 
