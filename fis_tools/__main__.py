@@ -17,12 +17,13 @@ from fis_tools.commands import (
     plot,
     review,
     show,
+    simplify,
     surface,
 )
 from fis_tools.commands.arguments import UserMistake
 from fis_tools.validate import ControllerFileError
 
-COMMANDS = (show, plot, surface, export, importing, audit, explain, firing, bounds, diff, review)
+COMMANDS = (show, plot, surface, export, importing, audit, explain, firing, bounds, simplify, diff, review)
 
 EPILOG = """\
 examples:
@@ -34,6 +35,7 @@ examples:
   python -m fis_tools firing episodes/*.mcap
   python -m fis_tools bounds controller.yaml --where "distance > 150" --ask "force_x > 0"
   python -m fis_tools diff before.yaml after.yaml -o diff.html
+  python -m fis_tools simplify controller.yaml --max-change 5% -o simpler.yaml
   python -m fis_tools export controller.yaml --format markdown > controller.md
   python -m fis_tools import tipper.fis -o tipper.yaml
   python -m fis_tools review controller.yaml --flights episodes/*.mcap -o review.html

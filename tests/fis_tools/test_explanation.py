@@ -59,7 +59,7 @@ def test_a_flip_lies_where_the_closed_form_crosses(value: float) -> None:
 
 
 def test_a_jump_is_a_flip_and_is_told() -> None:
-    """The smallest of the highest points: the left end of one plateau, then of the other, or a point later."""
+    """The smallest of the highest points: the left end of one plateau, then that of the other."""
     system = ramp(defuzzifier="som")
     flip = by_way(flips(system, [0.2]))[1]
     assert flip.first == pytest.approx(0.5, abs=2e-9)

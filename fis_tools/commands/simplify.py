@@ -1,0 +1,113 @@
+"""`simplify`: fewer rules, terms and digits, while the outputs stay within a budget."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from fis_tools import serialize
+from fis_tools.commands.arguments import (
+    Commands,
+    UserMistake,
+    add_command,
+    add_flights,
+    chosen,
+    flown_inputs,
+    write,
+)
+from fis_tools.simplification import Budget, Simplification, simplify
+from fis_tools.source import read_controller
+
+SCHEMA = "fuzzy-simplification"
+SCHEMA_VERSION = 1
+WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
+
+EPILOG = """\
+Steps drop rules, merge terms that look alike, and round numbers. Each is measured against the
+original; what changes least goes first, until nothing more fits the budget. With flights the
+budget holds along them, and what was not flown may change; --everywhere holds it over the whole
+ranges of the inputs as well, as it does without flights. What comes out is an ordinary controller:
+fly it before you trust it.
+
+examples:
+  python -m fis_tools simplify controller.yaml -o simpler.yaml
+  python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --max-change 10%
+  python -m fis_tools simplify episodes/best.mcap --everywhere --mean-change 0.5% -o simpler.json
+"""
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser."""
+    command = add_command(commands, "simplify", run, "make a simpler controller that answers nearly the same")
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    add_flights(command)
+    defaults = Budget()
+    for name, default, what in (
+        ("max", defaults.max_change, "the largest change of an output that is allowed"),
+        ("mean", defaults.mean_change, "the mean change that is allowed"),
+    ):
+        command.add_argument(
+            f"--{name}-change",
+            type=_share,
+            default=default,
+            metavar="SHARE",
+            help=f"{what}, of its range (default: {100 * default:g}%%)",
+        )
+    command.add_argument(
+        "--look-alike",
+        type=_share,
+        default=defaults.look_alike,
+        metavar="SHARE",
+        help=f"merge terms that share so much of their areas (default: {100 * defaults.look_alike:g}%%)",
+    )
+    command.add_argument(
+        "--everywhere", action="store_true", help="with flights: keep the budget over the whole ranges too"
+    )
+    command.add_argument("-o", "--output", metavar="FILE", help="write the simpler controller (.json, .yaml)")
+    command.add_argument(
+        "--json", action="store_true", help=f"print the steps for programs (schema {SCHEMA}, version 1)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print the steps, and write what comes out."""
+    form = WRITERS.get(Path(arguments.output).suffix.lower()) if arguments.output else None
+    if arguments.output and form is None:
+        raise UserMistake(f"{arguments.output} ends in none of {', '.join(WRITERS)}; name the file so")
+    controller = chosen(read_controller(arguments.controller), arguments.system)
+    samples = flown_inputs(arguments, controller)
+    if samples is None and arguments.everywhere:
+        raise UserMistake("--everywhere goes with --flights; without them the budget holds everywhere anyway")
+    try:
+        budget = Budget(
+            arguments.max_change, arguments.mean_change, arguments.everywhere, arguments.look_alike
+        )
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
+    found = simplify(controller, samples, budget, _tell if sys.stderr.isatty() else None)
+    if form is not None:
+        write(arguments.output, form(found.controller))
+    print(_plain(found) if arguments.json else found.text(), end="")
+
+
+def _plain(found: Simplification) -> str:
+    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **found.plain()}
+    return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _tell(words: str) -> None:
+    """Write how far it is over what was written before."""
+    print(f"{words}\x1b[K\r", end="", file=sys.stderr, flush=True)
+
+
+def _share(word: str) -> float:
+    """Read ``5%`` or ``0.05``."""
+    number = word.strip().removesuffix("%").strip()
+    try:
+        value = float(number) / (100.0 if word.strip().endswith("%") else 1.0)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{word!r} is no share from 0% to 100%; write 5% or 0.05")
+    return value
