@@ -4,8 +4,21 @@ import argparse
 import sys
 from pathlib import Path
 
+from fis_tools import compilation
 from fis_tools.commands.arguments import Commands, add_command, chosen, place_for
 from fis_tools.source import read_controller
+
+EPILOG = """\
+The page is one HTML file that needs no network: findings of the audit, terms, rules, surfaces that
+turn, proved ranges, and an inference view whose sliders compute in the page what Python computes.
+With flights it tells which rules fired when, and every view follows the time. Print it to sign it;
+the hash on it is that of `python -m fis_tools export CONTROLLER --format json`.
+
+examples:
+  python -m fis_tools review controller.yaml
+  python -m fis_tools review outputs/train/TIME --flights outputs/train/TIME/episodes/*.mcap
+  python -m fis_tools review episodes/best.mcap -o best.html
+"""
 
 
 def add(commands: Commands) -> None:
@@ -13,6 +26,8 @@ def add(commands: Commands) -> None:
     command = add_command(
         commands, "review", run, "write one HTML page to review a controller and sign it off"
     )
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument(
         "--flights",
         metavar="FLIGHT",
@@ -33,6 +48,8 @@ def run(arguments: argparse.Namespace) -> None:
     paths = arguments.flights
     if not paths and Path(arguments.controller).suffix == ".mcap":
         paths = [arguments.controller]
+    if compilation.is_cold():
+        print("compiling, about 30 s; the next page finds it done", file=sys.stderr)
     text = page.write(controller, paths)
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")

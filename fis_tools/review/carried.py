@@ -15,7 +15,7 @@ from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Var
 from fis_tools.review.flown import Flight
 
 #: so many inferences of a system are carried at most, shared out among the flights
-MOST_SAMPLES = 4000
+MOST_SAMPLES = 2000
 
 
 def system_data(system: FuzzySystem) -> dict[str, Any]:

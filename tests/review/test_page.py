@@ -190,9 +190,10 @@ def test_the_surface_is_that_of_python_and_follows_its_axes_and_held_inputs(show
     surface = analysis.surface(
         system, "distance", "velocity_body_z", fixed={"eta_u": 1.5}, num_points=49
     ).values
-    low, high = (
-        float(word.replace("−", "-")) for word in re.findall(r"(−?[\d.]+(?:e[−-]\d+)?) N", note.inner_text())
-    )
+    words = note.inner_text()
+    assert "with eta_u = 1.5 rad" in words
+    numbers = re.findall(r"(−?[\d.]+(?:e[−-]\d+)?) N", words)
+    low, high = (float(word.replace("−", "-")) for word in numbers)
     assert (low, high) == pytest.approx((surface.min(), surface.max()), rel=1e-3)
     # choosing what the other axis has exchanges the two
     shown.locator("#s2 .live.surface select").nth(1).select_option(label="distance (m)")

@@ -208,15 +208,14 @@ function evaluate(system, inputs, output) {
 }
 
 /** What each rule that fires moved an output by: the output less what it were had the rule been silent. */
-function contributions(system, output, inference) {
-  const { firing, outputs } = inference;
-  const moved = new Float64Array(firing.length);
-  firing.forEach((strength, rule) => {
-    const isAsked = system.rules[rule].consequents.some(([variable]) => variable === output);
-    if (strength === 0 || !isAsked) return;
-    const silent = firing.slice();
-    silent[rule] = 0;
-    moved[rule] = outputs[output].value - conclude(system, output, silent).value;
+function contributions(system, output, { firing, outputs }) {
+  const { cuts, value } = outputs[output];
+  const isByMaximum = system.outputs[output].accumulation === "max";
+  return firing.map((strength, rule) => {
+    // under a maximum only a rule that cuts its term highest can matter
+    const matters = ([variable, term, weight]) =>
+      variable === output && (!isByMaximum || strength * weight >= cuts[term]);
+    if (strength === 0 || !system.rules[rule].consequents.some(matters)) return 0;
+    return value - conclude(system, output, firing.with(rule, 0)).value;
   });
-  return moved;
 }

@@ -163,6 +163,7 @@ function inferenceView(element, state, id) {
   };
   const names = system.outputs.map(withUnit);
   const chooser = names.length > 1 ? [choice("Output", names, 0, choose).element] : [];
+  element.classList.toggle("wide", system.inputs.length > 2);
   const steps = [
     ["1. Inputs and their terms", ...system.inputs.map((_, place) => inputStep(state, place, `${id}-x${place + 1}`))],
     ["2. Rules that fire, and what each moves", rules, note],

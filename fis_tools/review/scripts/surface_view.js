@@ -20,7 +20,7 @@ function surfaceView(element, state, scale, id) {
     if (wanted !== shape) {
       shape = wanted;
       response = responseOver(state, x, y, output);
-      range.textContent = rangeWords(response);
+      range.textContent = rangeWords(response, heldWords(state, x, y));
     }
     return response;
   };
@@ -48,10 +48,17 @@ function surfaceView(element, state, scale, id) {
   state.follow(update);
 }
 
-function rangeWords({ variable, low, high }) {
+/** Say at what values the inputs that are no axis are held. */
+function heldWords({ system, inputs }, x, y) {
+  const others = system.inputs.filter((_, i) => i !== x && i !== y);
+  const words = others.map((variable) => `${variable.name} = ${quantity(inputs[system.inputs.indexOf(variable)], variable)}`);
+  return words.length ? `, with ${words.join(", ")},` : "";
+}
+
+function rangeWords({ variable, low, high }, held) {
   const extent = `${quantity(low, variable)} to ${quantity(high, variable)}`;
   const zero = low < 0 && high > 0 ? ", the thick line is zero" : "";
-  return `On this surface ${variable.name} goes from ${extent}; the ring marks the present inputs${zero}.`;
+  return `On this surface${held} ${variable.name} goes from ${extent}; the ring marks the present inputs${zero}.`;
 }
 
 /** The choices of both axes and of the output, those with nothing to choose left out. */
