@@ -1,38 +1,148 @@
-"""Compiled inference beside scikit-fuzzy's compute(), one thread, for the champion's 25-rule systems."""
+"""Microseconds an inference: scikit-fuzzy, fuzzylite, pyfuzzylite and ours on the same systems and inputs."""
 
 import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.timing import best_cpu_seconds, line
-from fis_tools.kernel import evaluate, pack
+from benchmarks import rivals
+from benchmarks.rivals import Missing, Timed
+from benchmarks.timing import best_cpu_seconds, best_wall_seconds
+from fis_tools.compiler import compile
+from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
 from fis_tools.skfuzzy_build import build_simulation
 from pipeline import controller_source
 from pipeline.config import compose_experiment
 
+Floats = NDArray[np.float64]
 
-def run(controller: str, num_samples: int = 200_000, num_reference: int = 200) -> None:
-    """Print microseconds an evaluation for both engines, and the ratio."""
+NUM_SAMPLES = 200_000
+#: fewer for those that take longer
+NUM_RIVAL, NUM_ARRAY, NUM_STOCK = 20_000, 500, 100
+
+#: Engines differ in where they sample. At this many points they agree to this share of the output's range:
+#: scikit-fuzzy joins exact points by lines, fuzzylite takes the middles of slices.
+FINE_POINTS, AGREEMENT = 1001, 2e-4
+
+
+def run(controller: str) -> None:
+    """Print a table: a row an engine; microseconds an inference and times as fast as scikit-fuzzy."""
     experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
-    systems = controller_source.load(experiment.controller, experiment.mission).systems
-    print(f"Inference: systems of {controller}, random inputs over their universes, one thread")
-    generator = np.random.default_rng(0)
+    systems = (controller_source.load(experiment.controller, experiment.mission).systems[0], _large_system())
+    names = ", ".join(f"{system.name} ({len(system.rules)} rules)" for system in systems)
+    print(f"Inference: {names}; random inputs over the universes")
+    columns = []
     for system in systems:
-        low = np.array([variable.minimum for variable in system.inputs])
-        high = np.array([variable.maximum for variable in system.inputs])
-        inputs = generator.uniform(low, high, (num_samples, len(low)))
-        packed = pack(system)
-        fast = best_cpu_seconds(lambda p=packed, x=inputs: evaluate(p, x)) / num_samples
-        simulation = build_simulation(system)
-        started = time.process_time()
-        for row in inputs[:num_reference]:  # once each: scikit-fuzzy remembers inputs that it has seen
-            for variable, value in zip(system.inputs, row, strict=True):
-                simulation.input[variable.name] = float(value)
-            simulation.compute()
-        slow = (time.process_time() - started) / num_reference
-        line(f"{system.name}, {len(system.rules)} rules: compiled, microseconds", f"{1e6 * fast:.3f}")
-        line(
-            f"{system.name}, {len(system.rules)} rules: scikit-fuzzy compute(), microseconds",
-            f"{1e6 * slow:,.0f}",
-        )
-        line(f"{system.name}, {len(system.rules)} rules: times as fast", f"{slow / fast:,.0f}")
+        _check_agreement(system)
+        columns.append(dict(_timed(system, _inputs(system, NUM_SAMPLES))))
+    heads = [f"{len(system.rules)} rules, µs" for system in systems]
+    print(f"  {'':<54}", *(f"{head:>16}{'times':>9}" for head in heads))
+    for engine in columns[0]:
+        cells = [_cell(column[engine], column["scikit-fuzzy compute()"]) for column in columns]
+        print(f"  {engine:<54}", *cells, flush=True)
+
+
+def _cell(seconds: float | None, stock: float | None) -> str:
+    if seconds is None or stock is None:
+        return f"{'left out':>25}"
+    return f"{1e6 * seconds:>16,.3f}{stock / seconds:>9,.0f}"
+
+
+def _large_system() -> FuzzySystem:
+    """125 rules, three inputs of five Gaussian terms each, consequents by the sum of the term numbers."""
+
+    def variable(name: str) -> Variable:
+        terms = tuple(Term(f"t{place}", Gaussian(place / 2.0 - 1.0, 0.25)) for place in range(5))
+        return Variable(name, "", -1.0, 1.0, terms)
+
+    inputs = tuple(variable(name) for name in ("x", "y", "z"))
+    output = replace(variable("u"), default=0.0)
+    consequents = [f"t{(a + b + c) // 3}" for a in range(5) for b in range(5) for c in range(5)]
+    return FuzzySystem("three inputs", inputs, (output,), table_rules(inputs, output, consequents))
+
+
+def _inputs(system: FuzzySystem, count: int) -> Floats:
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    return np.random.default_rng(0).uniform(low, high, (count, len(low)))
+
+
+def _with_points(system: FuzzySystem, num_points: int) -> FuzzySystem:
+    return replace(
+        system,
+        inputs=tuple(replace(variable, num_points=num_points) for variable in system.inputs),
+        outputs=tuple(replace(variable, num_points=num_points) for variable in system.outputs),
+    )
+
+
+def _check_agreement(system: FuzzySystem) -> None:
+    """Fail unless all engines give the same on fine universes, within the discretisation."""
+    fine = _with_points(system, FINE_POINTS)
+    inputs = _inputs(fine, NUM_ARRAY)
+    expected = compile(fine)(inputs)[:, 0]
+    width = fine.outputs[0].maximum - fine.outputs[0].minimum
+    for name, engine in (("pyfuzzylite", rivals.pyfuzzylite), ("fuzzylite", rivals.fuzzylite)):
+        try:
+            difference = np.abs(engine(fine, inputs).outputs - expected).max() / width
+        except Missing as missing:
+            print(f"  {name} is left out: {missing}")
+            continue
+        assert difference < AGREEMENT, f"{name} is off by {difference:.1e} of the range"
+        print(f"  {system.name}: {name} agrees to {difference:.0e} of the range at {FINE_POINTS} points")
+    stock = _stock(system, inputs[:10]).outputs
+    assert np.abs(compile(system)(inputs[:10])[:, 0] - stock).max() < 1e-12 * width
+
+
+def _timed(system: FuzzySystem, inputs: Floats) -> Iterator[tuple[str, float | None]]:
+    """Yield each engine and its seconds an evaluation."""
+    yield "scikit-fuzzy compute()", _stock(system, inputs[:NUM_STOCK]).seconds
+    yield "scikit-fuzzy, arrays as inputs", _arrays(system, inputs[:NUM_ARRAY])
+    yield "fuzzylite, C++", _rival(rivals.fuzzylite, system, inputs)
+    yield "pyfuzzylite, vectorised", _rival(rivals.pyfuzzylite, system, inputs)
+    for threads in (1, 2):
+        compiled = compile(system, threads=threads)
+        for kind, engine in (("any system", replace(compiled, packed=None)), ("by the kernel", compiled)):
+            if threads == 1:
+                seconds = best_cpu_seconds(lambda infer=engine: infer(inputs))
+            else:
+                seconds = best_wall_seconds(lambda infer=engine: infer(inputs), 20)
+            is_other = engine.packed is None and kind == "by the kernel"
+            words = "1 thread" if threads == 1 else f"{threads} threads, on the clock"
+            yield f"compile(system), {kind}, {words}", None if is_other else seconds / len(inputs)
+
+
+def _rival(
+    engine: Callable[[FuzzySystem, Floats], Timed], system: FuzzySystem, inputs: Floats
+) -> float | None:
+    try:
+        return engine(system, inputs[:NUM_RIVAL]).seconds
+    except Missing:
+        return None
+
+
+def _stock(system: FuzzySystem, inputs: Floats) -> Timed:
+    """Time compute(); each input once, for scikit-fuzzy remembers inputs that it has seen."""
+    simulation = build_simulation(system)
+    outputs = []
+    started = time.process_time()
+    for row in inputs:
+        for variable, value in zip(system.inputs, row, strict=True):
+            simulation.input[variable.name] = float(value)
+        simulation.compute()
+        outputs.append(simulation.output[system.outputs[0].name])
+    return Timed(np.array(outputs), (time.process_time() - started) / len(inputs))
+
+
+def _arrays(system: FuzzySystem, inputs: Floats) -> float:
+    """Time compute() with arrays as inputs."""
+    simulation = build_simulation(system)
+    columns = inputs.T.copy()
+
+    def infer() -> None:
+        for variable, column in zip(system.inputs, columns, strict=True):
+            simulation.input[variable.name] = column
+        simulation.compute()
+
+    return best_cpu_seconds(infer, repeats=3) / len(inputs)

@@ -41,8 +41,8 @@ SMALLEST = float(np.nextafter(0.0, 1.0))
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler does so
 LANES = 16
-#: samples between two changes from rules to outputs, so that firing strengths stay in the processor's cache
-BLOCK = 512
+#: firing strengths between two changes from rules to outputs: so many stay in the processor's cache
+BLOCK = 65_536
 
 
 def fire(program: Program, inputs: Floats) -> Floats:
@@ -63,12 +63,13 @@ def conclude(program: Program, firing: Floats) -> Floats:
 def evaluate(program: Program, inputs: Floats) -> Floats:
     """Return the outputs, (n, num_outputs), for inputs (n, num_inputs)."""
     columns = np.empty((len(program.conclusions), len(inputs)))
-    firing = np.empty((min(BLOCK, len(inputs)), program.num_rules))
-    for first in range(0, len(inputs), BLOCK):
-        rows = inputs[first : first + BLOCK]
+    size = max(LANES, min(BLOCK // program.num_rules, len(inputs)))
+    firing = np.empty((size, program.num_rules))
+    for first in range(0, len(inputs), size):
+        rows = inputs[first : first + size]
         _fire(*program.antecedents, rows, firing[: len(rows)])
         for conclusion, column in zip(program.conclusions, columns, strict=True):
-            _conclude(*conclusion, firing[: len(rows)], column[first : first + BLOCK])
+            _conclude(*conclusion, firing[: len(rows)], column[first : first + size])
     return columns.T
 
 

@@ -44,9 +44,10 @@ def test_what_is_compiled_agrees_with_scikit_fuzzy(seed: int) -> None:
     np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=1e-12)
 
 
-def test_a_batch_longer_than_a_block_and_not_a_whole_number_of_lanes() -> None:
+def test_a_batch_longer_than_a_block_and_not_a_whole_number_of_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
     system = random_general_system(np.random.default_rng([3, 1]))
-    rows = inputs_for(system, np.random.default_rng(0), interpreter.BLOCK + interpreter.LANES + 3)
+    monkeypatch.setattr(interpreter, "BLOCK", 40 * len(system.rules))
+    rows = inputs_for(system, np.random.default_rng(0), 40 + interpreter.LANES + 3)
     program = assemble(system)
     one_by_one = [interpreter.evaluate(program, row[np.newaxis])[0] for row in rows]
     np.testing.assert_array_equal(interpreter.evaluate(program, rows), one_by_one)

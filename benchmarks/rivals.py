@@ -1,0 +1,108 @@
+"""Other programs that infer, timed in processes of their own: fuzzylite in C++, pyfuzzylite.
+
+Both read the same system as a text in the FuzzyLite Language, and their outputs come back with the time.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compilation import cache_root
+from fis_tools.formats import fll
+from fis_tools.model import FuzzyController, FuzzySystem
+
+Floats = NDArray[np.float64]
+FOLDER = Path(__file__).parent
+PYFUZZYLITE = "pyfuzzylite==8.0.6"
+
+
+class Missing(RuntimeError):  # noqa: N818
+    """A program that is not there; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class Timed:
+    """What an engine gave for some samples, shape (n,), and the processor time it took for one."""
+
+    outputs: Floats
+    seconds: float
+
+
+def fuzzylite(system: FuzzySystem, inputs: Floats) -> Timed:
+    """Time fuzzylite's C++ library, compiled with full optimisation."""
+    compiler = shutil.which("g++")
+    if compiler is None or not Path("/usr/include/fl/Headers.h").exists():
+        raise Missing("apt-get install g++ libfuzzylite-dev")
+    with tempfile.TemporaryDirectory() as name:
+        folder = _files(Path(name), system)
+        driver = folder / "driver"
+        source = FOLDER / "fuzzylite.cpp"
+        command = [
+            compiler,
+            "-std=c++11",
+            "-O3",
+            "-march=native",
+            "-w",
+            str(source),
+            "-o",
+            str(driver),
+            "-lfuzzylite",
+        ]
+        subprocess.run(command, check=True)  # noqa: S603
+        inputs.tofile(folder / "inputs")
+        words = [
+            str(folder / "system.fll"),
+            str(folder / "inputs"),
+            str(len(inputs)),
+            str(folder / "outputs"),
+        ]
+        seconds = _seconds([str(driver), *words])
+        return Timed(np.fromfile(folder / "outputs"), seconds / len(inputs))
+
+
+def pyfuzzylite(system: FuzzySystem, inputs: Floats) -> Timed:
+    """Time pyfuzzylite on arrays, in an environment of its own: it needs an older NumPy."""
+    python = _environment()
+    with tempfile.TemporaryDirectory() as name:
+        folder = _files(Path(name), system)
+        np.save(folder / "inputs.npy", inputs)
+        files = [str(folder / file) for file in ("system.fll", "inputs.npy", "outputs.npy")]
+        seconds = _seconds([str(python), str(FOLDER / "pyfuzzylite.py"), *files])
+        return Timed(np.load(folder / "outputs.npy"), seconds / len(inputs))
+
+
+def _files(folder: Path, system: FuzzySystem) -> Path:
+    text = fll.write(FuzzyController(system.name, (system,))).text
+    (folder / "system.fll").write_text(text, encoding="utf-8")
+    return folder
+
+
+def _seconds(command: list[str]) -> float:
+    alone = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=alone)  # noqa: S603
+    return float(done.stdout)
+
+
+def _environment() -> Path:
+    """Return the interpreter of a virtual environment with pyfuzzylite, made at the first call and kept."""
+    folder = cache_root() / PYFUZZYLITE.replace("==", "-")
+    python = folder / "bin" / "python"
+    is_there = folder / "complete"
+    if not is_there.exists():
+        for words in ([sys.executable, "-m", "venv", "--clear", str(folder)], _pip(python)):
+            done = subprocess.run(words, check=False, capture_output=True, text=True)  # noqa: S603
+            if done.returncode != 0:
+                raise Missing(f"python -m pip install {PYFUZZYLITE} failed: {done.stderr.strip()[-200:]}")
+        is_there.touch()
+    return python
+
+
+def _pip(python: Path) -> list[str]:
+    return [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PYFUZZYLITE]
