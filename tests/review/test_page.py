@@ -392,7 +392,7 @@ def test_all_kinds_of_systems_are_shown(opened):
     shown = opened(page.write(FuzzyController("kinds", (general, single))))
     shown.locator("#s1 .live.inference select").select_option(label="vent")
     expect(shown.locator("#s1 .live.inference output")).to_contain_text("vent = ")
-    assert pixels(shown, "#s2 canvas.curve") != pixels(shown, "#s1 canvas.map")
+    assert pixels(shown, "#s2 canvas.response") != pixels(shown, "#s1 canvas.map")
     assert shown.locator("#s1 .matrix").count() == 0
     assert shown.locator("#s2 .matrix td").count() == 5
 

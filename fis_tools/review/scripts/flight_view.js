@@ -25,13 +25,12 @@ class FlightClock {
   }
 }
 
-/** Infer a whole flight: outputs and firing strengths, a row a sample. */
+/** Infer a whole flight: its output and firing strengths, a row a sample. */
 function inferFlight(system, flown) {
   const firing = flown.inputs.map((row) => fire(system, fuzzify(system, clipInputs(system, row))));
-  const outputs = firing.map((strengths) => system.outputs.map((_, output) => conclude(system, output, strengths).value));
-  const strongest = system.rules.map((_, rule) => firing.reduce((most, row) => Math.max(most, row[rule]), 0));
+  const outputs = firing.map((strengths) => conclude(system, 0, strengths).value);
   const shares = system.rules.map((_, rule) => firing.filter((row) => row[rule] >= FIRED).length / firing.length);
-  return { ...flown, firing, outputs, strongest, shares };
+  return { ...flown, firing, outputs, shares };
 }
 
 /** Which rules have a row: those that fire at all, by how often or by their number. */
@@ -48,9 +47,8 @@ function stripHeight(numRows) {
 
 function paintOutputOverTime(context, system, inferred, x, right, colours) {
   const [variable] = system.outputs;
-  const values = inferred.outputs.map(([value]) => value);
-  const low = values.reduce((a, b) => Math.min(a, b));
-  const high = values.reduce((a, b) => Math.max(a, b));
+  const { times, outputs } = inferred;
+  const [low, high] = extremes(outputs);
   const room = high > low ? 0 : Math.abs(high) || 1;
   const y = linear(low - room, high + room, STRIP.top + STRIP.output, STRIP.top);
   context.lineWidth = 1;
@@ -66,7 +64,8 @@ function paintOutputOverTime(context, system, inferred, x, right, colours) {
   turnedText(context, withUnit(variable), 12, STRIP.top + STRIP.output / 2);
   context.strokeStyle = colours.accent;
   context.lineWidth = 1.6;
-  const steps = values.flatMap((value, i) => (i ? [[x(inferred.times[i]), y(values[i - 1])], [x(inferred.times[i]), y(value)]] : [[x(inferred.times[0]), y(value)]]));
+  // each output holds until the next
+  const steps = outputs.flatMap((value, i) => [[x(times[i]), y(outputs[Math.max(i - 1, 0)])], [x(times[i]), y(value)]]);
   polygon(context, steps);
   context.stroke();
 }
@@ -121,6 +120,15 @@ function sampleAt(times, time) {
   return Math.max(placeIn(times, time), 0);
 }
 
+function stripWords({ shares }, left) {
+  const silent = shares.filter((share) => share === 0).length;
+  return [
+    `${silent} of ${shares.length} rules never fire at ${FIRED} or more on this flight.`,
+    left ? `The ${left} that fire least often have no row.` : "",
+    "The brighter, the stronger, from 0 to 1. Moving the time sets the inputs of every system on this page.",
+  ].join(" ");
+}
+
 /** Fill an element with what a system did along the flights. */
 function flightView(element, state, place, clock, scale) {
   const { system } = state;
@@ -130,7 +138,8 @@ function flightView(element, state, place, clock, scale) {
     if (flown && !known.has(flight)) known.set(flight, inferFlight(system, flown));
     return known.get(flight) ?? null;
   };
-  const canvas = make("canvas", { class: "strip", role: "img", "aria-label": `Output of ${system.name} and firing of its rules over time` });
+  const about = `Output of ${system.name} and firing of its rules over time`;
+  const canvas = make("canvas", { class: "strip", role: "img", "aria-label": about });
   const slider = make("input", { type: "range", min: "0", step: "1", "aria-label": "Time along the flight" });
   const now = make("output", { class: "number" });
   const note = make("p", { class: "note" });
@@ -158,9 +167,7 @@ function flightView(element, state, place, clock, scale) {
     slider.value = String(sample);
     now.value = `${shown(inferred.times[sample], 6)} s`;
     slider.setAttribute("aria-valuetext", now.value);
-    const silent = inferred.shares.filter((share) => share === 0).length;
-    const more = left ? ` The ${left} that fire least often have no row.` : "";
-    note.textContent = `${silent} of ${system.rules.length} rules never fire at ${FIRED} or more on this flight.${more} The brighter, the stronger, from 0 to 1. Moving the time sets the inputs of every system on this page.`;
+    note.textContent = stripWords(inferred, left);
     state.setInputs(inferred.inputs[sample]);
     paint();
   };
@@ -175,7 +182,10 @@ function flightView(element, state, place, clock, scale) {
   slider.addEventListener("input", () => clock.set(clock.flight, drawn.inferred.times[Number(slider.value)]));
   const names = clock.flights.map(({ name }) => name);
   const flights = choice("Flight", names, 0, (chosen) => clock.set(chosen, clock.time));
-  const orders = choice("Rules by", ["how often they fire", "their number"], 0, (chosen) => ((isByNumber = chosen === 1), show()));
+  const orders = choice("Rules by", ["how often they fire", "their number"], 0, (chosen) => {
+    isByNumber = chosen === 1;
+    show();
+  });
   const time = make("div", { class: "control time" }, make("span", {}, "Time"), now, slider);
   element.append(make("div", { class: "controls" }, flights.element, orders.element, time), canvas, note);
   clock.follow(() => {

@@ -99,7 +99,8 @@ function paintColourBar(context, response, scale, frame, colours) {
     context.fillText(shown(level, 3), left + 19, place + 4);
   }
   context.fillStyle = colours.ink;
-  turnedText(context, withUnit(response.variable), frame.left + frame.width + MAP_MARGIN.right - 6, frame.top + frame.height / 2);
+  const right = frame.left + frame.width + MAP_MARGIN.right - 6;
+  turnedText(context, withUnit(response.variable), right, frame.top + frame.height / 2);
 }
 
 /** Mark the present inputs: a ring that reads on every ground. */

@@ -11,7 +11,8 @@ function inputControl(state, place, id) {
     const value = Number(field.value);
     if (field.value !== "" && Number.isFinite(value)) state.setInput(place, value);
   };
-  const slider = make("input", { type: "range", id: `${id}-slider`, ...limits, "aria-label": `${withUnit(variable)}, slider` });
+  const about = `${withUnit(variable)}, slider`;
+  const slider = make("input", { type: "range", id: `${id}-slider`, ...limits, "aria-label": about });
   const field = make("input", { type: "number", id, step: "any" });
   slider.addEventListener("input", set(slider));
   field.addEventListener("input", set(field));
@@ -49,10 +50,12 @@ function inputStep(state, place, id) {
   state.follow(() => {
     const { clipped, memberships } = state.inference;
     const x = chart.x(clipped[place]);
-    const dots = Array.from(memberships[place], (value, term) =>
-      value >= SHOWN_FROM ? draw("circle", { class: `dot term-${term % 7}`, cx: x, cy: chart.y(value), r: 3.6 }) : "",
-    );
-    chart.over.replaceChildren(draw("line", { class: "cursor", x1: x, x2: x, y1: chart.y(0), y2: chart.y(1) }), ...dots);
+    const cursor = draw("line", { class: "cursor", x1: x, x2: x, y1: chart.y(0), y2: chart.y(1) });
+    const dots = memberships[place].flatMap((value, term) => {
+      if (value < SHOWN_FROM) return [];
+      return [draw("circle", { class: `dot term-${term % 7}`, cx: x, cy: chart.y(value), r: 3.6 })];
+    });
+    chart.over.replaceChildren(cursor, ...dots);
     const isOutside = clipped[place] !== state.inputs[place];
     const given = `${variable.name} = ${quantity(state.inputs[place], variable, 5)}`;
     const taken = isOutside ? `, taken as ${quantity(clipped[place], variable, 5)}, the end of its range` : "";
@@ -75,7 +78,8 @@ function firedRules(state, output, id) {
   const moved = contributions(system, output, inference).map((by) => (Math.abs(by) < nothing ? 0 : by));
   const firing = Array.from(inference.firing.keys()).filter((rule) => inference.firing[rule] > 0);
   firing.sort((a, b) => inference.firing[b] - inference.firing[a] || a - b);
-  const rows = firing.slice(0, MOST_RULES).filter((rule, place) => place === 0 || inference.firing[rule] >= SHOWN_FROM);
+  const isShown = (rule, place) => place === 0 || inference.firing[rule] >= SHOWN_FROM;
+  const rows = firing.slice(0, MOST_RULES).filter(isShown);
   const items = rows.map((rule) =>
     make(
       "li",
@@ -83,12 +87,13 @@ function firedRules(state, output, id) {
       make("a", { href: `#${id}-r${rule + 1}` }, `Rule ${rule + 1}`),
       strengthBar(inference.firing[rule]),
       make("span", { class: "number" }, inference.firing[rule].toFixed(2)),
-      make("span", { class: "number moved" }, `${moved[rule] > 0 ? "+" : ""}${quantity(moved[rule], variable, 3)}`),
+      make("span", { class: "number" }, signed(moved[rule], variable, 3)),
       make("span", { class: "words" }, system.rules[rule].words),
     ),
   );
   const left = firing.length - rows.length;
-  return { items, note: left ? `${left} more fire${left === 1 ? "s" : ""} less strongly.` : firing.length ? "" : "No rule fires." };
+  const more = left ? `${left} more fire${left === 1 ? "s" : ""} less strongly.` : "";
+  return { items, note: firing.length ? more : "No rule fires." };
 }
 
 const METHODS = {
@@ -103,17 +108,26 @@ function outputStep(state, output, chart) {
   const { system, inference } = state;
   const variable = system.outputs[output];
   const { points, heights, value, isDefault, cuts } = inference.outputs[output];
+  const area = (xs, ys) => areaUnder(xs, ys, chart.x, chart.y);
   const clipped = variable.terms.map((term, i) => {
-    const lowered = term.values.map((membership) => Math.min(membership, Number.isNaN(cuts[i]) ? 0 : cuts[i]));
-    return draw("path", { class: `clipped term-${i % 7}`, d: areaUnder(variable.universe, lowered, chart.x, chart.y) });
+    const cut = Number.isNaN(cuts[i]) ? 0 : cuts[i];
+    const lowered = term.values.map((membership) => Math.min(membership, cut));
+    return draw("path", { class: `clipped term-${i % 7}`, d: area(variable.universe, lowered) });
   });
-  chart.under.replaceChildren(...clipped, draw("path", { class: "aggregated", d: areaUnder(points, heights, chart.x, chart.y) }));
+  chart.under.replaceChildren(...clipped, draw("path", { class: "aggregated", d: area(points, heights) }));
+  chart.over.replaceChildren(...resultMarks(variable, value, chart));
+  if (isDefault) return "No rule that concludes on it fires: this is its default.";
+  return `This is ${METHODS[variable.defuzzifier]}.`;
+}
+
+/** A line and an arrow at an output's value. */
+function resultMarks(variable, value, chart) {
+  if (!Number.isFinite(value)) return [];
   const x = chart.x(Math.min(Math.max(value, variable.minimum), variable.maximum));
-  chart.over.replaceChildren(
+  return [
     draw("line", { class: "result", x1: x, x2: x, y1: chart.y(0) + 4, y2: chart.y(1) }),
     draw("path", { class: "result-mark", d: `M${x - 5} ${chart.y(0) + 10}h10l-5 -9z` }),
-  );
-  return isDefault ? "No rule that concludes on it fires: this is its default." : `This is ${METHODS[variable.defuzzifier]}.`;
+  ];
 }
 
 /** Say what the smallest change of one input is that turns the sign of an output. */
@@ -125,9 +139,8 @@ function signWords(state, output) {
   const found = signChange(system, inputs, output);
   if (!found) return `No change of one input alone turns the sign of ${name} from here.`;
   const variable = system.inputs[found.input];
-  const by = `${found.by > 0 ? "+" : ""}${quantity(found.by, variable, 3)}`;
-  const share = shown((100 * Math.abs(found.by)) / (variable.maximum - variable.minimum), 2);
-  return `The sign of ${name} turns soonest where ${variable.name} changes by ${by}, to ${quantity(found.at, variable, 4)} (${share} % of its range).`;
+  const change = `${variable.name} changes by ${signed(found.by, variable, 3)}, to ${quantity(found.at, variable, 4)}`;
+  return `The sign of ${name} turns soonest where ${change} (${shown(100 * found.share, 2)} % of its range).`;
 }
 
 /** Fill an element with the inference view of a system. */

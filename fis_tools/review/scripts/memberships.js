@@ -1,7 +1,7 @@
 // Membership functions of one variable, as a drawing.
 
 const CHART = { width: 360, left: 28, right: 350, plotHeight: 104, rowHeight: 14, foot: 40 };
-const LETTER_WIDTH = 6.1;
+const LETTER_WIDTH = 6.7;
 
 /** Where a term is highest: the middle of its top. */
 function peakOf(universe, values) {
@@ -41,7 +41,8 @@ function chartAxes(variable, x, y) {
   const parts = [];
   for (const value of [0, 0.5, 1]) {
     parts.push(draw("line", { class: "grid", x1: CHART.left, x2: CHART.right, y1: y(value), y2: y(value) }));
-    parts.push(draw("text", { class: "tick", x: CHART.left - 5, y: y(value) + 3.5, "text-anchor": "end" }, shown(value)));
+    const beside = { class: "tick", x: CHART.left - 5, y: y(value) + 3.5, "text-anchor": "end" };
+    parts.push(draw("text", beside, shown(value)));
   }
   for (const value of ticks(variable.minimum, variable.maximum, 5)) {
     parts.push(draw("line", { class: "axis", x1: x(value), x2: x(value), y1: y(0), y2: y(0) + 4 }));
@@ -68,10 +69,11 @@ function membershipChart(variable, description) {
     draw("path", { class: `curve term-${i % 7}`, d: pathThrough(variable.universe, term.values, x, y) }),
   );
   const names = labels.flatMap((label, i) => {
+    const middle = { "text-anchor": "middle" };
     const baseline = top - 6 - placed[i].row * CHART.rowHeight;
     return [
       draw("line", { class: "leader", x1: placed[i].middle, x2: label.x, y1: baseline + 3, y2: top }),
-      draw("text", { class: `name term-${i % 7}`, x: placed[i].middle, y: baseline, "text-anchor": "middle" }, label.text),
+      draw("text", { ...middle, class: `name term-${i % 7}`, x: placed[i].middle, y: baseline }, label.text),
     ];
   });
   const height = top + CHART.plotHeight + CHART.foot;

@@ -16,9 +16,7 @@ function responseOver(state, xInput, yInput, output, count = GRID_POINTS) {
       return evaluate(system, inputs, output);
     });
   });
-  const flat = values.flat();
-  const low = flat.reduce((a, b) => Math.min(a, b));
-  const high = flat.reduce((a, b) => Math.max(a, b));
+  const [low, high] = extremes(values.flat());
   return { xVariable, yVariable, variable: system.outputs[output], x, y, values, low, high };
 }
 

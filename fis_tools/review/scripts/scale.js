@@ -12,6 +12,11 @@ function quantity(value, variable, digits = 4) {
   return variable.unit ? `${shown(value, digits)} ${variable.unit}` : shown(value, digits);
 }
 
+/** A change with its unit, and its sign whichever it is. */
+function signed(value, variable, digits = 4) {
+  return `${value > 0 ? "+" : ""}${quantity(value, variable, digits)}`;
+}
+
 /** A variable's name with its unit, as on an axis. */
 function withUnit(variable) {
   return variable.unit ? `${variable.name} (${variable.unit})` : variable.name;
@@ -37,4 +42,11 @@ function linear(low, high, start, end) {
 /** Evenly spaced numbers from low to high. */
 function spaced(low, high, count) {
   return Array.from({ length: count }, (_, i) => low + ((high - low) * i) / (count - 1));
+}
+
+/** The least and the greatest of some numbers, those that are none left out. */
+function extremes(values) {
+  const numbers = values.filter(Number.isFinite);
+  if (!numbers.length) return [0, 0];
+  return [numbers.reduce((a, b) => Math.min(a, b)), numbers.reduce((a, b) => Math.max(a, b))];
 }

@@ -8,7 +8,6 @@ function surfaceView(element, state, scale, id) {
   const about = `Surface of ${system.name} in space; the arrow keys turn it, Home turns it back`;
   const solid = make("canvas", { class: "solid", tabindex: "0", role: "img", "aria-label": about });
   const map = make("canvas", { class: "map", role: "img", "aria-label": `Heat map of ${system.name} with contours` });
-  const held = make("div", { class: "held" });
   const range = make("p", { class: "note" });
   let response = null;
   let shape = "";
@@ -16,7 +15,8 @@ function surfaceView(element, state, scale, id) {
   /** Evaluate the surface where its axes or held inputs are others than before. */
   const evaluated = () => {
     const { x, y, output } = shownAs;
-    const wanted = JSON.stringify([x, y, output, state.inputs.map((value, i) => (i === x || i === y ? null : value))]);
+    const others = state.inputs.filter((_, i) => i !== x && i !== y);
+    const wanted = [x, y, output, ...others].join();
     if (wanted !== shape) {
       shape = wanted;
       response = responseOver(state, x, y, output);
@@ -32,11 +32,12 @@ function surfaceView(element, state, scale, id) {
     paintMap();
     turned();
   };
+  const controls = system.inputs.map((_, place) => inputControl(state, place, `${id}-held${place + 1}`));
   const holdOthers = () => {
-    const others = system.inputs.map((_, i) => i).filter((i) => i !== shownAs.x && i !== shownAs.y);
-    const controls = others.map((place) => inputControl(state, place, `${id}-held${place + 1}`));
-    held.replaceChildren(...(controls.length ? [make("p", { class: "note" }, "Held:"), ...controls] : []));
+    controls.forEach((control, place) => (control.hidden = place === shownAs.x || place === shownAs.y));
+    held.hidden = system.inputs.length < 3;
   };
+  const held = make("div", { class: "held" }, make("p", { class: "note" }, "Held:"), ...controls);
   const axes = axisChoices(system, shownAs, () => {
     holdOthers();
     update();
@@ -51,7 +52,8 @@ function surfaceView(element, state, scale, id) {
 /** Say at what values the inputs that are no axis are held. */
 function heldWords({ system, inputs }, x, y) {
   const others = system.inputs.filter((_, i) => i !== x && i !== y);
-  const words = others.map((variable) => `${variable.name} = ${quantity(inputs[system.inputs.indexOf(variable)], variable)}`);
+  const valueOf = (variable) => quantity(inputs[system.inputs.indexOf(variable)], variable);
+  const words = others.map((variable) => `${variable.name} = ${valueOf(variable)}`);
   return words.length ? `, with ${words.join(", ")},` : "";
 }
 
@@ -64,8 +66,8 @@ function rangeWords({ variable, low, high }, held) {
 /** The choices of both axes and of the output, those with nothing to choose left out. */
 function axisChoices(system, shownAs, changed) {
   const names = system.inputs.map(withUnit);
-  const axis = (own, other) => {
-    const chooser = choice(`Along ${own}`, names, shownAs[own], (chosen) => {
+  const axis = (own, other) =>
+    choice(`Along ${own}`, names, shownAs[own], (chosen) => {
       if (chosen === shownAs[other]) {
         shownAs[other] = shownAs[own];
         choosers[other].select.value = String(shownAs[other]);
@@ -73,13 +75,15 @@ function axisChoices(system, shownAs, changed) {
       shownAs[own] = chosen;
       changed();
     });
-    return chooser;
-  };
   const choosers = { x: axis("x", "y"), y: axis("y", "x") };
   const shownChoosers = [choosers.x, choosers.y];
   if (system.outputs.length > 1) {
     const outputs = system.outputs.map(withUnit);
-    shownChoosers.push(choice("Output", outputs, 0, (chosen) => ((shownAs.output = chosen), changed())));
+    const choose = (chosen) => {
+      shownAs.output = chosen;
+      changed();
+    };
+    shownChoosers.push(choice("Output", outputs, 0, choose));
   }
   return shownChoosers.map(({ element }) => element);
 }
@@ -91,7 +95,8 @@ function curveView(element, state) {
   system.outputs.forEach((shownOutput, output) => {
     const xs = spaced(variable.minimum, variable.maximum, 201);
     const ys = xs.map((x) => evaluate(system, [x], output));
-    const canvas = make("canvas", { class: "curve", role: "img", "aria-label": `${shownOutput.name} over ${variable.name}` });
+    const about = `${shownOutput.name} over ${variable.name}`;
+    const canvas = make("canvas", { class: "response", role: "img", "aria-label": about });
     element.append(canvas);
     state.follow(keepDrawn(canvas, () => paintCurve(canvas, variable, shownOutput, xs, ys, state, output)));
   });
@@ -100,8 +105,7 @@ function curveView(element, state) {
 function paintCurve(canvas, variable, output, xs, ys, state, place) {
   const { context, width, height } = sharpContext(canvas);
   const colours = themeColours();
-  const low = ys.reduce((a, b) => Math.min(a, b));
-  const high = ys.reduce((a, b) => Math.max(a, b));
+  const [low, high] = extremes(ys);
   const margin = (high - low || Math.abs(high) || 1) * 0.06;
   const along = { ...output, minimum: low - margin, maximum: high + margin };
   const frame = { left: 58, top: 10, width: width - 70, height: height - 54 };
