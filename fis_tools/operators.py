@@ -59,9 +59,12 @@ def einstein_sum(a: Floats, b: Floats) -> Floats:
 
 
 def hamacher_sum(a: Floats, b: Floats) -> Floats:
-    """Return ``(a + b - 2 a b) / (1 - a b)``; one where both are one."""
+    """Return ``(a + b - 2 a b) / (1 - a b)``; one where both are one.
+
+    Written as the complement of the product of complements: the sum as it stands loses its digits near one.
+    """
     both = a * b
-    return np.where(both == 1.0, 1.0, (a + b - 2.0 * both) / np.where(both == 1.0, 1.0, 1.0 - both))
+    return 1.0 - (1.0 - a) * (1.0 - b) / np.where(both == 1.0, 1.0, 1.0 - both)
 
 
 def drastic_sum(a: Floats, b: Floats) -> Floats:

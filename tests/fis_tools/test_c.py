@@ -96,9 +96,6 @@ def test_systems_of_all_kinds_give_what_python_gives(
     num_defaults = 0
     for seed, system in enumerate(systems):
         rows = inputs_for(system, np.random.default_rng([51, seed]), 50)
-        firing = inference.firing_strengths(system, rows)
-        # Near one the Hamacher sum loses all digits and may leave [0, 1].
-        rows = rows[((firing >= 0.0) & (firing <= 1.0)).all(axis=1)]
         outputs = infer(library, f"system_{seed}", system, rows)
         assert_equal(outputs, system, rows)
         num_defaults += int((outputs == [variable.default for variable in system.outputs]).sum())

@@ -84,6 +84,17 @@ def test_the_laws_of_a_norm_hold(name: str) -> None:
     assert (combine(a, higher) >= combine(a, b) - 1e-15).all()
 
 
+@pytest.mark.parametrize("name", [*AND_OPERATORS, *OR_OPERATORS])
+def test_degrees_stay_degrees_next_to_zero_and_one(name: str) -> None:
+    ends = [0.0, 5e-324, 1e-300, 1e-16, 0.5, 1.0 - 2**-52, 1.0 - 2**-53, 1.0]
+    a, b = (grid.ravel() for grid in np.meshgrid(ends, ends))
+    combined = (AND_OPERATORS | OR_OPERATORS)[name](a, b)
+    assert np.all((combined >= 0.0) & (combined <= 1.0))
+    nearest = np.minimum(a, b) if name in AND_OPERATORS else np.maximum(a, b)
+    beyond = combined - nearest if name in AND_OPERATORS else nearest - combined
+    assert np.all(beyond <= 1e-15)
+
+
 def test_single_numbers_combine_as_arrays_do() -> None:
     for name, combine in OPERATORS.items():
         singles = [float(combine(a, b)) for a, b in zip(A.tolist(), B.tolist(), strict=True)]
