@@ -27,8 +27,9 @@ from fis_tools.validate import nearest, validate
 
 __all__ = ["Budget", "Change", "Simplification", "SimplifiedSystem", "Step", "simplify"]
 
-#: All numbers are rounded to this many digits together, then to one less, and so on.
-FIRST_DIGITS = 4
+#: All numbers are rounded to this many digits together, then to one less, and so on: down to so many while
+#: rules and terms can still go, which matter more to a reader than digits do.
+FIRST_DIGITS, CAREFUL_DIGITS = 4, 3
 
 Progress = Callable[[str], None]
 
@@ -43,7 +44,7 @@ def simplify(
 
     A step drops a rule, merges two terms that look alike, or rounds all numbers to a digit less; terms that
     no rule uses go. Of all steps the one is taken that leaves the outputs nearest to the original's, until
-    none fits the budget; then numbers are rounded one by one. Each step is measured on all samples.
+    none fits the budget; then numbers are rounded further, all or some. Each step is measured on all samples.
 
     Parameters
     ----------
@@ -98,7 +99,8 @@ def _simplified(
     bench = bench_for(system, flown, budget)
     work = _Work(bench, Draft(system, tuple(range(1, len(system.rules) + 1))), progress)
     work.drop_unused_terms()
-    work.go_greedily()
+    work.go_greedily(CAREFUL_DIGITS)
+    work.go_greedily(1)
     work.round_one_by_one()
     return SimplifiedSystem(
         system,
@@ -129,14 +131,14 @@ class _Work:
         if gone:
             self._try(Proposal(("terms",), "terms", f"drop {gone}, which no rule uses", clean))
 
-    def go_greedily(self) -> None:
+    def go_greedily(self, least_digits: int) -> None:
         """Take the cheapest step that fits the budget, until none does."""
-        while any(self._try(proposal) for proposal in self._next()):
+        while any(self._try(proposal) for proposal in self._next(least_digits)):
             pass
 
-    def _next(self) -> list[Proposal]:
+    def _next(self, least_digits: int) -> list[Proposal]:
         found = proposals(self.draft, self.ranking)
-        if self.digits > 0:
+        if self.digits >= least_digits:
             coarser = rounded_draft(self.draft, self.digits)
             words = f"round all numbers to {self.digits} digit{'s' if self.digits > 1 else ''}"
             rounding = Proposal(("round", str(self.digits)), "round", words, coarser)
