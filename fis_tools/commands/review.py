@@ -48,8 +48,8 @@ def run(arguments: argparse.Namespace) -> None:
     paths = arguments.flights
     if not paths and Path(arguments.controller).suffix == ".mcap":
         paths = [arguments.controller]
-    if compilation.is_cold():
-        print("compiling, about 30 s; the next page finds it done", file=sys.stderr)
+    first = "; the first one also compiles, about 30 s" if compilation.is_cold() else ""
+    print(f"reviewing {controller.name}{first}", file=sys.stderr)
     text = page.write(controller, paths)
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")
