@@ -96,6 +96,8 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
     if operator == HAMACHER_PRODUCT:
         return 0.0 if either - both == 0.0 else both / (either - both)
     if operator == HAMACHER_SUM:
+        if both < 0.5:
+            return min((either - 2.0 * both) / (1.0 - both), 1.0)
         return 1.0 if both == 1.0 else 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - both)
     if operator == DRASTIC_PRODUCT:
         return a if b == 1.0 else b if a == 1.0 else 0.0

@@ -18,7 +18,6 @@ from fis_tools.model import FuzzySystem
 from fis_tools.program import (
     CENTROID,
     DRASTIC_PRODUCT,
-    HAMACHER_SUM,
     MAX,
     MIN,
     NOT,
@@ -53,7 +52,7 @@ def pack(system: FuzzySystem) -> Program:
     fis_tools.validate.InvalidSystem
         If the system is wrong in itself.
     NotBounded
-        If an output is defuzzified by the bisector, or the Hamacher sum is used.
+        If an output is defuzzified by the bisector.
     """
     validate(system)
     for output in system.outputs:
@@ -62,16 +61,7 @@ def pack(system: FuzzySystem) -> Program:
                 f"output {output.name!r} cannot be bounded: across a gap between fired terms scikit-fuzzy's "
                 "bisector is not the bisector, and may be no number; choose another defuzzifier"
             )
-    program = assemble(system)
-    if HAMACHER_SUM in (
-        *program.antecedents.steps[:, 0],
-        *(conclusion.accumulation for conclusion in program.conclusions),
-    ):
-        raise NotBounded(
-            f"the outputs of system {system.name!r} cannot be bounded: near one the Hamacher sum loses all "
-            "its digits; choose another operator"
-        )
-    return program
+    return assemble(system)
 
 
 def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:

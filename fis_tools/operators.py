@@ -61,10 +61,12 @@ def einstein_sum(a: Floats, b: Floats) -> Floats:
 def hamacher_sum(a: Floats, b: Floats) -> Floats:
     """Return ``(a + b - 2 a b) / (1 - a b)``; one where both are one.
 
-    Written as the complement of the product of complements: the sum as it stands loses its digits near one.
+    The sum as it stands loses its digits near one, the complement of complements near zero.
     """
     both = a * b
-    return 1.0 - (1.0 - a) * (1.0 - b) / np.where(both == 1.0, 1.0, 1.0 - both)
+    rest = np.where(both == 1.0, 1.0, 1.0 - both)
+    near_zero = np.minimum((a + b - 2.0 * both) / rest, 1.0)
+    return np.where(both < 0.5, near_zero, 1.0 - (1.0 - a) * (1.0 - b) / rest)
 
 
 def drastic_sum(a: Floats, b: Floats) -> Floats:

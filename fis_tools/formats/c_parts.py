@@ -15,7 +15,8 @@ _OPERATORS = {
     "probabilistic_sum": "a + b - a * b",
     "bounded_sum": "a + b < 1.0 ? a + b : 1.0",
     "einstein_sum": "(a + b) / (1.0 + a * b)",
-    "hamacher_sum": "a * b == 1.0 ? 1.0 : 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - a * b)",
+    "hamacher_sum": "a * b < 0.5 ? fmin((a + b - 2.0 * (a * b)) / (1.0 - a * b), 1.0)"
+    " : (a * b == 1.0 ? 1.0 : 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - a * b))",
     "drastic_sum": "b == 0.0 ? a : (a == 0.0 ? b : 1.0)",
     "nilpotent_maximum": "a + b < 1.0 ? (a > b ? a : b) : 1.0",
 }

@@ -235,9 +235,7 @@ def test_what_cannot_be_bounded_is_refused_in_a_sentence() -> None:
     last = Rule(force_x_system().rules[0].antecedent, (Consequent("force_x", "ZE"),), and_operator="product")
     system = replace(force_x_system(), rules=(*force_x_system().rules, last))
     output_bounds(system)
-    summed = replace(system, outputs=(replace(system.outputs[0], accumulation="hamacher_sum"),))
-    with pytest.raises(interval.NotBounded, match="Hamacher sum"):
-        output_bounds(summed)
+    output_bounds(replace(system, outputs=(replace(system.outputs[0], accumulation="hamacher_sum"),)))
 
 
 def _on_grid(system: FuzzySystem, where: str) -> Floats:

@@ -21,7 +21,7 @@ const OR_OPERATORS = {
   einstein_sum: (a, b) => (a + b) / (1 + a * b),
   hamacher_sum: (a, b) => {
     const both = a * b;
-    if (both < 0.5) return (a + b - 2 * both) / (1 - both);
+    if (both < 0.5) return Math.min((a + b - 2 * both) / (1 - both), 1);
     return both === 1 ? 1 : 1 - ((1 - a) * (1 - b)) / (1 - both);
   },
   drastic_sum: (a, b) => (b === 0 ? a : a === 0 ? b : 1),
