@@ -25,6 +25,7 @@ LOG: Final = "pipeline.log"
 SCENARIOS: Final = "scenarios.csv"
 LOGBOOK: Final = "train/logbook.csv"
 HISTORY: Final = "train/history.parquet"
+CHAMPION_TRAJECTORIES: Final = "train/trajectories.parquet"
 CHECKPOINT: Final = "train/checkpoint.npz"
 CHAMPION: Final = "champion.json"
 CONTROLLER: Final = "controller.json"
@@ -41,6 +42,7 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     SCENARIOS: "scenario",
     LOGBOOK: "train",
     HISTORY: "train",
+    CHAMPION_TRAJECTORIES: "train",
     CHECKPOINT: "train",
     CHAMPION: "train",
     EPISODES: "evaluate",

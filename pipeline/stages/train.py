@@ -11,6 +11,7 @@ from fis_tools import serialize
 from fis_tools.model import FuzzyController
 from fis_tools.parameters import Bounds, Encoding
 from pipeline import artifacts, controller_source, tables
+from pipeline.champion_flights import ChampionFlights
 from pipeline.checkpoint import Generation
 from pipeline.compile_notice import announce_compilation
 from pipeline.controllers import Controller, ControllerError, law_of, with_constants
@@ -41,10 +42,14 @@ def run(experiment: Experiment, folder: Path) -> None:
     encoding = encoding_of(experiment, template)
     announce_compilation()
     kept: list[Generation] = []
+    flights = ChampionFlights(experiment, template, encoding)
     with TrainingProgress(experiment) as progress:
 
         def keep(history: Sequence[Generation]) -> None:
             kept[:] = history
+            # before the history, so that whoever watches it grow finds the flight of each of its champions
+            if flights.add(history):
+                tables.write_parquet(folder / artifacts.CHAMPION_TRAJECTORIES, flights.columns())
             write_history(folder, history)
             progress.show(history[-1])
 

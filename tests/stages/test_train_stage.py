@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -15,6 +16,8 @@ from pipeline.checkpoint import CheckpointError, Generation
 from pipeline.config import Composed
 from pipeline.controllers import ControllerError
 from pipeline.progress import TrainingProgress
+from pipeline.scenarios import given_start
+from pipeline.simulation import fly_logged
 from pipeline.stages import train
 from tests.stages.cases import prepared
 
@@ -99,11 +102,35 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: t
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
 
 
+def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    mission = run.experiment.mission
+    template = controller_source.load(run.experiment.controller, mission)
+    encoding = train.encoding_of(run.experiment, template)
+    table = pq.read_table(folder / artifacts.CHAMPION_TRAJECTORIES)
+    assert table.column_names == ["round", "generation", "sample", *(f"position_{axis}_m" for axis in "xyz")]
+    assert table.schema.field("position_x_m").type == pa.float32()
+    generations = table["generation"].to_numpy()
+    champions = genomes(folder)
+    is_new = [True, *(not np.array_equal(a, b) for a, b in zip(champions[1:], champions[:-1], strict=True))]
+    assert np.unique(generations).tolist() == np.flatnonzero(is_new).tolist()
+    positions = np.column_stack([table[f"position_{axis}_m"].to_numpy() for axis in "xyz"])
+    start = given_start(mission.deputy, run.experiment.sun, run.experiment.seed)
+    for generation in np.flatnonzero(is_new):
+        controller = replace(template, systems=encoding.decode(champions[generation]))
+        log = fly_logged(mission, controller, start)
+        np.testing.assert_allclose(positions[generations == generation], log.position_m, rtol=1e-6)
+    samples = np.arange(mission.num_controls + 1).tolist()
+    assert table["sample"].to_pylist() == samples * sum(is_new)
+
+
 def same_result(folder: Path, other: Path) -> None:
     champions = [json.loads((place / artifacts.CHAMPION).read_text()) for place in (folder, other)]
     assert champions[0]["systems"] == champions[1]["systems"]
     assert (folder / artifacts.LOGBOOK).read_bytes() == (other / artifacts.LOGBOOK).read_bytes()
     np.testing.assert_array_equal(genomes(folder), genomes(other))
+    tracks = [(place / artifacts.CHAMPION_TRAJECTORIES).read_bytes() for place in (folder, other)]
+    assert tracks[0] == tracks[1]
 
 
 def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
