@@ -24,15 +24,15 @@ WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": s
 
 EPILOG = """\
 Steps drop rules, merge terms that look alike, and round numbers. Each is measured against the
-original; what changes least goes first, until nothing more fits the budget. With flights the
-budget holds along them, and what was not flown may change; --everywhere holds it over the whole
-ranges of the inputs as well, as it does without flights. What comes out is an ordinary controller:
-fly it before you trust it.
+original; what changes least goes first, until nothing more fits the budget. It holds over the
+whole ranges of the inputs, and along the flights that are given. With --flights-only far more
+can go, but what was not flown changes at will, and other starts are flown worse. What comes out
+is an ordinary controller: fly it before you trust it.
 
 examples:
   python -m fis_tools simplify controller.yaml -o simpler.yaml
-  python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --max-change 10%
-  python -m fis_tools simplify episodes/best.mcap --everywhere --mean-change 0.5% -o simpler.json
+  python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --max-change 2% -o simpler.json
+  python -m fis_tools simplify controller.yaml --flights episodes/*.mcap --flights-only
 """
 
 
@@ -62,7 +62,7 @@ def add(commands: Commands) -> None:
         help=f"merge terms that share so much of their areas (default: {100 * defaults.look_alike:g}%%)",
     )
     command.add_argument(
-        "--everywhere", action="store_true", help="with flights: keep the budget over the whole ranges too"
+        "--flights-only", action="store_true", help="keep the budget along the flights alone"
     )
     command.add_argument("-o", "--output", metavar="FILE", help="write the simpler controller (.json, .yaml)")
     command.add_argument(
@@ -77,11 +77,11 @@ def run(arguments: argparse.Namespace) -> None:
         raise UserMistake(f"{arguments.output} ends in none of {', '.join(WRITERS)}; name the file so")
     controller = chosen(read_controller(arguments.controller), arguments.system)
     samples = flown_inputs(arguments, controller)
-    if samples is None and arguments.everywhere:
-        raise UserMistake("--everywhere goes with --flights; without them the budget holds everywhere anyway")
+    if samples is None and arguments.flights_only:
+        raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
     try:
         budget = Budget(
-            arguments.max_change, arguments.mean_change, arguments.everywhere, arguments.look_alike
+            arguments.max_change, arguments.mean_change, arguments.flights_only, arguments.look_alike
         )
     except ValueError as error:
         raise UserMistake(str(error)) from error

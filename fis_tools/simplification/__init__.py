@@ -50,8 +50,8 @@ def simplify(
     ----------
     controller : FuzzyController or FuzzySystem
     samples : mapping of str to (n, num_inputs), optional
-        Inputs by the system's name, such as `fis_tools.flights.inputs_along` returns; the budget holds there.
-        Without them, or for a system that is missing, it holds over samples of the whole ranges.
+        Inputs by the system's name, such as `fis_tools.flights.inputs_along` returns. The budget holds there
+        and over samples of the whole ranges of the inputs.
     budget : Budget, optional
     progress : callable, optional
         Told in a few words, again and again, how far it is.

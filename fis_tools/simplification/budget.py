@@ -32,9 +32,9 @@ class Budget:
     ----------
     max_change, mean_change : float
         The largest and the mean size of the change over the samples, from 0 to 1.
-    everywhere : bool
-        Whether it holds over the whole ranges of the inputs too, and not along the flights alone, where
-        flights are given. Without flights it holds over the ranges.
+    flights_only : bool
+        Whether it holds along the flights alone, where flights are given, and not over the whole ranges of
+        the inputs too. What was not flown may then change at will.
     look_alike : float
         Terms whose areas are shared by this much or more (Jaccard) may be merged, above 0 up to 1.
 
@@ -46,7 +46,7 @@ class Budget:
 
     max_change: float = 0.05
     mean_change: float = 0.01
-    everywhere: bool = False
+    flights_only: bool = False
     look_alike: float = 0.7
 
     def __post_init__(self) -> None:
@@ -108,7 +108,7 @@ class Bench:
         """Which samples the budget holds on."""
         if FLOWN not in self.samples:
             return (SPREAD,)
-        return (FLOWN, SPREAD) if self.budget.everywhere else (FLOWN,)
+        return (FLOWN,) if self.budget.flights_only else (FLOWN, SPREAD)
 
     def measure(self, system: FuzzySystem) -> dict[str, Change]:
         """Measure how far a system departs from the original."""

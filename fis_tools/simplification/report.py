@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from fis_tools.formats.amounts import amount, percent, span
+from fis_tools.formats.amounts import amount, span
 from fis_tools.formats.text import aligned
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.simplification.budget import FLOWN, SPREAD, Budget, Change
@@ -108,7 +108,7 @@ class Simplification:
             "budget": {
                 "max_change": self.budget.max_change,
                 "mean_change": self.budget.mean_change,
-                "everywhere": self.budget.everywhere,
+                "flights_only": self.budget.flights_only,
                 "look_alike": self.budget.look_alike,
             },
             "systems": [
@@ -142,11 +142,11 @@ def num_terms(system: FuzzySystem) -> int:
 def budget_words(budget: Budget, *, flown: bool) -> str:
     """Say a budget in words."""
     where = "along the flights" if flown else "over the ranges of the inputs"
-    if flown and budget.everywhere:
+    if flown and not budget.flights_only:
         where += " and over the ranges of the inputs"
     return (
-        f"a change of {percent(budget.max_change)} of an output's range at most and "
-        f"{percent(budget.mean_change)} on average, {where}"
+        f"a change of {100.0 * budget.max_change:g} % of an output's range at most and "
+        f"{100.0 * budget.mean_change:g} % on average, {where}"
     )
 
 

@@ -13,7 +13,9 @@ from sample_controllers import (
     general_controller,
     paper_like_controller,
 )
+from test_flights import log_flight
 
+from fis_tools.__main__ import main
 from fis_tools.analysis import spread_inputs
 from fis_tools.kernel import pack
 from fis_tools.model import (
@@ -103,7 +105,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-@pytest.mark.parametrize("budget", [Budget(), Budget(0.2, 0.04)], ids=["small", "large"])
+@pytest.mark.parametrize("budget", [Budget(), Budget(0.2, 0.04, flights_only=True)], ids=["small", "large"])
 def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name: str, budget: Budget) -> None:
     system = CASES[name]
     samples = flown(system, 60)
@@ -119,16 +121,16 @@ def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name: str, 
         assert step.changes["flights"].cost(budget) <= 1.0
 
 
-def test_the_budget_holds_over_the_ranges_without_flights_and_everywhere_with_them() -> None:
+def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only() -> None:
     system = force_x_system()
     box = spread_inputs(system, NUM_SPREAD)[::64]
-    budget = Budget(0.15, 0.02, everywhere=True)
+    budget = Budget(0.15, 0.02)
     for samples in ({}, {system.name: flown(system)}):
         found = simplify(system, samples, budget).systems[0]
         assert len(found.simplified.rules) < len(system.rules)
         assert departures(found, box).max() <= 0.15 + 1e-12
         assert found.changes["ranges"].largest[0] <= 0.15
-    alone = simplify(system, {system.name: flown(system)[:20]}, replace(budget, everywhere=False)).systems[0]
+    alone = simplify(system, {system.name: flown(system)[:20]}, replace(budget, flights_only=True)).systems[0]
     assert alone.changes["ranges"].largest[0] > 0.15
     assert len(alone.simplified.rules) < len(found.simplified.rules)
 
@@ -237,7 +239,8 @@ def test_a_champion_stays_one_that_flies_and_is_the_same_each_time(along_flights
     facts = dict(found.controller.provenance)
     assert facts["simplified_from"] == "paper_champion"
     assert "5 % of an output's range at most and 1 % on average" in facts["simplified_within"]
-    assert ("along the flights (360 inferences)" in facts["simplified_within"]) == along_flights
+    assert ("along the flights and over" in facts["simplified_within"]) == along_flights
+    assert ("(360 inferences)" in facts["simplified_within"]) == along_flights
     assert facts["trained_by"] == dict(champion.provenance)["trained_by"]
     assert loads(dump_yaml(found.controller), "yaml") == found.controller
     for system, simpler in zip(champion.systems, found.controller.systems, strict=True):
@@ -298,3 +301,65 @@ def test_a_nonsense_budget_is_refused(numbers: dict[str, float], sentence: str) 
 def test_samples_of_nobody_are_refused() -> None:
     with pytest.raises(ValueError, match="samples are given for 'force_y'; did you mean"):
         simplify(force_x_system(), {"force_y": np.zeros((1, 2))})
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    place = tmp_path / "controller.yaml"
+    place.write_text(dump_yaml(FuzzyController("dead", (with_dead_rule(),))), encoding="utf-8")
+    return place
+
+
+@pytest.mark.parametrize("ending", ["yaml", "json"])
+def test_the_command_writes_a_controller_and_tells_the_steps(
+    path: Path, capsys: pytest.CaptureFixture[str], ending: str
+) -> None:
+    expected = simplify(load(path), budget=Budget(0.02, 0.004))
+    output = path.parent / "new" / f"simpler.{ending}"
+    words = ("simplify", path, "--max-change", "2%", "--mean-change", "0.004", "-o", output)
+    assert run(capsys, *words) == (0, expected.text(), "")
+    assert load(output) == expected.controller
+    _, printed, _ = run(capsys, *words[:-2], "--json")
+    plain = json.loads(printed)
+    assert (plain["schema"], plain["schema_version"]) == ("fuzzy-simplification", 1)
+    assert plain["budget"]["max_change"] == 0.02
+
+
+def test_the_command_keeps_to_flights_alone_on_demand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    words = ("simplify", flight, "--system", "force_x")
+    everywhere, alone = (run(capsys, *words, *more)[1] for more in ((), ("--flights-only",)))
+    assert "along the flights and over the ranges of the inputs" in everywhere
+    assert alone.splitlines()[0].endswith("on average, along the flights")
+    rules = [int(text.split()[4].rstrip(",")) for text in (alone, everywhere)]
+    assert rules[0] < rules[1] <= 25
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--max-change", "5"], "'5' is no share from 0% to 100%; write 5% or 0.05"),
+        (["--mean-change=-1%"], "is no share"),
+        (["--max-change", "much"], "is no share"),
+        (["--look-alike", "0%"], "give a likeness above 0"),
+        (["--flights-only"], "--flights-only needs flights"),
+        (["-o", "simpler.fis"], "ends in none of .json, .yaml, .yml"),
+    ],
+)
+def test_a_mistake_at_the_command_line_ends_in_a_sentence(
+    path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    status, _, told = run(capsys, "simplify", path, *words)
+    assert status == 2
+    assert sentence in told
