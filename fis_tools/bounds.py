@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools import interpreter, interval
-from fis_tools.condition import read_conditions, read_region
+from fis_tools.condition import Region, read_conditions, read_region
 from fis_tools.formats.text import number, quantity
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.subdivision import Progress, Subdivision, subdivide
@@ -82,9 +82,11 @@ class Answer:
             return f"{self.question}{while_region}: yes, for example at {values}."
         if self.undecided is None:
             return f"{self.question}{while_region}: no, proved with {boxes}."
-        left = " and ".join(
-            f"{name} from {number(one.low)} to {number(one.high)}" for name, one in self.undecided.items()
+        low, high = (
+            _rounded({name: getattr(one, end) for name, one in self.undecided.items()})
+            for end in ("low", "high")
         )
+        left = " and ".join(f"{name} from {number(low[name])} to {number(high[name])}" for name in low)
         return (
             f"{self.question}{while_region}: undecided after {boxes}; "
             f"{100.0 * self.undecided_share:.3g} % of the region are left, the largest part with {left}."
@@ -109,9 +111,9 @@ class Range:
     outer : Interval
         Proved: no output lies outside.
     inner : Interval
-        The least and the greatest output found.
+        The least and the greatest output found; empty, from inf to -inf, where no input of the region was.
     least_at, greatest_at : dict
-        The inputs of these two, by name.
+        The inputs of these two, by name; empty where there is none.
     num_boxes : int
         How many boxes were looked at.
     """
@@ -126,14 +128,15 @@ class Range:
     @property
     def sentence(self) -> str:
         """The range in words."""
-        ends = (
+        ends = [
             f"{quantity(self.output, value)} is attained at "
             + ", ".join(f"{name} = {number(at)}" for name, at in _rounded(inputs).items())
             for value, inputs in (
                 (self.inner.low, self.least_at),
                 (self.inner.high, self.greatest_at),
             )
-        )
+            if inputs
+        ] or ["no input that meets all conditions was found"]
         outer = f"{number(self.outer.low)} to {quantity(self.output, self.outer.high)}"
         proved = f"{self.output.name} goes from {outer} at most, proved with {self.num_boxes} boxes"
         return "; ".join((proved, *ends)) + "."
@@ -202,7 +205,8 @@ def ask(
     question : str
         Conditions on outputs that are to hold together, as ``force_x > 0``, ``force_x in [-0.1, 0.1]``.
     region : str
-        Conditions on inputs, as ``distance > 150, velocity_body_x - 0.001 distance <= 0.1``.
+        Conditions on inputs, as ``distance > 150, velocity_body_x - 0.001 distance <= 0.1``; those on several
+        inputs together are about values inside their universes.
     max_boxes : int
         How many boxes to look at before giving up.
     progress : callable, optional
@@ -297,18 +301,29 @@ def output_ranges(
             if not len(found.open_promises) and found.best == -np.inf:
                 raise ValueError(f"no inputs meet all conditions of {region!r}; relax one of them")
             ends.append(found)
-        low, high = ends
-        ranges.append(
-            Range(
-                output,
-                outer=Interval(-_most(low), _most(high)),
-                inner=Interval(-low.best, high.best),
-                least_at=_named(system.inputs, low.best_inputs),
-                greatest_at=_named(system.inputs, high.best_inputs),
-                num_boxes=low.num_boxes + high.num_boxes,
-            )
-        )
+        ranges.append(_range(system, output, where, *ends))
     return tuple(ranges)
+
+
+def _range(
+    system: FuzzySystem, output: Variable, where: Region, low: Subdivision, high: Subdivision
+) -> Range:
+    """Put together what the searches for the least and for the greatest value of an output found."""
+    attained = [
+        (value, _named(system.inputs, np.clip(found.best_inputs, where.asked_low, where.asked_high)))
+        for value, found in ((-low.best, low), (high.best, high))
+        if found.best > -np.inf
+    ]
+    least, least_at = attained[0] if attained else (np.inf, {})
+    greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
+    return Range(
+        output,
+        outer=Interval(-_most(low), _most(high)),
+        inner=Interval(least, greatest),
+        least_at=least_at,
+        greatest_at=greatest_at,
+        num_boxes=low.num_boxes + high.num_boxes,
+    )
 
 
 def _most(found: Subdivision) -> float:

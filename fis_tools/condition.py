@@ -44,7 +44,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Region:
-    """Where inputs may lie: a box, and conditions on several inputs together.
+    """Where inputs may lie: a box, and conditions on several inputs together, which are about their universes.
 
     Parameters
     ----------
@@ -53,7 +53,8 @@ class Region:
     low, high : (num_inputs,)
         The box, inside the universes.
     asked_low, asked_high : (num_inputs,)
-        The box as it was asked for; inputs beyond their universe are taken as its end.
+        The box as it was asked for; inputs beyond their universe are taken as its end. Those that stand in
+        the other conditions stay inside: there it matters how far beyond they are.
     coefficients : (m, num_inputs)
         Of the other conditions, ``least <= coefficients @ inputs <= greatest``.
     least, greatest : (m,)
@@ -96,7 +97,8 @@ def read_region(system: FuzzySystem, text: str) -> Region:
     Raises
     ------
     ValueError
-        If a condition cannot be read, or none of the box's inputs can meet it.
+        If a condition cannot be read, none of the box's inputs can meet it, or values beyond the universe are
+        asked for of an input that stands in a condition on several.
     """
     names = [variable.name for variable in system.inputs]
     conditions = read_conditions(text, names) if text.strip() else ()
@@ -109,9 +111,18 @@ def read_region(system: FuzzySystem, text: str) -> Region:
     for name, least, greatest in zip(names, asked_low, asked_high, strict=True):
         if not least <= greatest:
             raise ValueError(f"no {name!r} meets all conditions of {text!r}; relax one of them")
-    universes = [(variable.minimum, variable.maximum) for variable in system.inputs]
     joint = [condition for condition in conditions if not condition.is_plain]
     rows = [[condition.coefficients.get(name, 0.0) for name in names] for condition in joint]
+    universes = [(variable.minimum, variable.maximum) for variable in system.inputs]
+    for place, (minimum, maximum) in enumerate(universes):
+        if any(row[place] for row in rows):
+            asked_low[place] = max(asked_low[place], minimum)
+            asked_high[place] = min(asked_high[place], maximum)
+            if asked_low[place] > asked_high[place]:
+                raise ValueError(
+                    f"{names[place]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
+                    f"{text!r}, where conditions on several inputs together do not reach; leave out one of them"
+                )
     region = Region(
         text=", ".join(condition.text for condition in conditions),
         low=np.clip(asked_low, *np.transpose(universes)),
@@ -195,8 +206,10 @@ def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str,
             if words and words[0] == "*":
                 words.pop(0)
         name = words.pop(0) if words else ""
+        if not re.match(r"\w", name) and name not in names:
+            raise ValueError(f"{name or 'the end'!r} in {text!r} stands where a variable should; {GRAMMAR}")
         if name not in names:
-            raise ValueError(f"{name or 'the end'!r} in {text!r} is no variable; {nearest(name, names)}")
+            raise ValueError(f"{name!r} in {text!r} is no variable; {nearest(name, names)}")
         coefficients[name] = coefficients.get(name, 0.0) + sign
         if not words or words[0] not in {"+", "-"}:
             return coefficients

@@ -9,8 +9,9 @@ from fis_tools.source import read_controller
 
 EPILOG = """\
 Conditions are written NAME > NUMBER, NAME in [NUMBER, NUMBER] or 2 NAME - OTHER <= NUMBER;
-several, with commas between, hold together. A yes comes with inputs and outputs that were
-evaluated. A no is proved: no inputs of the region, of any number, can do it.
+several, with commas between, hold together. An input beyond its range is taken as the end of it;
+conditions on several inputs together are about values inside their ranges. A yes comes with inputs
+and outputs that were evaluated. A no is proved: no inputs of the region, of any number, can do it.
 
 The exit status is 0; with --expect it is 1 where the answer is another one; a mistake gives 2.
 

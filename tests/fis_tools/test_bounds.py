@@ -292,6 +292,8 @@ def test_a_question_may_stay_open_and_says_where() -> None:
     assert set(answer.undecided) == {"distance", "velocity_body_x"}
     assert all(box.width > 0.0 for box in answer.undecided.values())
     assert "undecided after" in answer.sentence
+    above_zero = ask(system, f"force_x > {highest + 1e-4}", "velocity_body_x > 0", max_boxes=1)
+    assert "velocity_body_x from 0 to 0.3" in above_zero.sentence
     assert answer._repr_markdown_().startswith("`force_x > ")
     seen: list[int] = []
     assert ask(
@@ -316,6 +318,29 @@ def test_a_range_is_proved_outside_and_attained_inside(where: str) -> None:
         inputs = np.array([at[variable.name] for variable in system.inputs])
         assert inference.infer(system, inputs).values[0] == pytest.approx(value, abs=1e-14)
     assert "is attained at distance = " in found.sentence
+
+
+def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for() -> None:
+    system = force_x_system()
+    (found,) = output_ranges(system, "distance > 300")
+    assert min(found.least_at["distance"], found.greatest_at["distance"]) > 300.0
+    at_end = output_ranges(system, "distance = 200")[0]
+    assert (found.inner, found.outer) == (at_end.inner, at_end.outer)
+
+
+def test_a_range_of_which_no_input_was_found_says_so() -> None:
+    (found,) = output_ranges(force_x_system(), "distance - 100 velocity_body_x = 50.123456789", max_boxes=500)
+    assert (found.least_at, found.greatest_at) == ({}, {})
+    assert found.outer.width > 0.0 > found.inner.width
+    assert found.sentence.endswith("; no input that meets all conditions was found.")
+
+
+def test_conditions_on_several_inputs_keep_them_inside_their_universes() -> None:
+    # at (600, 0.25) the condition holds too, with other outputs than where a distance of 200 meets it
+    region = read_region(force_x_system(), "distance - 1000 velocity_body_x >= 350")
+    assert (region.asked_low[0], region.asked_high[0]) == (0.0, 200.0)
+    with pytest.raises(ValueError, match="'distance' is asked to lie beyond its range of 0 to 200"):
+        read_region(force_x_system(), "distance > 300, distance - 1000 velocity_body_x <= 150")
 
 
 def test_conditions_are_read_as_they_are_written() -> None:
@@ -344,6 +369,8 @@ def test_conditions_are_read_as_they_are_written() -> None:
         (["--where", "distanse>150"], "did you mean 'distance'?"),
         (["--where", "distance"], "'the end' in 'distance' is not <"),
         (["--where", "distance > near"], "'near' in 'distance > near' stands where a number should"),
+        (["--where", "0 < distance < 5"], "'<' in '0 < distance < 5' stands where a variable should"),
+        (["--where", ","], "',' in ',' stands where a variable should"),
         (["--where", "distance > 1e999"], "stands where a number should"),
         (["--where", "distance in 3"], "the interval in 'distance in 3' cannot be read"),
         (["--where", "distance in [3, 2]"], "empty; give the lower end first"),
