@@ -1,37 +1,16 @@
 """Simpler controllers: rules, terms and digits taken away while the outputs stay within a budget."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
-from fis_tools.formats.amounts import listed
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.simplification.budget import ROUNDING_ERROR, Bench, Budget, Change, Floats, bench_for
-from fis_tools.simplification.draft import (
-    Draft,
-    Proposal,
-    cleaned,
-    proposals,
-    rounded_draft,
-    unused_words,
-)
-from fis_tools.simplification.report import (
-    Kind,
-    Simplification,
-    SimplifiedSystem,
-    Step,
-    budget_words,
-    num_terms,
-)
-from fis_tools.simplification.rounding import MOST_DIGITS, units
+from fis_tools.simplification.budget import Budget, Change, Floats, bench_for
+from fis_tools.simplification.draft import Draft
+from fis_tools.simplification.report import Simplification, SimplifiedSystem, Step, budget_words
+from fis_tools.simplification.search import CAREFUL_DIGITS, Progress, Search
 from fis_tools.validate import nearest, validate
 
 __all__ = ["Budget", "Change", "Simplification", "SimplifiedSystem", "Step", "simplify"]
-
-#: All numbers are rounded to this many digits together, then to one less, and so on: down to so many while
-#: rules and terms can still go, which matter more to a reader than digits do.
-FIRST_DIGITS, CAREFUL_DIGITS = 4, 3
-
-Progress = Callable[[str], None]
 
 
 def simplify(
@@ -97,128 +76,15 @@ def _simplified(
     system: FuzzySystem, flown: Floats | None, budget: Budget, progress: Progress | None
 ) -> SimplifiedSystem:
     bench = bench_for(system, flown, budget)
-    work = _Work(bench, Draft(system, tuple(range(1, len(system.rules) + 1))), progress)
-    work.drop_unused_terms()
-    work.go_greedily(CAREFUL_DIGITS)
-    work.go_greedily(1)
-    work.round_one_by_one()
+    search = Search(bench, Draft(system, tuple(range(1, len(system.rules) + 1))), progress)
+    search.drop_unused_terms()
+    search.go_greedily(CAREFUL_DIGITS)
+    search.go_greedily(1)
+    search.round_one_by_one()
     return SimplifiedSystem(
         system,
-        work.draft.system,
+        search.draft.system,
         0 if flown is None else len(flown),
-        tuple(work.steps),
-        bench.measure(work.draft.system),
+        tuple(search.steps),
+        bench.measure(search.draft.system),
     )
-
-
-class _Work:
-    """A draft, and the steps that were taken."""
-
-    def __init__(self, bench: Bench, draft: Draft, progress: Progress | None) -> None:
-        self.bench = bench
-        self.ranking = bench.thinned()
-        self.draft = draft
-        self.steps: list[Step] = []
-        self.digits = FIRST_DIGITS
-        self._progress = progress
-        self._refused: set[tuple[str, ...]] = set()
-        self._last_changed = True
-
-    def drop_unused_terms(self) -> None:
-        """Take out what no rule uses, which changes nothing."""
-        clean = cleaned(self.draft)
-        gone = unused_words(self.draft.exact, clean.exact)
-        if gone:
-            self._try(Proposal(("terms",), "terms", f"drop {gone}, which no rule uses", clean))
-
-    def go_greedily(self, least_digits: int) -> None:
-        """Take the cheapest step that fits the budget, until none does."""
-        while any(self._try(proposal) for proposal in self._next(least_digits)):
-            pass
-
-    def _next(self, least_digits: int) -> list[Proposal]:
-        found = proposals(self.draft, self.ranking)
-        if self.digits >= least_digits:
-            coarser = rounded_draft(self.draft, self.digits)
-            words = f"round all numbers to {self.digits} digit{'s' if self.digits > 1 else ''}"
-            rounding = Proposal(("round", str(self.digits)), "round", words, coarser)
-            found.append((self.ranking.cost(self.ranking.measure(coarser.system)), rounding))
-            found.sort(key=lambda entry: entry[0])
-        return [proposal for _, proposal in found if proposal.key not in self._refused]
-
-    def round_one_by_one(self) -> None:
-        """Round the numbers that can still be rounded, a term at a time, the finest first."""
-        before = self.draft
-        for digits in range(MOST_DIGITS, 0, -1):
-            trials = []
-            for unit in units(self.draft.exact):
-                draft = rounded_draft(self.draft, digits, unit)
-                if draft.system != self.draft.system:
-                    trials.append((self.ranking.cost(self.ranking.measure(draft.system)), unit))
-            for _, unit in sorted(trials, key=lambda trial: trial[0]):
-                draft = rounded_draft(self.draft, digits, unit)
-                if self.bench.cost(self.bench.measure(draft.system)) <= 1.0:
-                    self.draft = draft
-            self._tell()
-        if self.draft.system != before.system:
-            now = [d for unit, d in self.draft.digits.items() if before.digits.get(unit) != d]
-            told = [
-                f"{now.count(digits)} to {digits} digit{'s' if digits > 1 else ''}"
-                for digits in sorted(set(now), reverse=True)
-            ]
-            words = f"of {len(units(self.draft.exact))} terms and ranges round {listed(told, len(told))}"
-            self._record("round", words, before)
-
-    def _try(self, proposal: Proposal) -> bool:
-        """Take a step if it fits the budget."""
-        self._tell()
-        if self.bench.cost(self.bench.measure(proposal.draft.system)) > 1.0:
-            self._refused.add(proposal.key)
-            return False
-        before, self.draft = self.draft, proposal.draft
-        if proposal.kind == "round":
-            self.digits -= 1
-            if self.draft.system == before.system:
-                return True
-        self._record(proposal.kind, proposal.words, before)
-        return True
-
-    def _record(self, kind: Kind, words: str, before: Draft) -> None:
-        after = self.draft
-        rules = tuple(number for number in before.numbers if number not in after.numbers)
-        gone = unused_words(before.exact, after.exact)
-        if gone and kind == "drop":
-            words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
-        step = Step(
-            kind,
-            words,
-            rules,
-            len(after.numbers),
-            num_terms(after.system),
-            self.bench.measure(after.system),
-        )
-        changed = self._changes_more(step)
-        last = self.steps[-1] if self.steps else None
-        if last is not None and kind == last.kind == "drop" and not (changed or self._last_changed):
-            self.steps.pop()
-            rules = (*last.rules, *rules)
-            numbers = [str(number) for number in sorted(rules)]
-            words = f"drop rules {listed(numbers, len(numbers))}, without which nothing changes there"
-            step = replace(step, sentence=words, rules=rules)
-        self._last_changed = changed
-        self.steps.append(step)
-
-    def _changes_more(self, step: Step) -> bool:
-        """Tell whether a step changes what the budget holds on, beyond what was changed before."""
-        for name in self.bench.governing:
-            now = (*step.changes[name].largest, *step.changes[name].mean)
-            last = self.steps[-1].changes[name] if self.steps else None
-            then = (*last.largest, *last.mean) if last is not None else (0.0,) * len(now)
-            if any(abs(a - b) > ROUNDING_ERROR for a, b in zip(now, then, strict=True)):
-                return True
-        return False
-
-    def _tell(self) -> None:
-        if self._progress is not None:
-            system = self.draft.exact
-            self._progress(f"{system.name}: {len(system.rules)} rules, {num_terms(system)} terms")

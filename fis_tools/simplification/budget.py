@@ -31,7 +31,8 @@ class Budget:
     Parameters
     ----------
     max_change, mean_change : float
-        The largest and the mean size of the change over the samples, from 0 to 1.
+        The largest and the mean size of the change over the samples, from 0 to 1. Between samples of the
+        whole ranges a change can be a little larger than the largest.
     flights_only : bool
         Whether it holds along the flights alone, where flights are given, and not over the whole ranges of
         the inputs too. What was not flown may then change at will.
