@@ -44,7 +44,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Region:
-    """Where inputs may lie: a box, and conditions on several inputs together, which are about their universes.
+    """Where inputs may lie: a box, and conditions on several inputs together.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def read_region(system: FuzzySystem, text: str) -> Region:
             if asked_low[place] > asked_high[place]:
                 raise ValueError(
                     f"{names[place]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
-                    f"{text!r}, where conditions on several inputs together do not reach; leave out one of them"
+                    f"{text!r}, where conditions on several inputs do not reach; leave out one of them"
                 )
     region = Region(
         text=", ".join(condition.text for condition in conditions),

@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     found = difference(before, after, samples)
     if arguments.json:
         content = json.dumps(words.plain(found.facts, found.systems), indent=2, ensure_ascii=False) + "\n"
-    elif Path(arguments.output or "").suffix in {".html", ".htm"}:
+    elif Path(arguments.output or "").suffix.lower() in {".html", ".htm"}:
         content = found.html
     else:
         content = found.text

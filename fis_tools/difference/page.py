@@ -90,8 +90,9 @@ def fragment(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifferen
 
 def _facts(facts: Sequence[Fact]) -> str:
     rows = [
-        [escape(fact.what), f"<del>{escape(fact.before)}</del><ins>{escape(fact.after)}</ins>"]
+        [escape(fact.what), f"<del>{escape(before)}</del><ins>{escape(after)}</ins>"]
         for fact in facts
+        for before, after in [words.fact_words(fact)]
     ]
     return _table("", ["", f"before {words.TO} after"], rows, "inline") if rows else ""
 

@@ -12,6 +12,7 @@ from fis_tools.difference.change import (
     VariableChange,
 )
 from fis_tools.difference.comparison import new_names, renamed
+from fis_tools.formats.amounts import NEGLIGIBLE
 from fis_tools.formats.text import (
     aligned,
     antecedent_words,
@@ -30,6 +31,8 @@ from fis_tools.model import Sampled, Term
 TO = "→"
 #: Tables wider than this are listed cell by cell.
 WIDEST = 120
+#: Of a universe with more points than this only the first few and the last are told.
+MOST_POINTS = 12
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,20 @@ def write(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]
 
 
 def _fact_lines(facts: Sequence[Fact], indent: int) -> list[str]:
-    rows = [[f"{fact.what}:", f"{fact.before} {TO} {fact.after}"] for fact in facts]
+    rows = [[f"{fact.what}:", f" {TO} ".join(fact_words(fact))] for fact in facts]
     return aligned(rows, indent) if rows else []
+
+
+def fact_words(fact: Fact) -> tuple[str, str]:
+    """Say what was and what is, of many points of a universe only a few."""
+    if fact.what != "points":
+        return fact.before, fact.after
+    return _few_points(fact.before), _few_points(fact.after)
+
+
+def _few_points(words: str) -> str:
+    points = words.split(", ")
+    return words if len(points) <= MOST_POINTS else f"{', '.join(points[:3])}, … {points[-1]}"
 
 
 def _system_lines(system: SystemDifference) -> list[str]:
@@ -158,20 +173,26 @@ def term_words(variable: VariableChange, change: TermChange) -> tuple[str, str]:
         return shape_words(term) if term is not None else "", word
     far = f"moved by {quantity(variable.variable, change.moved)} ({percent(change.share)})"
     return shape_change(change.before, change.after), (
-        f"{far if change.moved else 'stays'}, {percent(change.similarity)} alike"
+        f"{far if change.share > NEGLIGIBLE else 'stays'}, {percent(change.similarity)} alike"
     )
 
 
 def shape_change(before: Term, after: Term) -> str:
-    """Say how a membership function changed: ``mean 40 → 44``."""
+    """Say how a membership function changed: ``mean 40 → 44``.
+
+    What is the same to six digits is left out, or told in full where nothing else changed.
+    """
     old, new = before.membership, after.membership
     if type(old) is not type(new) or isinstance(old, Sampled):
         return f" {TO} ".join(dict.fromkeys(shape_words(term) for term in (before, after)))
-    told = []
-    for field in fields(old):
-        values = [getattr(shape, field.name) for shape in (old, new)]
-        if values[0] != values[1]:
-            told.append(f"{field.name.replace('_', ' ')} {f' {TO} '.join(map(number, values))}")
+    changed = {
+        field.name.replace("_", " "): (getattr(old, field.name), getattr(new, field.name))
+        for field in fields(old)
+        if getattr(old, field.name) != getattr(new, field.name)
+    }
+    seen = {name: values for name, values in changed.items() if number(values[0]) != number(values[1])}
+    write = number if seen else repr
+    told = [f"{name} {f' {TO} '.join(map(write, values))}" for name, values in (seen or changed).items()]
     return ", ".join(told) or shape_words(after)
 
 
@@ -227,28 +248,34 @@ def _rule_lines(system: SystemDifference) -> list[str]:
                 for sign, told in rule_words(change)
             ),
         ]
-    lines = ["  rules that changed; a point stands for one that did not"]
+    lines: list[str] = []
+    has_points = False
     for title, heads, rows in tables:
-        lines += [f"    where {title}"] if title else []
-        told = [
-            [head, *(f"{c.before} {TO} {c.after}" if c.before != c.after else "·" for c in cells)]
-            for head, cells in rows
-        ]
         indent = 6 if title else 4
-        table = aligned([heads, *told], indent)
-        if max(map(len, table)) > WIDEST:
-            table = aligned(
-                [
-                    [head, column, f"{cell.before} {TO} {cell.after}"]
-                    for head, cells in rows
-                    for column, cell in zip(heads[1:], cells, strict=True)
-                    if cell.before != cell.after
-                ],
-                indent,
-            )
-            table.insert(0, " " * indent + heads[0])
-        lines += table
-    return lines
+        table = _table_lines(heads, rows, indent)
+        fits = max(map(len, table)) <= WIDEST
+        has_points |= fits
+        lines += [f"    where {title}"] if title else []
+        lines += table if fits else _cell_lines(heads, rows, indent)
+    return ["  rules that changed" + ("; a point stands for one that did not" if has_points else ""), *lines]
+
+
+def _table_lines(heads: list[str], rows: list[tuple[str, list[Cell]]], indent: int) -> list[str]:
+    told = [
+        [head, *(f"{c.before} {TO} {c.after}" if c.before != c.after else "·" for c in cells)]
+        for head, cells in rows
+    ]
+    return aligned([heads, *told], indent)
+
+
+def _cell_lines(heads: list[str], rows: list[tuple[str, list[Cell]]], indent: int) -> list[str]:
+    told = [
+        [head, column, f"{cell.before} {TO} {cell.after}"]
+        for head, cells in rows
+        for column, cell in zip(heads[1:], cells, strict=True)
+        if cell.before != cell.after
+    ]
+    return [" " * indent + heads[0], *aligned(told, indent)]
 
 
 def rule_words(change: RuleChange) -> Iterator[tuple[str, str]]:

@@ -119,6 +119,43 @@ def test_what_a_variable_says_of_itself_is_compared(
     assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == facts
 
 
+def test_many_points_of_a_universe_are_told_by_a_few_and_kept_for_programs() -> None:
+    system = force_x_system()
+    points = tuple(float(point) for point in np.linspace(0.0, 200.0, 20) ** 2 / 200.0)
+    found = difference(
+        system, _with_input(system, 0, replace(system.inputs[0], points=points, num_points=20))
+    )
+    assert "points:  101, even → 20 of its own: 0, 0.554017, 2.21607, … 200\n" in found.text
+    assert "20 of its own: 0, 0.554017, 2.21607, … 200<" in found.html
+    (fact,) = _only(found).variables[0].facts
+    assert fact.after.count(", ") == 19
+
+
+def test_digits_that_nobody_reads_are_told_only_alone() -> None:
+    system = force_x_system()
+    near = system.inputs[0].terms[1]
+    assert isinstance(near.membership, Gaussian)
+
+    def told(mean: float, standard_deviation: float) -> str:
+        term = Term(near.name, Gaussian(mean, standard_deviation))
+        return difference(system, _with_input(system, 0, _with_term(system.inputs[0], 1, term))).text
+
+    mean, width = near.membership.mean, near.membership.standard_deviation
+    assert f"mean {mean!r} → {mean + 1e-9!r}  stays" in told(mean + 1e-9, width)
+    assert "near  standard deviation" in told(mean + 1e-9, width + 1.0)
+
+
+def test_only_a_table_has_points_for_what_did_not_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = force_x_system()
+    rules = list(system.rules)
+    rules[0] = replace(rules[0], consequents=rules[-1].consequents)
+    found = difference(system, replace(system, rules=tuple(rules)))
+    assert "  rules that changed; a point stands for one that did not\n" in found.text
+    monkeypatch.setattr("fis_tools.difference.words.WIDEST", 20)
+    assert "  rules that changed\n" in found.text
+    assert "·" not in found.text
+
+
 def test_operators_defaults_and_the_order_of_inputs_are_compared() -> None:
     system = force_x_system()
     changed = replace(
