@@ -1,4 +1,4 @@
-"""The layout of a replay: which view shows what, and where."""
+"""The layouts: which view shows what, and where, in a window of about 1600 x 900."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -10,23 +10,30 @@ import rerun.blueprint as rrb
 from telemetry.curves import Plot
 from telemetry.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
 
-TIMELINE: Final = "time"
+#: the timeline of a flight, s
+TIME: Final = "time"
+#: the timeline of a training, all rounds in a row
+GENERATION: Final = "generation"
 #: an hour of flight in a minute
 PLAYBACK_SPEED: Final = 60.0
+GENERATIONS_PER_SECOND: Final = 10.0
 
 SCENE: Final = "/scene"
 CURVES: Final = "/curves"
+CHARTS: Final = "/charts"
 RULE_MAP: Final = "/rules/map"
 RULES_IN_WORDS: Final = "/rules/words"
-FLIGHT_IN_WORDS: Final = "/flight"
+SUMMARY: Final = "/summary"
 EVENTS: Final = "/events"
 
 #: the chief's centre with the deputy's axes
 SEEN: Final = f"{SCENE}/seen"
 
 _MAP_MARGIN: Final = 20.0
-_CLOSE_UP_M: Final = 36.0
+_CLOSE_UP_M: Final = 32.0
 BACKGROUND: Final = (10, 12, 20)
+#: curves end before the right edge, so that a legend hides none of them
+_ROOM_FOR_LEGEND: Final = 1.25
 _EYE_DIRECTION: Final = np.array([0.70, -0.80, 0.42])
 
 
@@ -40,7 +47,7 @@ def plot_path(plot: Plot) -> str:
     return f"{CURVES}/{plot.key}"
 
 
-def layout(
+def replay(
     mission: Sequence[Plot],
     effort: Sequence[Plot],
     fis: Sequence[Plot],
@@ -49,7 +56,7 @@ def layout(
     boresight: Sequence[float],
     trails: Sequence[str],
 ) -> rrb.Blueprint:
-    """Lay out the views of a replay for a window of about 1600 x 900.
+    """Lay out flights: above the scene and the curves, below the rules and the events.
 
     Parameters
     ----------
@@ -66,62 +73,113 @@ def layout(
     trails : sequence of str
         Entities of which the scene shows everything up to now.
     """
-    distance, rate, delta_v = mission
-    end_s = max(float(curves.time_s[-1]) for curves in distance.curves)
-    flight = rrb.TextDocumentView(origin=FLIGHT_IN_WORDS, name="Flight")
-    rows: list[rrb.Container | rrb.View] = [
-        rrb.Horizontal(_plot(distance, end_s), _plot(rate, end_s)),
-        rrb.Horizontal(*(_plot(plot, end_s) for plot in effort)),
-    ]
+    end_s = max(float(lines.instants[-1]) for lines in mission[0].curves)
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="Flight")
+    beside = rrb.Vertical(_camera_view(boresight), summary, row_shares=[48, 52])
+    fuzzy: list[rrb.Container] = []
     if fis:
-        tabs = rrb.Tabs(*(_plot(plot, end_s) for plot in fis), active_tab=0)
-        rows.append(rrb.Horizontal(_plot(delta_v, end_s), tabs))
-        rows.append(rrb.Horizontal(_rule_map(), rrb.Tabs(_events(), flight), column_shares=[64, 36]))
-        words: rrb.Container | rrb.View = rrb.TextDocumentView(
-            origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
-        )
-    else:
-        rows.append(_plot(delta_v, end_s))
-        words = rrb.Horizontal(flight, _events())
-    scene = rrb.Horizontal(_scene(farthest_m, trails), _camera_view(boresight), column_shares=[60, 40])
-    left = rrb.Vertical(scene, words, row_shares=[55, 45])
+        answers, *told = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis)
+        fuzzy = [rrb.Horizontal(answers, rrb.Tabs(*told, active_tab=0))]
+    rows = [
+        rrb.Horizontal(*(_plot(plot, end_s) for plot in mission), column_shares=[41, 34, 25]),
+        rrb.Horizontal(*(_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)),
+        *fuzzy,
+    ]
+    scene = _scene("Flight, Hill frame", farthest_m, trails, TIME)
+    top = rrb.Horizontal(scene, beside, rrb.Vertical(*rows), column_shares=[34, 17, 49])
+    if not fis:
+        return _blueprint(rrb.Vertical(top, _events(), row_shares=[75, 25]), TIME, PLAYBACK_SPEED)
+    words = rrb.TextDocumentView(
+        origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
+    )
+    bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[41, 31, 28])
+    return _blueprint(rrb.Vertical(top, bottom, row_shares=[57, 43]), TIME, PLAYBACK_SPEED)
+
+
+def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: float) -> rrb.Blueprint:
+    """Lay out the trajectories of many cases.
+
+    Parameters
+    ----------
+    distance : Plot
+        Over the time of the flights.
+    charts : sequence of (path, title)
+        Bar charts.
+    farthest_m : float
+        The largest distance, which the scene has to hold.
+    """
+    end_s = max(float(lines.instants[-1]) for lines in distance.curves)
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="How the cases ended")
+    without_legend = rrb.PlotLegend(visible=False)
+    bars = [rrb.BarChartView(origin=path, name=title, plot_legend=without_legend) for path, title in charts]
+    side = rrb.Vertical(
+        summary,
+        _plot(distance, _ROOM_FOR_LEGEND * end_s),
+        rrb.Grid(*bars, grid_columns=2),
+        row_shares=[41, 23, 36],
+    )
+    scene = _scene("All cases, Hill frame", farthest_m, (), TIME)
+    return _blueprint(rrb.Horizontal(scene, side, column_shares=[58, 42]), TIME, PLAYBACK_SPEED)
+
+
+def training(plots: Sequence[Plot], *, earlier: str, farthest_m: float) -> rrb.Blueprint:
+    """Lay out a training, also one that goes on.
+
+    Parameters
+    ----------
+    plots : sequence of Plot
+        Over the generations.
+    earlier : str
+        The entity of which the scene shows everything up to now.
+    farthest_m : float
+        A distance which the scene has to hold.
+    """
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="The champion of this generation")
+    scene = _scene("The champion's flight, Hill frame", farthest_m, (earlier,), GENERATION)
+    left = rrb.Vertical(scene, summary, row_shares=[68, 32])
+    right = rrb.Grid(*(_plot(plot) for plot in plots), grid_columns=2)
+    return _blueprint(rrb.Horizontal(left, right, column_shares=[46, 54]), GENERATION, GENERATIONS_PER_SECOND)
+
+
+def _blueprint(root: rrb.Container, timeline: str, speed: float) -> rrb.Blueprint:
+    is_in_frames = timeline == GENERATION
+    time = rrb.TimePanel(
+        state="collapsed",
+        timeline=timeline,
+        playback_speed=None if is_in_frames else speed,
+        fps=speed if is_in_frames else None,
+        play_state="following" if is_in_frames else "playing",
+        loop_mode="off" if is_in_frames else "all",
+    )
     return rrb.Blueprint(
-        rrb.Horizontal(left, rrb.Vertical(*rows), column_shares=[46, 54]),
-        *_panels(),
+        root,
+        time,
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _panels() -> list[rrb.TimePanel | rrb.SelectionPanel | rrb.BlueprintPanel]:
-    time = rrb.TimePanel(
-        state="collapsed",
-        timeline=TIMELINE,
-        playback_speed=PLAYBACK_SPEED,
-        play_state="playing",
-        loop_mode="all",
-    )
-    return [time, rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")]
-
-
 def _events() -> rrb.View:
     columns = rrb.TextLogColumns(
-        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
+        timeline_columns=[rrb.encodings.TimelineColumn(TIME, visible=False)],
         text_log_columns=["Body"],
     )
     return rrb.TextLogView(origin=EVENTS, name="Events", columns=columns)
 
 
-def _scene(farthest_m: float, trails: Sequence[str]) -> rrb.View:
-    eye = 2.2 * max(farthest_m, 40.0) * _EYE_DIRECTION
+def _scene(title: str, farthest_m: float, trails: Sequence[str], timeline: str) -> rrb.View:
+    eye = 1.8 * max(farthest_m, 40.0) * _EYE_DIRECTION
+    instant = {"seconds": 0.0} if timeline == TIME else {"seq": 0}
     up_to_now = rrb.VisibleTimeRanges(
-        timeline=TIMELINE,
+        timeline=timeline,
         start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
+        end=rrb.TimeRangeBoundary.cursor_relative(**instant),
     )
     return rrb.Spatial3DView(
         origin=SCENE,
-        name="Flight, Hill frame",
+        name=title,
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(position=eye, look_target=[0, 0, 0], eye_up=[0, 0, 1]),
@@ -132,7 +190,7 @@ def _scene(farthest_m: float, trails: Sequence[str]) -> rrb.View:
 def _camera_view(boresight: Sequence[float]) -> rrb.View:
     return rrb.Spatial3DView(
         origin=SEEN,
-        contents=[f"{SCENE}/chief/**", f"{SCENE}/sun"],
+        contents=[f"{SCENE}/chief/**"],
         name="As the deputy sees it",
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
@@ -144,26 +202,31 @@ def _camera_view(boresight: Sequence[float]) -> rrb.View:
     )
 
 
-def _plot(plot: Plot, end_s: float) -> rrb.View:
+def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
+    corner = rrb.Corner2D.LeftTop if plot.rises else rrb.Corner2D.RightTop
     axis_y = None
     if plot.low is not None and plot.high is not None:
         axis_y = rrb.ScalarAxis(range=(plot.low, plot.high))
-    whole_flight = rr.TimeRange(
-        start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
-    )
+    axis_x = None
+    if end_s is not None:
+        whole_flight = rr.TimeRange(
+            start=rr.TimeRangeBoundary.absolute(seconds=0.0),
+            end=rr.TimeRangeBoundary.absolute(seconds=end_s),
+        )
+        axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
     return rrb.TimeSeriesView(
         origin=plot_path(plot),
         name=plot.title,
-        axis_x=rrb.TimeAxis(link="Independent", view_range=whole_flight),
+        axis_x=axis_x,
         axis_y=axis_y,
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=plot.has_legend),
+        plot_legend=rrb.PlotLegend(corner, visible=plot.has_legend),
     )
 
 
 def _rule_map() -> rrb.View:
     return rrb.Spatial2DView(
         origin=RULE_MAP,
-        name="Rules fired over the flight: one row each, rule 1 on top",
+        name="Rules fired: one row each, rule 1 on top",
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(
             x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN],

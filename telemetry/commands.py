@@ -5,13 +5,18 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from telemetry import compare, summary
 from telemetry.errors import RecordingError
 from telemetry.reader import read
 from telemetry.recover import recover
 from telemetry.tables import export
+
+if TYPE_CHECKING:
+    from telemetry.viewer import Scene
 
 DESCRIPTION = """\
 Look at recorded inspection flights (MCAP files).
@@ -25,6 +30,9 @@ examples:
   python -m telemetry replay flight.mcap --web            the same in a browser
   python -m telemetry replay a.mcap b.mcap                b laid over a
   python -m telemetry replay flight.mcap --save x.rrd     a file to send; opens with `rerun x.rrd`
+  python -m telemetry campaign outputs/evaluate/RUN       all cases of an evaluation at once
+  python -m telemetry training outputs/train/RUN --follow the champions of a training, while it goes on
+  python -m telemetry screenshot flight.mcap --at 60 1200 pictures, without a display
   python -m telemetry info flight.mcap                    what it was, how it went, what is recorded
   python -m telemetry recover flight.mcap.partial         rescue a flight whose process was killed
   python -m telemetry export flight.mcap --format csv     tables, one file a topic
@@ -73,10 +81,44 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("replay", help="show flights in rerun, in our layout")
     command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="flights; the first one in full")
-    target = command.add_mutually_exclusive_group()
-    target.add_argument("--save", type=Path, metavar="OUT.rrd", help="write a rerun file instead of a window")
-    target.add_argument("--web", action="store_true", help="serve a page to this machine's browser")
+    _add_target(command)
     command.set_defaults(run=_replay)
+
+    command = commands.add_parser("campaign", help="show all trajectories of an evaluation, by outcome")
+    command.add_argument(
+        "run_folder", type=Path, metavar="RUN", help="a run's folder, or its evaluate/trajectories.parquet"
+    )
+    _add_target(command)
+    command.set_defaults(run=_campaign)
+
+    command = commands.add_parser("training", help="show a training, generation by generation")
+    command.add_argument("run_folder", type=Path, metavar="RUN", help="a run's folder")
+    command.add_argument("--follow", action="store_true", help="go on as the training does")
+    _add_target(command)
+    command.set_defaults(run=_training)
+
+    command = commands.add_parser(
+        "screenshot", help="draw pictures (PNG) of flights and runs, without a display"
+    )
+    command.add_argument(
+        "paths",
+        nargs="+",
+        type=Path,
+        metavar="PATH",
+        help="flights, laid over each other, and folders of runs",
+    )
+    command.add_argument(
+        "--at",
+        nargs="+",
+        type=float,
+        default=[60.0, 1200.0, 3000.0],
+        metavar="SECONDS",
+        help="of flights; default: 60 1200 3000",
+    )
+    command.add_argument(
+        "-o", "--output", type=Path, default=Path(), metavar="DIR", help="default: this folder"
+    )
+    command.set_defaults(run=_screenshot)
 
     command = commands.add_parser("info", help="say what a flight was and what its file holds")
     command.add_argument("file", type=Path, metavar="FILE")
@@ -116,15 +158,55 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _add_target(command: argparse.ArgumentParser) -> None:
+    target = command.add_mutually_exclusive_group()
+    target.add_argument("--save", type=Path, metavar="OUT.rrd", help="write a rerun file instead of a window")
+    target.add_argument("--web", action="store_true", help="serve a page to this machine's browser")
+
+
 def _replay(options: argparse.Namespace) -> None:
     # rerun takes half a second to import, which no other command should pay
     from telemetry import replay  # noqa: PLC0415
 
+    _look(replay.scene(options.files), options)
+
+
+def _look(scene: "Scene", options: argparse.Namespace) -> None:
+    from telemetry import viewer  # noqa: PLC0415 - as above
+
     if options.save is None:
-        replay.show(options.files, in_browser=options.web)
+        viewer.show(scene, in_browser=options.web)
         return
-    replay.save(options.files, options.save)
+    viewer.save(scene, options.save)
     print(f"{options.save} is written; look at it with `rerun {options.save}`")
+
+
+def _campaign(options: argparse.Namespace) -> None:
+    from telemetry import campaign  # noqa: PLC0415 - as above
+
+    _look(campaign.scene(options.run_folder), options)
+
+
+def _training(options: argparse.Namespace) -> None:
+    from telemetry import training  # noqa: PLC0415 - as above
+
+    if not options.follow:
+        _look(training.scene(options.run_folder), options)
+        return
+    with suppress(KeyboardInterrupt):
+        training.follow(
+            options.run_folder,
+            options.save,
+            in_browser=options.web,
+            told=lambda text: print(text, file=sys.stderr),
+        )
+
+
+def _screenshot(options: argparse.Namespace) -> None:
+    from telemetry import screenshot  # noqa: PLC0415 - as above
+
+    for path in screenshot.take(screenshot.subjects(options.paths, options.at), options.output):
+        print(path)
 
 
 def _info(options: argparse.Namespace) -> None:

@@ -1,4 +1,4 @@
-"""What a replay plots over time, as data: which curves stand together, under which title, in what colour."""
+"""What is plotted, as data: which curves stand together, under which title, in what colour."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,8 @@ class Curves:
     ----------
     name : str
         Unique within the plot.
-    time_s : (N,)
+    instants : (N,)
+        Of the view's timeline: seconds, or generations.
     values : (N, M)
     labels : tuple of str
         M names for the legend.
@@ -45,7 +46,7 @@ class Curves:
     """
 
     name: str
-    time_s: Floats
+    instants: Floats
     values: Floats
     labels: tuple[str, ...]
     colours: tuple[Colour, ...]
@@ -67,6 +68,8 @@ class Plot:
     low, high : float or None
         What the vertical axis shows; None to fit the curves.
     has_legend : bool
+    rises : bool
+        Whether the curves leave room for the legend to the left.
     """
 
     key: str
@@ -75,6 +78,7 @@ class Plot:
     low: float | None = None
     high: float | None = None
     has_legend: bool = True
+    rises: bool = False
 
 
 def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) -> tuple[Plot, Plot, Plot]:
@@ -94,19 +98,26 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
     bounds = "; limits " + ", ".join(f"{limit:g}" for limit in limits) if limits else ""
     delta_v = _of_each(recordings, colours, "delta_v_m_s")
     return (
-        Plot("distance", f"Distance to the chief (m{bounds})", distance, 0.0, 1.05 * farthest, has_legend),
-        Plot("rate", f"Points inspected (%{goal})", rate, 0.0, 104.0, has_legend),
-        Plot("delta_v", "Delta-v spent (m/s)", delta_v, has_legend=has_legend),
+        Plot("distance", f"Distance (m{bounds})", distance, 0.0, 1.05 * farthest, has_legend=False),
+        Plot("rate", f"Inspected (%{goal})", rate, 0.0, 104.0, has_legend=False),
+        Plot("delta_v", "Delta-v (m/s)", delta_v, has_legend=has_legend, rises=True),
     )
 
 
 def flight_names(recordings: Sequence[Recording]) -> list[str]:
-    """Name flights after their files, with the folder where two files are called the same."""
-    stems = [recording.path.stem for recording in recordings]
-    return [
-        stem if stems.count(stem) == 1 else f"{recording.path.parent.name}/{stem}"
-        for recording, stem in zip(recordings, stems, strict=True)
-    ]
+    """Name flights after their files, and files called the same after the folder, too, that parts them."""
+    paths = [recording.path.resolve() for recording in recordings]
+    stems = [path.stem for path in paths]
+    for depth in range(min(len(path.parents) for path in paths)):
+        folders = [path.parents[depth].name for path in paths]
+        names = [
+            stem if stems.count(stem) == 1 else f"{folder}/{stem}"
+            for stem, folder in zip(stems, folders, strict=True)
+        ]
+        if len(set(names)) == len(names):
+            return names
+    # the same file twice
+    return [f"{stem} {number}" for number, stem in enumerate(stems, start=1)]
 
 
 def effort_plots(recording: Recording) -> tuple[Plot, Plot]:
@@ -184,7 +195,7 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
     if largest < _LEAST_SHARE_OF_LIMIT * limit:
         reach = 1.1 * max(largest, 1e-3 * limit)
         return Plot(key, title, (curves,), -reach, reach)
-    end_s = float(curves.time_s[-1])
+    end_s = float(curves.instants[-1])
     levels = (
         _level(name, end_s, level, LIMIT_COLOUR)
         for name, level in (("limit", limit), ("lower_limit", -limit))

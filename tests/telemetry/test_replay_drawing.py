@@ -55,11 +55,21 @@ def test_cursor_walks_across_the_map(recording: Recording) -> None:
     assert lines[:, :, 1].tolist() == [[0.0, height]] * 4
 
 
+def test_map_marks_the_strongest_rule_where_its_row_is(recording: Recording) -> None:
+    picture = drawing.activation_map(recording, drawing.sample_times(recording))
+    assert picture is not None
+    points, labels, lengths = picture.markers(np.array([0.0, 10.0, 20.0, 30.0]))
+    height, width = picture.image.shape
+    assert (labels, lengths) == (["rule 1", "rule 2"], [1, 1, 0, 0])
+    np.testing.assert_allclose(points, [[0.0, height / 4], [width / 3, 3 * height / 4]], rtol=1e-6)
+
+
 def test_words_name_what_was_told_and_the_strongest_rules_first(recording: Recording) -> None:
     first, second, third, _ = drawing.inference_in_words(recording, drawing.sample_times(recording))
-    assert "**f_x = -0.5000 N** · distance 80.000 m · speed 0.250\n" in first
-    assert "`1.00` rule 1: if far then pull" in first
-    assert "rule 2" not in first
+    head, rule, row = first.splitlines()
+    assert head == "| **-0.5000 N** | **f_x** · distance 80.000 m · speed 0.250 |"
+    assert rule == "|---|---|"
+    assert row == "| `1.00` rule 1 | if far then pull |"
     assert second.index("`0.50` rule 2") < second.index("`0.25` rule 1")
     assert drawing.NO_INFERENCE in third
     assert drawing.NO_INFERENCE not in second

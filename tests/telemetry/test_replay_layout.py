@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 from synthetic_flight import SyntheticFlight
 
-from telemetry import EpisodeWriter, RecordingError, replay
+from telemetry import EpisodeWriter, RecordingError, replay, viewer
 
 VIEW_CLASS = "ViewBlueprint:class_identifier"
 VIEW_NAME = "ViewBlueprint:display_name"
@@ -23,7 +23,7 @@ VIEW_NAME = "ViewBlueprint:display_name"
 @pytest.fixture(scope="module")
 def replay_file(flight_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("replay") / "flight.rrd"
-    replay.save([flight_file], output)
+    viewer.save(replay.scene([flight_file]), output)
     return output
 
 
@@ -82,11 +82,11 @@ def test_layout_holds_every_view(replay_file: Path) -> None:
     for expected in (
         "Flight, Hill frame",
         "As the deputy sees it",
-        "Distance to the chief (m; limits 15, 200)",
-        "Points inspected (%; goal 95)",
+        "Distance (m; limits 15, 200)",
+        "Inspected (%; goal 95)",
         "Force, Hill axes (N; limit ±1)",
         "Torque, body axes (mN m; limit ±10)",
-        "Delta-v spent (m/s)",
+        "Delta-v (m/s)",
         "Fuzzy outputs (N)",
         "Inputs (m)",
         "Inputs (rad)",
@@ -186,9 +186,8 @@ def test_rules_are_told_in_words_at_each_instant(flight: SyntheticFlight, conten
     words = content.column("/rules/words", "TextDocument:text")
     assert len(words) == 361
     strongest = int(np.argmax(flight.firing_strengths[0, 50]))
-    rule = f"rule {strongest + 1}: if distance is "
-    assert rule in words[50][0]
-    assert f"`{flight.firing_strengths[0, 50, strongest]:.2f}`" in words[50][0]
+    strength = flight.firing_strengths[0, 50, strongest]
+    assert f"| `{strength:.2f}` rule {strongest + 1} | if distance is " in words[50][0]
     assert "No inference" in words[360][0]
 
 
@@ -205,7 +204,7 @@ def test_flights_are_laid_over_each_other(
     flight_file: Path, short_flight: SyntheticFlight, short_file: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "two.rrd"
-    replay.save([flight_file, short_file], output)
+    viewer.save(replay.scene([flight_file, short_file]), output)
     content = Content(output)
     positions = content.numbers("/scene/flights/1/deputy", "Points3D:positions")[:, 0]
     np.testing.assert_allclose(positions, short_flight.position_m, atol=1e-4)
@@ -220,7 +219,7 @@ def test_a_flight_without_fuzzy_systems_is_shown(tmp_path: Path) -> None:
     with EpisodeWriter(path, metadata=metadata, attachments={}) as writer:
         for k in range(5):
             synthetic_flight.write_state(writer, flight, k)
-    replay.save([path], tmp_path / "coast.rrd")
+    viewer.save(replay.scene([path]), tmp_path / "coast.rrd")
     assert "/rules/words" not in Content(tmp_path / "coast.rrd").batches
     assert "2D" not in {kind for kind, _ in views(tmp_path / "coast.rrd")}
 
@@ -231,7 +230,7 @@ def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path: Path) -> None:
     with EpisodeWriter(path, metadata={}, attachments={}) as writer:
         for k in range(3):
             synthetic_flight.write_state(writer, flight, k)
-    replay.save([path], tmp_path / "bare.rrd")
+    viewer.save(replay.scene([path]), tmp_path / "bare.rrd")
     entities = Content(tmp_path / "bare.rrd").batches
     assert "/scene/deputy" in entities
     assert not any(entity.startswith("/scene/limits") for entity in entities)
@@ -241,13 +240,13 @@ def test_a_recording_without_a_flight_is_refused(tmp_path: Path) -> None:
     with EpisodeWriter(tmp_path / "empty.mcap", metadata={}, attachments={}):
         pass
     with pytest.raises(RecordingError, match="holds nothing on /deputy/state, /mission"):
-        replay.save([tmp_path / "empty.mcap"], tmp_path / "empty.rrd")
+        viewer.save(replay.scene([tmp_path / "empty.mcap"]), tmp_path / "empty.rrd")
     assert not (tmp_path / "empty.rrd").exists()
 
 
 def test_an_impossible_output_is_said(flight_file: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"nowhere/x\.rrd cannot be written: No such file"):
-        replay.save([flight_file], tmp_path / "nowhere" / "x.rrd")
+        viewer.save(replay.scene([flight_file]), tmp_path / "nowhere" / "x.rrd")
 
 
 @pytest.mark.parametrize("in_browser", [False, True])
@@ -258,31 +257,31 @@ def test_viewer_listens_to_this_machine_alone(
 
     def call(command: list[str]) -> int:
         commands.append(command)
-        assert Path(command[-2] if in_browser else command[-1]).stat().st_size > 10_000
+        assert Path(command[-1]).stat().st_size > 10_000
         return 0
 
-    monkeypatch.setattr("telemetry.replay.subprocess.call", call)
+    monkeypatch.setattr("telemetry.viewer.subprocess.call", call)
     monkeypatch.setenv("DISPLAY", ":0")
-    replay.show([short_file], in_browser=in_browser)
+    viewer.show(replay.scene([short_file]), in_browser=in_browser)
     (command,) = commands
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert ("--web-viewer" in command) == in_browser
 
 
 def test_a_viewer_that_fails_is_said(short_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("telemetry.replay.subprocess.call", lambda _command: 1)
+    monkeypatch.setattr("telemetry.viewer.subprocess.call", lambda _command: 1)
     with pytest.raises(RecordingError, match="ended with exit code 1"):
-        replay.show([short_file], in_browser=True)
+        viewer.show(replay.scene([short_file]), in_browser=True)
 
 
 def test_a_machine_without_a_display_is_told_what_else_to_do(
     short_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("telemetry.replay.sys.platform", "linux")
+    monkeypatch.setattr("telemetry.viewer.sys.platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(RecordingError, match=r"no display.*--web.*--save FILE\.rrd"):
-        replay.show([short_file], in_browser=False)
+        viewer.show(replay.scene([short_file]), in_browser=False)
 
 
 @pytest.mark.parametrize(
@@ -297,4 +296,4 @@ def test_a_wrong_path_is_told_before_a_missing_display(
         monkeypatch.delenv(variable, raising=False)
     (tmp_path / "a.yaml").write_text("kind: mamdani\n")
     with pytest.raises(RecordingError, match=text):
-        replay.show([short_file, tmp_path / name], in_browser=False)
+        viewer.show(replay.scene([short_file, tmp_path / name]), in_browser=False)
