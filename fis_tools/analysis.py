@@ -208,6 +208,7 @@ def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, flo
         raise ValueError(
             f"a surface needs two free inputs; system {system.name!r} has {', '.join(names)}"
             + (f" with {', '.join(held)} held" if held else "")
+            + ("; free one" if held else "; with one input, draw the output's curve (fis_tools plot)")
         )
     return chosen[0], chosen[1]
 

@@ -44,6 +44,11 @@ class FlownSystem:
     output: Floats
 
 
+def is_flight(path: Path | str) -> bool:
+    """Tell by its name whether a file is a logged flight."""
+    return Path(path).suffix.lower() == ".mcap"
+
+
 def read_controller(path: Path | str) -> FuzzyController:
     """Read the controller that a logged flight carries along.
 

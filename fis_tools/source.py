@@ -30,6 +30,6 @@ def read_controller(path: Path | str) -> FuzzyController:
                 f"{path} is a folder without {CHAMPION}; give the folder of a run that has trained, or a file"
             )
         return serialize.load(path / CHAMPION)
-    if path.suffix.lower() == ".mcap":
+    if flights.is_flight(path):
         return flights.read_controller(path)
     return serialize.load(path)

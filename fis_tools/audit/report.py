@@ -13,7 +13,7 @@ SCHEMA = "fuzzy-audit"
 SCHEMA_VERSION = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AuditedSystem:
     """What was measured of one system.
 
@@ -64,6 +64,9 @@ class Audit:
     def _name(self) -> str:
         return self.controller or self.systems[0].name
 
+    def __repr__(self) -> str:
+        return text(self)
+
     def _repr_html_(self) -> str:
         return html(self)
 
@@ -103,7 +106,7 @@ def _measure_rows(audit: Audit) -> list[list[str]]:
     rows.append(
         ["terms in, out", *(f"{m.complexity.input_terms}, {m.complexity.output_terms}" for m in measured)]
     )
-    rows.append(["least strongest firing", *(_completeness(m) for m in measured)])
+    rows.append(["completeness, the least of the best firing", *(_completeness(m) for m in measured)])
     rows.append(["Nauck index", *(f"{m.nauck.index:.4f}" for m in measured)])
     rows.append(["GM3M against an even partition", *(f"{m.gm3m:.2f}" for m in measured)])
     rows.append(["RMI, the least of the rules", *(f"{m.rule_meaning.index:.2f}" for m in measured)])

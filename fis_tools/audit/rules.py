@@ -160,6 +160,10 @@ def _steps(system: FuzzySystem, axis: int) -> list[Step]:
     return [Step((int(a), int(b)), float(change)) for a, b, change in pairs if a and b and a != b]
 
 
+def _counted(steps: list[Step]) -> str:
+    return f"{len(steps)} step{'' if len(steps) == 1 else 's'}"
+
+
 def _told(system: FuzzySystem, step: Step) -> str:
     """Say a step: ``from PL (rule 3) to NS (rule 8)``."""
     output = system.outputs[0].name
@@ -178,7 +182,8 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
         "contradicting-neighbours",
         Severity.WARNING if len(far) > thresholds.against * len(steps) else Severity.NOTE,
         system.name,
-        f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules are more than "
+        f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
+        f"{'is' if len(far) == 1 else 'are'} more than "
         f"{percent(thresholds.jump)} of the range of {output.name}; the greatest goes "
         f"{_told(system, far[0])}, {jump} apart.",
         "Look at these rules in the table; put a value in between unless the switch is meant.",
@@ -201,15 +206,15 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     if share <= thresholds.against:
         severity = Severity.WARNING
         sentence = (
-            f"{output.name} {ways[0]} with {variable.name} in {len(along)} steps of the rule table, but "
+            f"{output.name} {ways[0]} with {variable.name} in {_counted(along)} of the rule table, but "
             f"{ways[1]} in {len(against)}: most of all {_told(system, worst)}."
         )
         cure = "Check these rules: a single step against the others is often a slip."
     else:
         severity = Severity.NOTE
         sentence = (
-            f"The rule table has no direction along {variable.name}: {output.name} rises in {len(rising)} "
-            f"steps and falls in {len(falling)}, {_told(system, worst)} for one."
+            f"The rule table has no direction along {variable.name}: {output.name} rises in "
+            f"{_counted(rising)} and falls in {len(falling)}, {_told(system, worst)} for one."
         )
         cure = f"Ask whether {output.name} should follow {variable.name} one way; if so, sort the rules."
     yield Finding(
@@ -242,7 +247,8 @@ def _meaning(system: FuzzySystem, measures: Measures, thresholds: Thresholds) ->
         "rule-meaning",
         Severity.WARNING if len(weak) > thresholds.against * len(system.rules) else Severity.NOTE,
         system.name,
-        f"{len(weak)} of {len(system.rules)} rules are outvoted even where they hold most. The worst is "
+        f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
+        f"{'it holds' if len(weak) == 1 else 'they hold'} most. The worst is "
         f"rule {worst + 1} (RMI {found.values[worst]:.2f}): it concludes "
         f"{consequent_words(rule.consequents)}, but at {place(system, found.points[worst])} "
         f"the system answers {' and '.join(answers)}.",

@@ -118,7 +118,8 @@ def _idle(system: FuzzySystem, fired: Floats, matters: Floats, thresholds: Thres
             "idle-rules",
             Severity.NOTE,
             system.name,
-            f"{len(idle)} rules fired, but without them the outputs would differ by less than "
+            f"{len(idle)} rule{'s' if len(idle) > 1 else ''} fired, but without "
+            f"{'them' if len(idle) > 1 else 'it'} the outputs would differ by less than "
             f"{percent(thresholds.idle)} of their range on average: {listed([str(n) for n in idle], 12)}.",
             "Drop them (fis_tools simplify tells the largest change), or keep them for what was not flown.",
             rules=tuple(idle),

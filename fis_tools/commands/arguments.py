@@ -3,7 +3,7 @@
 import argparse
 import re
 from collections.abc import Callable
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import TypeAlias
 
@@ -47,14 +47,12 @@ def add_command(
     return command
 
 
-def add_flights(command: argparse.ArgumentParser) -> None:
+def add_flights(
+    command: argparse.ArgumentParser,
+    use: str = "whose inputs are looked at (default: CONTROLLER, if it is a flight)",
+) -> None:
     """Let a command look at what systems sensed along flights."""
-    command.add_argument(
-        "--flights",
-        nargs="+",
-        metavar="FLIGHT",
-        help="logged flights (.mcap) whose inputs are looked at (default: CONTROLLER, if it is a flight)",
-    )
+    command.add_argument("--flights", nargs="+", metavar="FLIGHT", help=f"logged flights (.mcap) {use}")
 
 
 def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
@@ -63,7 +61,7 @@ def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> 
     The flights may be those of another controller, such as the one before a change, if its systems of the
     same names have the same inputs.
     """
-    paths = arguments.flights or [p for p in [arguments.controller] if Path(p).suffix == ".mcap"]
+    paths = arguments.flights or [p for p in [arguments.controller] if flights.is_flight(p)]
     if not paths:
         return None
     sensed = flights.inputs_along(paths)
@@ -138,15 +136,18 @@ def the_system(controller: FuzzyController, name: str | None) -> FuzzySystem:
 
 def assignments(words: str) -> dict[str, float]:
     """Read ``NAME=NUMBER,NAME=NUMBER``."""
-    values = {}
+    values: dict[str, float] = {}
     for word in filter(None, (word.strip() for word in words.split(","))):
-        name, equals, number = word.partition("=")
+        name, _, number = (part.strip() for part in word.rpartition("="))
         try:
-            values[name.strip()] = float(number)
+            value = float(number)
         except ValueError:
-            equals = ""
-        if not equals or not isfinite(values[name.strip()]):
-            raise UserMistake(f"{word!r} gives no input a finite number; write NAME=NUMBER,NAME=NUMBER")
+            value = inf
+        if not name or not isfinite(value):
+            raise UserMistake(f"{word!r} gives no name a finite number; write NAME=NUMBER,NAME=NUMBER")
+        if name in values:
+            raise UserMistake(f"{name!r} is given twice; give it one number")
+        values[name] = value
     return values
 
 

@@ -25,6 +25,26 @@ EPILOG = """\
 The exit status is 0; with --fail-on it is 1 where there is a finding so severe or worse;
 a mistake gives 2.
 
+thresholds, most of them shares from 0 to 1:
+  fired        a rule counts as fired, and a value as covered at all, from this strength on
+  coverage     each value should belong to a term, and each input to a rule, this much
+  look_alike   terms that share more of their areas mean the same
+  possibility  terms that hold together by more are hard to tell apart
+  inside       a term of which more lies under another one says little of its own
+  zero         how much 0 should belong to a term called zero
+  jump         neighbouring rules should differ by no more of the output's range
+  against      up to this share of steps against the rest, an input counts as meant to act one way
+  reversal     the least way back of an output that counts, of its range
+  meaning      the least RMI of a rule
+  reach        an output should reach this much of its range
+  partition    the least GM3M of a variable
+  clipped      an input should lie outside its range in no more of the inferences
+  dead         no more of the rules should never fire on flights
+  dominant     no rule should lead, or matter, by more
+  idle         a rule should move an output by more of its range on average
+  rules        the most rules of a system
+  terms        the most terms of a variable
+
 examples:
   python -m fis_tools audit controller.yaml
   python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
@@ -51,7 +71,7 @@ def add(commands: Commands) -> None:
         "--thresholds",
         metavar="NAME=NUMBER,…",
         default="",
-        help="from where on something is a finding: "
+        help="from where on something is a finding, as told below: "
         + ", ".join(f"{field.name}={field.default}" for field in fields(Thresholds)),
     )
 
@@ -76,4 +96,6 @@ def _thresholds(words: str) -> Thresholds:
     for name in values:
         if name not in defaults:
             raise UserMistake(f"there is no threshold {name!r}; {nearest(name, defaults)}")
+        if values[name] < 0.0:
+            raise UserMistake(f"the threshold {name!r} is below 0; give one that is not")
     return replace(Thresholds(), **values)  # type: ignore[arg-type]

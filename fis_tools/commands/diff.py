@@ -38,7 +38,7 @@ def add(commands: Commands) -> None:
     command.epilog = EPILOG
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument("after", metavar="AFTER", help="the controller that CONTROLLER is compared with")
-    add_flights(command)
+    add_flights(command, "along which outputs are compared as well")
     command.add_argument(
         "--json", action="store_true", help="for programs (schema fuzzy-difference, version 1)"
     )

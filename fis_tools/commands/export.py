@@ -93,7 +93,7 @@ def add(commands: Commands) -> None:
         "-o",
         "--output",
         metavar="FILE",
-        help="where to (default: printed); a folder for forms with a file a system",
+        help="where to (default: printed); with a file a system, a folder if its name has no ending",
     )
     add_order(command)
 
@@ -118,7 +118,7 @@ def _write_each(
 ) -> None:
     """Write each system into a file of its own, and tell what the files do not say."""
     place = None if output is None else Path(output)
-    is_folder = place is not None and (place.is_dir() or len(controller.systems) > 1)
+    is_folder = place is not None and (place.is_dir() or not place.suffix or len(controller.systems) > 1)
     if len(controller.systems) > 1 and (place is None or place.suffix == ending):
         names = ", ".join(system.name for system in controller.systems)
         raise UserMistake(

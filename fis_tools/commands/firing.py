@@ -8,10 +8,25 @@ from fis_tools import analysis, flights
 from fis_tools.commands.arguments import Commands, chosen
 from fis_tools.formats import text
 
+EPILOG = """\
+fired: in how many of the inferences the rule fired at the threshold or more; leading: in how many no
+rule fired more strongly; mean, max: its strength over all of them.
+
+examples:
+  python -m fis_tools firing episodes/*.mcap
+  python -m fis_tools firing episodes/best.mcap --system force_x --threshold 0.2
+"""
+
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
-    command = commands.add_parser("firing", help="print which rules fired along logged flights")
+    command = commands.add_parser(
+        "firing",
+        help="print which rules fired along logged flights",
+        description="Print which rules fired along logged flights, those that fired most often first.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     command.set_defaults(run=run)
     command.add_argument(
         "flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) of one controller"
@@ -19,10 +34,21 @@ def add(commands: Commands) -> None:
     command.add_argument("--system", metavar="NAME", help="only this system")
     command.add_argument(
         "--threshold",
-        type=float,
+        type=_strength,
         default=analysis.FIRED,
+        metavar="STRENGTH",
         help=f"a rule counts as fired from this strength on (default: {analysis.FIRED:g})",
     )
+
+
+def _strength(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{word!r} is no strength above 0 and up to 1; write 0.05")
+    return value
 
 
 def run(arguments: argparse.Namespace) -> None:

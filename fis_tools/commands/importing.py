@@ -58,7 +58,8 @@ def _points(word: str) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read files of other programs and write one controller file."""
-    if arguments.output is not None and Path(arguments.output).suffix not in {".json", ".yaml", ".yml"}:
+    ending = ".json" if arguments.output is None else Path(arguments.output).suffix.lower()
+    if ending not in {".json", ".yaml", ".yml"}:
         raise UserMistake(f"{arguments.output} is no controller file; name one that ends in .json or .yaml")
     readings = [serialize.read(path) for path in arguments.files]
     controllers = [reading.controller for reading in readings]
@@ -72,9 +73,9 @@ def run(arguments: argparse.Namespace) -> None:
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = arguments.name or (names[0] if len(names) == 1 else Path(arguments.files[0]).stem)
     controller = FuzzyController(name, systems, attributes, provenance)
-    is_json = arguments.output is None or Path(arguments.output).suffix == ".json"
+    dump = serialize.dump_json if ending == ".json" else serialize.dump_yaml
     try:
-        content = serialize.dump_json(controller) if is_json else serialize.dump_yaml(controller)
+        content = dump(controller)
     except InvalidSystem as error:
         raise UserMistake(str(error)) from error
     write(arguments.output, content)

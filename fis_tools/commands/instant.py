@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -30,7 +29,7 @@ def samples(arguments: argparse.Namespace) -> Iterator[tuple[FuzzySystem, Floats
     if arguments.time is None:
         yield from _given(arguments)
         return
-    if Path(arguments.controller).suffix != ".mcap":
+    if not flights.is_flight(arguments.controller):
         raise UserMistake("--time is for logged flights (.mcap); give --inputs for a controller file")
     flown_systems = flights.read_flight(arguments.controller)
     names = [flown.system.name for flown in flown_systems]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from fis_tools import flights
 from fis_tools.commands.arguments import Commands, UserMistake, add_command, chosen, file_name, place_for
 from fis_tools.commands.instant import add_instant, samples
-from fis_tools.inference import infer
+from fis_tools.inference import Floats, infer
 from fis_tools.source import read_controller
 
 if TYPE_CHECKING:
@@ -19,12 +19,25 @@ if TYPE_CHECKING:
 
 KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
 
+EPILOG = """\
+Names of files begin with that of the system: force_x-memberships.png, force_x-rules.png,
+force_x-surface.png, force_x-surface-3d.png (force_x-curve.png for a single input), …
+
+examples:
+  python -m fis_tools plot controller.yaml -o figures
+  python -m fis_tools plot controller.yaml --system force_x --only rules --theme dark --format svg
+  python -m fis_tools plot controller.yaml --only inference --inputs distance=80,velocity_body_x=0.05
+  python -m fis_tools plot episodes/best.mcap --time 600 -o figures
+"""
+
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
     command = add_command(
         commands, "plot", run, "draw membership functions, rules, surfaces and inferences into a folder"
     )
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument(
         "-o", "--output", metavar="DIR", default=".", help="folder for the pictures (default: here)"
     )
@@ -46,8 +59,13 @@ def run(arguments: argparse.Namespace) -> None:
     from fis_tools.render import THEMES, save  # noqa: PLC0415 - the other commands start without matplotlib
 
     theme, kinds = THEMES[arguments.theme], _kinds(arguments)
-    for draw in (_of_systems, _of_instants, _of_flights):
-        for system, name, figure in draw(arguments, kinds, theme):
+    instants = list(samples(arguments)) if "inference" in kinds else []
+    for drawn in (
+        _of_systems(arguments, kinds, theme),
+        _of_instants(instants, theme),
+        _of_flights(arguments, kinds, theme),
+    ):
+        for system, name, figure in drawn:
             picture = f"{file_name(system.name)}-{file_name(name)}.{arguments.format}"
             path = place_for(Path(arguments.output) / picture)
             save(figure, path)
@@ -61,24 +79,23 @@ def _kinds(arguments: argparse.Namespace) -> list[str]:
         return [
             *KINDS[:3],
             *(["inference"] if is_told else []),
-            *(["firing"] if _is_flight(arguments) else []),
+            *(["firing"] if flights.is_flight(arguments.controller) else []),
         ]
-    if "firing" in arguments.only and not _is_flight(arguments):
+    if is_told and "inference" not in arguments.only:
+        raise UserMistake("--inputs and --time are for an inference; add --only inference, or leave them out")
+    if "firing" in arguments.only and not flights.is_flight(arguments.controller):
         raise UserMistake(
             "--only firing is for logged flights (.mcap); give one instead of a controller file"
         )
     return list(arguments.only)
 
 
-def _is_flight(arguments: argparse.Namespace) -> bool:
-    return Path(arguments.controller).suffix == ".mcap"
-
-
 def _of_systems(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    sensed = flights.inputs_along([arguments.controller]) if _is_flight(arguments) else {}
-    for system in chosen(read_controller(arguments.controller), arguments.system).systems:
+    path = arguments.controller
+    sensed = flights.inputs_along([path]) if flights.is_flight(path) else {}
+    for system in chosen(read_controller(path), arguments.system).systems:
         if "memberships" in kinds:
             yield system, "memberships", render.memberships_figure(system, theme=theme)
         if "rules" in kinds:
@@ -89,10 +106,10 @@ def _of_systems(arguments: argparse.Namespace, kinds: list[str], theme: "Theme")
             yield from ((system, *named) for named in drawn)
 
 
-def _of_instants(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
+def _of_instants(instants: "list[tuple[FuzzySystem, Floats]]", theme: "Theme") -> "Pictures":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    for system, inputs in samples(arguments) if "inference" in kinds else ():
+    for system, inputs in instants:
         yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
 
 

@@ -6,10 +6,20 @@ from fis_tools.commands.arguments import Commands, add_command, add_order, chose
 from fis_tools.formats import text
 from fis_tools.source import read_controller
 
+EPILOG = """\
+examples:
+  python -m fis_tools show controller.yaml
+  python -m fis_tools show tipper.fis
+  python -m fis_tools show outputs/train/20250101-120000-000000 --system force_x
+  python -m fis_tools show controller.yaml --by importance --flights episodes/*.mcap
+"""
+
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
     command = add_command(commands, "show", run, "print variables, terms and rule tables")
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
     add_order(command)
 
 

@@ -24,12 +24,25 @@ from fis_tools.source import read_controller
 
 PICTURES = (".png", ".svg", ".pdf")
 
+EPILOG = """\
+The two inputs that are not named by --x, --y or --fixed go along the axes. Numbers are printed as CSV,
+a row a point.
+
+examples:
+  python -m fis_tools surface controller.yaml --system force_x -o force_x.png
+  python -m fis_tools surface controller.yaml --system force_x --3d --theme dark -o force_x.svg
+  python -m fis_tools surface controller.yaml --x a --y b --fixed c=80 --points 21 > surface.csv
+  python -m fis_tools surface controller.yaml --system force_x --flights episodes/*.mcap -o flown.pdf
+"""
+
 
 def add(commands: Commands) -> None:
     """Add the command to the parser."""
     command = add_command(
         commands, "surface", run, "evaluate an output over two inputs, as numbers or a picture"
     )
+    command.epilog = EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument("--x", metavar="INPUT", help="input along x (default: the first that is free)")
     command.add_argument("--y", metavar="INPUT", help="input along y (default: the next that is free)")
     command.add_argument("--of", metavar="OUTPUT", help="which output (default: the first)")
@@ -60,7 +73,10 @@ def run(arguments: argparse.Namespace) -> None:
         result = analysis.surface(system, x, y, fixed=fixed, output=of, num_points=num_points)
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    if arguments.output is None or Path(arguments.output).suffix.lower() not in PICTURES:
+    ending = Path(arguments.output or "").suffix.lower()
+    if ending not in (*PICTURES, ".csv") and arguments.output is not None:
+        raise UserMistake(f"{arguments.output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
+    if ending not in PICTURES:
         if arguments.in_space or arguments.flights:
             raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
         write(arguments.output, _surface_csv(result))

@@ -55,8 +55,9 @@ def test_one_system_goes_to_a_file_or_is_printed(tmp_path: Path, capsys: pytest.
     assert "units are left out" in told
     assert run(capsys, *chosen, "-o", tmp_path / "one.fis")[0] == 0
     assert (tmp_path / "one.fis").read_text(encoding="utf-8") == printed
-    assert run(capsys, *chosen, "-o", tmp_path)[0] == 0
-    assert (tmp_path / "force_x.fis").read_text(encoding="utf-8") == printed
+    for folder in (tmp_path, tmp_path / "new"):
+        assert run(capsys, *chosen, "-o", folder)[1] == f"{folder / 'force_x.fis'}\n"
+        assert (folder / "force_x.fis").read_text(encoding="utf-8") == printed
 
 
 def test_what_was_assumed_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -384,6 +384,14 @@ def test_an_audit_is_told_as_text_and_as_data() -> None:
     assert "error has a gap" in page
 
 
+def test_one_of_many_is_told_in_the_singular() -> None:
+    table = list(TABLE)
+    table[2] = "NL"
+    told = str(audit(controller_of(table))).replace("\n    ", " ")
+    assert "Along error, 1 of 20 steps between neighbouring rules is more than" in told
+    assert "Along rate, 2 of 20 steps between neighbouring rules are more than" in told
+
+
 def test_names_are_no_markup_in_a_notebook() -> None:
     page = audit(replace(controller_of(), name="<b>pd</b>"))._repr_html_()
     assert "<b>pd" not in page

@@ -3,8 +3,10 @@
 import csv
 import io
 import json
+import os
 import subprocess
 import sys
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -12,11 +14,12 @@ from sample_controllers import force_x_system, general_controller, paper_like_co
 from test_flights import log_flight
 
 from fis_tools.__main__ import main
+from fis_tools.audit import Thresholds
 from fis_tools.explanation import explain, shares
 from fis_tools.flights import inputs_along
 from fis_tools.formats import markdown, text
 from fis_tools.inference import infer
-from fis_tools.serialize import dump_json, dump_yaml, load
+from fis_tools.serialize import dump_json, dump_yaml, load, loads
 
 
 @pytest.fixture
@@ -219,6 +222,16 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1"], "no input 'a'"),
         (["surface", "PAPER", "--system", "force_z", "--fixed", "eta_u=inf"], "finite"),
         (["surface", "PAPER", "--system", "force_x", "--3d"], "--3d and --flights are for pictures; add -o"),
+        (
+            ["surface", "PAPER", "--system", "force_x", "-o", "x.jpg"],
+            "ends in none of .png, .svg, .pdf, .csv",
+        ),
+        (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1,a=2"], "'a' is given twice"),
+        (["plot", "PAPER", "--only", "rules", "--inputs", "distance=1"], "add --only inference"),
+        (["plot", "PAPER", "--time", "1"], "--time is for logged flights"),
+        (["audit", "PAPER", "--thresholds", "coverage=-1"], "the threshold 'coverage' is below 0"),
+        (["firing", "FLIGHT", "--threshold", "nan"], "'nan' is no strength above 0 and up to 1"),
+        (["firing", "FLIGHT", "--threshold", "-1"], "'-1' is no strength"),
         (["plot", "PAPER", "--only", "firing"], "--only firing is for logged flights"),
         (["plot", "PAPER", "--only", "inference"], "force_x needs distance, velocity_body_x"),
         (["plot", "PAPER", "--inputs", "distance=1"], "the inputs of no system are all given"),
@@ -260,10 +273,43 @@ def test_a_mistake_ends_in_one_sentence(
         "PAPER/x.csv": controller_path / "x.csv",
         "FOLDER": tmp_path,
     }
-    status, _, told = run(capsys, *(places.get(word, word) for word in words))
-    assert status == 2
+    status, printed, told = run(capsys, *(places.get(word, word) for word in words))
+    assert (status, printed) == (2, "")
     assert sentence in told
     assert "Traceback" not in told
+
+
+def test_a_flight_is_one_whichever_way_its_ending_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "FLIGHT.MCAP", paper_like_controller())
+    assert "inferences on flights" in run(capsys, "audit", flight)[1]
+    words = ("--only", "firing", "--only", "inference", "--time", "1", "-o", tmp_path / "pictures")
+    status, printed, _ = run(capsys, "plot", flight, *words)
+    assert status == 0
+    assert "force_x-firing.png" in printed
+
+
+def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path: Path) -> None:
+    controller = replace(paper_like_controller(), name="Prüfling \N{RIGHTWARDS ARROW} 漢")
+    path = tmp_path / "controller.yaml"
+    path.write_text(dump_yaml(controller), encoding="utf-8")
+    command = [sys.executable, "-m", "fis_tools", "export", str(path), "--format", "json"]
+    narrow = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    printed = subprocess.run(command, env=narrow, capture_output=True, check=True).stdout  # noqa: S603
+    assert loads(printed.decode("utf-8"), "json") == controller
+
+
+def test_without_an_output_to_write_to_there_is_no_traceback(controller_path: Path) -> None:
+    command = f'"{sys.executable}" -m fis_tools show "{controller_path}" >&-'
+    told = subprocess.run(command, shell=True, capture_output=True, check=False)  # noqa: S602
+    assert (told.returncode, told.stderr) == (0, b"")
+
+
+def test_every_threshold_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = run(capsys, "audit", "--help")[1]
+    told = printed.split("thresholds, most")[1]
+    assert all(f"\n  {field.name} " in told for field in fields(Thresholds))
 
 
 def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
