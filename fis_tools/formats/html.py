@@ -4,7 +4,15 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from fis_tools.formats.ranking import Floats, ranked
-from fis_tools.formats.text import number, rule_tables, sentences, shape_words, summary, with_unit
+from fis_tools.formats.text import (
+    extent_words,
+    number,
+    rule_tables,
+    sentences,
+    shape_words,
+    summary,
+    with_unit,
+)
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 
 _PAGE = """\
@@ -73,7 +81,7 @@ def _system_lines(system: FuzzySystem, importance: Mapping[str, Floats] | None) 
 
 
 def _variable_table(kind: str, variable: Variable) -> str:
-    extent = f"from {number(variable.minimum)} to {number(variable.maximum)}, {variable.num_points} points"
+    extent = f"from {extent_words(variable)}"
     default = f"; {number(variable.default)} when no rule fires" if variable.default is not None else ""
     about = f". {variable.description}" if variable.description else ""
     rows = [[term.name, shape_words(term)] for term in variable.terms]

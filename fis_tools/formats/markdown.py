@@ -4,7 +4,15 @@ import re
 from collections.abc import Mapping, Sequence
 
 from fis_tools.formats.ranking import Floats, ranked
-from fis_tools.formats.text import number, rule_tables, sentences, shape_words, summary, with_unit
+from fis_tools.formats.text import (
+    extent_words,
+    number,
+    rule_tables,
+    sentences,
+    shape_words,
+    summary,
+    with_unit,
+)
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 
 
@@ -55,7 +63,7 @@ def _ranked_rows(system: FuzzySystem, importance: Mapping[str, Floats]) -> list[
 
 def _variable_lines(kind: str, variable: Variable) -> list[str]:
     about = f" {' '.join(variable.description.split())}" if variable.description else ""
-    extent = f"From {number(variable.minimum)} to {number(variable.maximum)}, {variable.num_points} points"
+    extent = f"From {extent_words(variable)}"
     default = f"; {number(variable.default)} when no rule fires" if variable.default is not None else ""
     rows = [["term", "membership function"], *([term.name, shape_words(term)] for term in variable.terms)]
     return [

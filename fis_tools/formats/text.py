@@ -49,6 +49,12 @@ def with_unit(variable: Variable) -> str:
     return f"{variable.name} ({variable.unit})" if variable.unit else variable.name
 
 
+def extent_words(variable: Variable) -> str:
+    """Say from where to where a universe goes: ``0 to 200, 101 points``."""
+    points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
+    return f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
+
+
 def antecedent_words(expression: Expression) -> str:
     """Say an antecedent: ``distance is near and not (wind is calm or heat is low)``."""
     match expression:
@@ -239,7 +245,7 @@ def describe(controller: FuzzyController, importance: Mapping[str, Floats] | Non
 
 
 def _variable_lines(kind: str, variable: Variable) -> list[str]:
-    extent = f"{number(variable.minimum)} to {number(variable.maximum)}, {variable.num_points} points"
+    extent = extent_words(variable)
     default = f", {number(variable.default)} when no rule fires" if variable.default is not None else ""
     about = f". {' '.join(variable.description.split())}" if variable.description else ""
     head = f"  {kind} {with_unit(variable)}: {extent}{default}{about}"

@@ -237,3 +237,13 @@ def test_export_orders_by_importance(tmp_path: Path, capsys: pytest.CaptureFixtu
         words = ["export", str(path), "--format", form, "--by", "importance", "--flights", str(flight)]
         assert main(words) == 0
         assert capsys.readouterr().out == written(controller, along)
+
+
+def test_an_uneven_universe_is_told_as_one() -> None:
+    system = force_x_system()
+    points = (0.0, 10.0, 50.0, 200.0)
+    uneven = replace(system.inputs[0], points=points, num_points=4)
+    controller = FuzzyController("uneven", (replace(system, inputs=(uneven, *system.inputs[1:])),))
+    for told in (write(controller) for write in (text.describe, markdown.write, html.write, latex.write)):
+        assert "rom 0 to 200, 4 uneven points" in told or ": 0 to 200, 4 uneven points" in told
+        assert told.count("uneven points") == 1
