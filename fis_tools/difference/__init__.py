@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Difference:
     """What changed from one controller to another.
 
@@ -64,7 +64,7 @@ class Difference:
         """The difference as a page that needs nothing but itself."""
         return page.write(f"{self.before} → {self.after}", self.facts, self.systems)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return self.text
 
     def _repr_html_(self) -> str:

@@ -68,7 +68,7 @@ class ExplainedOutput:
     flips: tuple[Flip, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Explanation:
     """Why a system answers as it does.
 
@@ -94,6 +94,9 @@ class Explanation:
             lines += [f"  {rest}"] if rest else []
             lines += ["", f"{_question(output)}:", *(f"  {words}" for words in _flip_words(output))]
         return "\n".join(lines) + "\n"
+
+    def __repr__(self) -> str:
+        return self.text()
 
     def _repr_markdown_(self) -> str:
         lines = [f"**{self.system.name}** at {self._place()}"]

@@ -48,7 +48,7 @@ class RuleShare:
     strongest: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Shares:
     """What the rules of a system did over samples, the greatest share first."""
 
@@ -63,6 +63,9 @@ class Shares:
         if len(told) < len(self.rules):
             lines.append(f"  {self._rest(told)}")
         return "\n".join(lines) + "\n"
+
+    def __repr__(self) -> str:
+        return self.text()
 
     def _repr_markdown_(self) -> str:
         told = self._told(everything=False)

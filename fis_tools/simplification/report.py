@@ -59,7 +59,7 @@ class SimplifiedSystem:
     changes: Mapping[str, Change]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Simplification:
     """What became of a controller.
 
@@ -92,6 +92,9 @@ class Simplification:
         for system in self.systems:
             lines += ["", *_heads(system), *aligned(list(_rows(system)), 2)]
         return "\n".join(lines) + "\n"
+
+    def __repr__(self) -> str:
+        return self.text()
 
     def _repr_markdown_(self) -> str:
         lines = [self.summary]

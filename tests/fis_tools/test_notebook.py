@@ -3,12 +3,18 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from IPython.core.interactiveshell import InteractiveShell
 from sample_controllers import force_z_system, general_controller
 
 import fis_tools
+from fis_tools.audit import audit
+from fis_tools.difference import difference
+from fis_tools.explanation import explain, shares
+from fis_tools.model import FuzzyController
 from fis_tools.notebook import show_in
+from fis_tools.simplification import Budget, simplify
 
 
 @pytest.fixture
@@ -41,6 +47,24 @@ def test_a_variable_shows_its_terms(shell: InteractiveShell) -> None:
 
 def test_what_is_no_fuzzy_noun_is_shown_as_ever(shell: InteractiveShell) -> None:
     assert shown(shell, 1) == {"text/plain": "1"}
+
+
+def test_results_show_themselves_in_words_where_there_is_no_notebook() -> None:
+    system = force_z_system()
+    inputs = [0.5 * (variable.minimum + variable.maximum) for variable in system.inputs]
+    controller = FuzzyController("one", (system,))
+    results = [
+        audit(controller),
+        difference(controller, controller),
+        explain(system, inputs),
+        shares(system, np.array([inputs])),
+        simplify(controller, {system.name: np.array([inputs])}, Budget(flights_only=True)),
+    ]
+    for result in results:
+        told = repr(result)
+        assert not told.startswith(type(result).__name__ + "(")
+        assert "Gaussian(" not in told
+        assert len(told) < 5000
 
 
 def test_the_package_offers_what_it_names() -> None:
