@@ -188,6 +188,8 @@ def _campaign(options: argparse.Namespace) -> None:
 
 
 def _training(options: argparse.Namespace) -> None:
+    # once the viewer is closed, rerun would call it an error that it can send no more
+    os.environ.setdefault("RUST_LOG", "info,re_grpc_client=off,re_sdk::recording_stream=off")
     from telemetry import training  # noqa: PLC0415 - as above
 
     if not options.follow:

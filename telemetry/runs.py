@@ -150,6 +150,11 @@ def read_evaluation(path: Path) -> Evaluation:
     RecordingError
         If there are none, or a table is damaged or of something else.
     """
+    if path.is_file() and path.suffix != ".parquet":
+        raise RecordingError(
+            f"{path} is neither a run's folder nor its {EVALUATION_TRAJECTORIES}; to look at a flight: "
+            f"python -m telemetry replay {path}"
+        )
     table = path if path.suffix == ".parquet" else path / EVALUATION_TRAJECTORIES
     if not table.exists():
         raise RecordingError(

@@ -76,20 +76,25 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
         found.append(Subject(replay.scene(flights), tuple(pictures)))
     folders = [path for path in paths if path.is_dir()]
     for folder in folders:
-        ending = f"-{folder.resolve().name}" if len(folders) > 1 else ""
         if not runs.has_evaluation(folder) and not runs.has_training(folder):
             raise RecordingError(
                 f"{folder} holds neither an evaluation nor a training; give the folder of a run with "
                 f"{runs.EVALUATION_TRAJECTORIES} or {runs.HISTORY}"
             )
-        if runs.has_evaluation(folder):
-            picture = Picture(f"campaign{ending}", blueprint.TIME, 0.0)
-            found.append(Subject(campaign.scene(folder), (picture,)))
-        if runs.has_training(folder):
-            last = len(runs.read_training(folder)) - 1
-            picture = Picture(f"training{ending}", blueprint.GENERATION, last)
-            found.append(Subject(training.scene(folder), (picture,)))
+    evaluated = [folder for folder in folders if runs.has_evaluation(folder)]
+    for folder in evaluated:
+        picture = Picture(_name("campaign", folder, evaluated), blueprint.TIME, 0.0)
+        found.append(Subject(campaign.scene(folder), (picture,)))
+    trained = [folder for folder in folders if runs.has_training(folder)]
+    for folder in trained:
+        last = len(runs.read_training(folder)) - 1
+        picture = Picture(_name("training", folder, trained), blueprint.GENERATION, last)
+        found.append(Subject(training.scene(folder), (picture,)))
     return found
+
+
+def _name(kind: str, folder: Path, folders: Sequence[Path]) -> str:
+    return kind if len(folders) == 1 else f"{kind}-{folder.resolve().name}"
 
 
 def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:

@@ -1,7 +1,6 @@
 """Scenes in rerun: as a file, in a window, in a browser, in a notebook, and while they grow."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from typing import IO, Any, Final
 
 import rerun as rr
 import rerun.blueprint as rrb
+import rerun_cli
 
 from telemetry.errors import RecordingError
 from telemetry.partial_file import PARTIAL_SUFFIX
@@ -23,6 +23,8 @@ APPLICATION: Final = "fuzzy-spacecraft-inspection"
 #: by default the viewer would listen on every network interface
 LOOPBACK: Final = "127.0.0.1"
 _START_LIMIT_S: Final = 60.0
+#: where rerun's package has its program: on macOS, on Windows, elsewhere
+_PROGRAMS: Final = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def show(scene: Scene, *, in_browser: bool) -> None:
         save(scene, file)
         command = [*_command("auto", in_browser=in_browser), str(file)]
         with suppress(KeyboardInterrupt):
-            _check_ending(subprocess.call(command))  # noqa: S603 - our own interpreter, and a file of ours
+            _check_ending(subprocess.call(command))  # noqa: S603 - the viewer, and a file of ours
 
 
 @contextmanager
@@ -136,22 +138,26 @@ def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.Rec
         If the viewer cannot open.
     """
     _require_display(in_browser=in_browser)
-    with started(*(["--web-viewer", "--web-viewer-port", "0"] if in_browser else [])) as viewer:
+    with started(in_browser=in_browser) as viewer:
         stream = rr.RecordingStream(APPLICATION)
         stream.connect_grpc(viewer.url, default_blueprint=scene.layout)
         stream.send_recording_name(scene.name)
-        yield stream, viewer
-        stream.disconnect()
+        try:
+            yield stream, viewer
+        finally:
+            stream.disconnect()
 
 
 @contextmanager
-def started(*options: str, log: IO[bytes] | None = None) -> Iterator[Viewer]:
+def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = None) -> Iterator[Viewer]:
     """Start a viewer that listens on the loopback interface alone; it ends with the block.
 
     Parameters
     ----------
     *options : str
         Of rerun's command line.
+    in_browser : bool
+        Serve a page instead of a window.
     log : binary file, optional
         Takes what the viewer says; by default it goes where our own messages go.
 
@@ -163,14 +169,14 @@ def started(*options: str, log: IO[bytes] | None = None) -> Iterator[Viewer]:
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
-    command = [*_command(str(port), in_browser=False), *options]
-    # in a group of its own: the command is a wrapper, and ending that alone would leave the viewer behind
-    process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)  # noqa: S603
+    command = [*_command(str(port), in_browser=in_browser), *options]
+    process = subprocess.Popen(command, stdout=log, stderr=log)  # noqa: S603 - the viewer, with options of ours
     try:
         _await_port(process, port)
         yield Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy")
     finally:
-        _end(process)
+        process.terminate()
+        process.wait()
 
 
 def in_notebook(scene: Scene) -> Any:
@@ -181,7 +187,7 @@ def in_notebook(scene: Scene) -> Any:
     RecordingError
         If rerun's notebook part is not installed.
     """
-    from rerun import notebook  # noqa: PLC0415 - a third of a second that only notebooks need
+    from rerun import notebook  # noqa: PLC0415 - only notebooks need it
     from rerun.error_utils import RerunMissingDependencyError  # noqa: PLC0415
 
     stream = rr.RecordingStream(APPLICATION)
@@ -199,7 +205,9 @@ def in_notebook(scene: Scene) -> Any:
 
 
 def _command(port: str, *, in_browser: bool) -> list[str]:
-    command = [sys.executable, "-m", "rerun", "--bind", LOOPBACK, "--port", port]
+    # not the command `rerun`: that is a wrapper, and ending it would leave the viewer behind
+    program = next(path for path in map(Path(rerun_cli.__file__).parent.joinpath, _PROGRAMS) if path.exists())
+    command = [str(program), "--bind", LOOPBACK, "--port", port]
     return [*command, "--web-viewer", "--web-viewer-port", "0"] if in_browser else command
 
 
@@ -233,15 +241,6 @@ def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
             return
         time.sleep(0.1)
     raise RecordingError(f"the viewer was not ready within {_START_LIMIT_S:g} s; is the machine very busy?")
-
-
-def _end(process: "subprocess.Popen[bytes]") -> None:
-    if os.name == "nt":
-        process.terminate()
-    else:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)
-    process.wait()
 
 
 def unwritable(output: Path, error: OSError) -> RecordingError:

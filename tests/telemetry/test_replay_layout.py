@@ -2,22 +2,17 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 import synthetic_flight
-from numpy.typing import NDArray
 from rerun.chunk import RrdReader
+from rrd_content import Content, views
 from synthetic_flight import SyntheticFlight
 
 from telemetry import EpisodeWriter, RecordingError, replay, viewer
-
-VIEW_CLASS = "ViewBlueprint:class_identifier"
-VIEW_NAME = "ViewBlueprint:display_name"
 
 
 @pytest.fixture(scope="module")
@@ -27,39 +22,9 @@ def replay_file(flight_file: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     return output
 
 
-class Content:
-    """The columns of a recording in an .rrd file."""
-
-    def __init__(self, path: Path):
-        self.batches: dict[str, list[pa.RecordBatch]] = {}
-        for chunk in RrdReader(str(path)).stream():
-            self.batches.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
-
-    def column(self, entity: str, component: str) -> list[Any]:
-        batches = [b for b in self.batches[entity] if component in b.schema.names]
-        return [row for batch in batches for row in batch.column(component).to_pylist()]
-
-    def numbers(self, entity: str, component: str) -> NDArray[np.float64]:
-        return np.array(self.column(entity, component), dtype=np.float64)
-
-    def times(self, entity: str, component: str) -> NDArray[np.float64]:
-        batches = [b for b in self.batches[entity] if component in b.schema.names]
-        return np.concatenate([b.column("time").cast(pa.int64()).to_numpy() for b in batches]) / 1e9
-
-
 @pytest.fixture(scope="module")
 def content(replay_file: Path) -> Content:
     return Content(replay_file)
-
-
-def views(path: Path) -> Iterator[tuple[str, str]]:
-    """(class, title) of every view in the file's default blueprint."""
-    reader = RrdReader(str(path))
-    for chunk in reader.stream(store=reader.blueprints()[0]):
-        batch = chunk.to_record_batch()
-        if {VIEW_CLASS, VIEW_NAME} <= set(batch.schema.names):
-            (kind,), (name,) = batch.column(VIEW_CLASS).to_pylist()[0], batch.column(VIEW_NAME).to_pylist()[0]
-            yield kind, name
 
 
 def test_rerun_finds_the_file_sound(replay_file: Path) -> None:
