@@ -31,7 +31,7 @@ def compare_outputs(
     names = [variable.name for variable in after.inputs]
     if sorted(names) != sorted(variable.name for variable in before.inputs):
         return ()
-    spread = spread_inputs(_over_both_ranges(before, after), NUM_SPREAD)
+    spread = spread_inputs(over_both_ranges(before, after), NUM_SPREAD)
     columns = [names.index(variable.name) for variable in before.inputs]
     common = [output for output in after.outputs if output.name in {v.name for v in before.outputs}]
     changes = []
@@ -46,7 +46,7 @@ def compare_outputs(
     return tuple(changes)
 
 
-def _over_both_ranges(before: FuzzySystem, after: FuzzySystem) -> FuzzySystem:
+def over_both_ranges(before: FuzzySystem, after: FuzzySystem) -> FuzzySystem:
     """Return a system whose inputs have ranges as wide as in both; for their ranges only."""
     wider = []
     for variable in after.inputs:

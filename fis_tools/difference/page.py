@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
-from fis_tools.difference import pictures, words
+from fis_tools.difference import pictures, surfaces, words
 from fis_tools.difference.change import Fact, SystemDifference, VariableChange
 from fis_tools.formats.text import number, shape_words, with_unit
 
@@ -26,6 +26,8 @@ vertical-align: top; }
 .difference .inline del, .difference .inline ins { display: inline; }
 .difference .inline ins::before { content: " → "; color: var(--muted); font-weight: 400; }
 .difference .note { color: var(--muted); font-size: .9rem; }
+.difference .surfaces { margin: .8rem 0 1.4rem; } .difference .surfaces img { width: 100%; height: auto; }
+.difference figcaption { color: var(--muted); font-size: .9rem; }
 .difference svg.terms { display: block; width: 100%; max-width: 46rem; height: auto; }
 .difference svg polyline { fill: none; stroke: currentColor; stroke-linejoin: round; }
 .difference svg .same { opacity: .6; stroke-width: 1.1; }
@@ -103,6 +105,7 @@ def _system(system: SystemDifference) -> list[str]:
     if system.is_empty:
         return ["<p>Nothing changed.</p>"]
     parts = [f"<p>{escape(words.headline(system))}.</p>", _facts(system.facts), _outputs(system)]
+    parts += surfaces.draw(system)
     if any(change.terms for change in system.variables):
         parts.append(f'<p class="note">{_LEGEND}</p>')
     for change in system.variables:

@@ -13,6 +13,8 @@ from fis_tools import inference
 from fis_tools.__main__ import main
 from fis_tools.analysis import spread_inputs
 from fis_tools.difference import Difference, SystemDifference, difference
+from fis_tools.difference.surfaces import changed_surfaces
+from fis_tools.inference import infer
 from fis_tools.model import (
     And,
     Consequent,
@@ -301,8 +303,12 @@ class _Tags(HTMLParser):
         self.loading: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.loading += [name for name, _ in attrs if name in {"src", "href"}]
-        if tag not in {"meta", "br"}:
+        self.loading += [
+            f"{name}={value}"
+            for name, value in attrs
+            if name in {"src", "href"} and not str(value).startswith("data:image/png;base64,")
+        ]
+        if tag not in {"meta", "br", "img"}:
             self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
@@ -370,3 +376,39 @@ def test_mistakes_end_in_one_sentence(
     ):
         assert main(["diff", *words]) == 2
         assert sentence in capsys.readouterr().err
+
+
+def test_surfaces_are_those_of_both_over_the_ranges_of_both() -> None:
+    before = force_x_system()
+    wider = replace(before.inputs[0], maximum=300.0)
+    after = replace(before, inputs=(before.inputs[1], wider), rules=before.rules[::-1])
+    old, new, change = changed_surfaces(before, after, "force_x")
+    assert (old.x_variable.name, old.y_variable.name) == ("distance", "velocity_body_x")
+    assert (old.x[0], old.x[-1]) == (0.0, 300.0)
+    for row, column in ((0, 0), (30, 10), (7, 60), (60, 41)):
+        distance, velocity = old.x[column], old.y[row]
+        was = infer(before, np.array([distance, velocity])).values[0]
+        now = infer(after, np.array([velocity, distance])).values[0]
+        assert old.values[row, column] == pytest.approx(was, abs=1e-12)
+        assert new.values[row, column] == pytest.approx(now, abs=1e-12)
+        assert change.values[row, column] == pytest.approx(now - was, abs=1e-12)
+
+
+def test_the_page_pictures_surfaces_of_what_moved_alone() -> None:
+    system = force_x_system()
+    rules = list(system.rules)
+    rules[0] = replace(rules[0], consequents=rules[-1].consequents)
+    moved = difference(system, replace(system, rules=tuple(rules))).html
+    assert moved.count('src="data:image/png;base64,') == 1
+    assert 'alt="force_x, before, after and the difference"' in moved
+    told_only = replace(system, inputs=(replace(system.inputs[0], description="Far."), system.inputs[1]))
+    assert "<img" not in difference(system, told_only).html
+    gone = replace(
+        system,
+        inputs=system.inputs[:1],
+        rules=tuple(
+            Rule(Is("distance", t.name), system.rules[0].consequents) for t in system.inputs[0].terms
+        ),
+    )
+    assert "<img" not in difference(system, gone).html
+    assert "<img" not in difference(gone, replace(gone, rules=gone.rules[:2])).html
