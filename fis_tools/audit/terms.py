@@ -8,7 +8,7 @@ import numpy as np
 from fis_tools.analysis import distinguishability
 from fis_tools.audit import names
 from fis_tools.audit.finding import Finding, Severity, Thresholds
-from fis_tools.formats.amounts import amount, listed, percent, span
+from fis_tools.formats.amounts import Floats, amount, listed, percent, span
 from fis_tools.formats.text import number
 from fis_tools.measures import Measures, centre, statements
 from fis_tools.membership import sample_terms
@@ -83,16 +83,37 @@ def _covered(
     if worst.least >= thresholds.coverage or variable in system.outputs:
         return
     least, fired = number(round(worst.least, 3)), measures.completeness.least
+    low, high = _gap(variable, worst.at, thresholds.coverage)
     severity = Severity.WARNING if fired < thresholds.coverage else Severity.NOTE
     yield Finding(
         "coverage",
         Severity.SERIOUS if fired < thresholds.fired else severity,
         system.name,
-        f"{variable.name} has a gap at {amount(variable, worst.at)}: the best term holds by {least} there.",
+        f"{variable.name} has a gap from {amount(variable, low)} to {amount(variable, high)}: no term holds "
+        f"by {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the best one by {least}.",
         f"Widen the terms on both sides until each value belongs to one by {thresholds.coverage:g} or more.",
         variable.name,
-        evidence={"least": worst.least, "at": worst.at},
+        evidence={"least": worst.least, "at": worst.at, "from": low, "to": high},
     )
+
+
+def _gap(variable: Variable, at: float, level: float) -> tuple[float, float]:
+    """Return from where to where, about a value, no term holds by a level."""
+    x, terms = variable.universe, sample_terms(variable)
+    return _covered_up_to(x, terms, at, level), _covered_up_to(x[::-1], terms[:, ::-1], at, level)
+
+
+def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
+    """Return where, on the way along x to a value that is not covered, some term holds by a level last."""
+    is_before = (x - at) * (x[-1] - x[0]) <= 0.0
+    covered = np.flatnonzero(is_before & (terms.max(axis=0) >= level))
+    if not len(covered):
+        return float(x[0])
+    last = int(covered[-1])
+    holds = terms[:, last] >= level
+    here, next_to = terms[holds, last], terms[holds, last + 1]
+    way = float(((here - level) / (here - next_to)).max())
+    return float(x[last] + way * (x[last + 1] - x[last]))
 
 
 def _alike(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:

@@ -113,9 +113,16 @@ def test_a_gap_between_terms() -> None:
     assert (finding.variable, finding.severity) == ("error", Severity.WARNING)
     # NL falls to 0 at -5 and ZE rises from there: (-5 - x) / 5 = x + 6, and as much on the other side
     assert finding.evidence["least"] == pytest.approx(1 / 6, abs=1e-12)
+    # NL falls to 0.2 at -6, and NS rises to it at -5.8; ZE as much on the other side
+    ends = (finding.evidence["from"], finding.evidence["to"])
+    assert ends in (pytest.approx((-6.0, -5.8)), pytest.approx((-4.2, -4.0)))
     system = with_terms(controller_of(), "error", NS=Triangular(-5.2, -5.0, -4.8))
     assert the_one(system, "coverage").severity is Severity.SERIOUS
-    assert "error has a gap at" in finding.sentence
+    assert "error has a gap from" in finding.sentence
+    wide = the_one(with_terms(controller_of(), "error", NS=Triangular(-9.0, -9.0, -8.0)), "coverage")
+    assert (wide.evidence["from"], wide.evidence["to"]) == (pytest.approx(-6.0), pytest.approx(-4.0))
+    open_end = the_one(with_terms(controller_of(), "error", PL=Triangular(4.0, 5.0, 6.0)), "coverage")
+    assert open_end.evidence["to"] == 10.0
 
 
 def test_a_gap_that_other_rules_fill_is_a_note() -> None:
