@@ -1,6 +1,7 @@
 """`plot`: every picture of a controller, into a folder."""
 
 import argparse
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -60,14 +61,18 @@ def run(arguments: argparse.Namespace) -> None:
 
     theme, kinds = THEMES[arguments.theme], _kinds(arguments)
     instants = list(samples(arguments)) if "inference" in kinds else []
+    taken: Counter[str] = Counter()
     for drawn in (
         _of_systems(arguments, kinds, theme),
         _of_instants(instants, theme),
         _of_flights(arguments, kinds, theme),
     ):
         for system, name, figure in drawn:
-            picture = f"{file_name(system.name)}-{file_name(name)}.{arguments.format}"
-            path = place_for(Path(arguments.output) / picture)
+            picture = f"{file_name(system.name)}-{file_name(name)}"
+            taken[picture.casefold()] += 1  # other names may come to the same file's
+            if taken[picture.casefold()] > 1:
+                picture += f"-{taken[picture.casefold()]}"
+            path = place_for(Path(arguments.output) / f"{picture}.{arguments.format}")
             save(figure, path)
             print(path)
 

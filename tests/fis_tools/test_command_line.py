@@ -19,6 +19,7 @@ from fis_tools.explanation import explain, shares
 from fis_tools.flights import inputs_along
 from fis_tools.formats import markdown, text
 from fis_tools.inference import infer
+from fis_tools.model import FuzzyController
 from fis_tools.serialize import dump_json, dump_yaml, load, loads
 
 
@@ -105,6 +106,17 @@ def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
     status, printed, _ = run(capsys, "plot", path, "-o", tmp_path / "out")
     assert status == 0
     assert {Path(line).parent for line in printed.splitlines()} == {tmp_path / "out"}
+
+
+def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, other = (replace(force_x_system(), name=name) for name in ("a/b", "A b"))
+    path = tmp_path / "alike.json"
+    path.write_text(dump_json(FuzzyController("alike", (one, other))), encoding="utf-8")
+    printed = run(capsys, "plot", path, "--only", "rules", "-o", tmp_path / "out")[1]
+    assert [Path(line).name for line in printed.splitlines()] == ["a_b-rules.png", "A_b-rules-2.png"]
+    assert len(list((tmp_path / "out").iterdir())) == 2
 
 
 def test_surface_prints_numbers_or_draws(
