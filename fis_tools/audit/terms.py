@@ -173,7 +173,12 @@ def _named(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
     read = [
         (r, t, centre(variable, t)) for r, t in zip(readings, variable.terms, strict=True) if r is not None
     ]
-    pairs = list(combinations(sorted(read, key=lambda entry: entry[0].rank), 2))
+    pairs = [
+        (low, high)
+        for low, high in combinations(sorted(read, key=lambda entry: entry[0].rank), 2)
+        # zero lies below small and large, but between low and high
+        if (low[0].sign is None) == (high[0].sign is None)
+    ]
     wrong = [(low, high) for low, high in pairs if low[0].rank < high[0].rank and low[2] > high[2]]
     falling = len(pairs) > 1 and len(wrong) == len(pairs)
     for (_, low, low_at), (_, high, high_at) in wrong[:1] if falling else wrong:

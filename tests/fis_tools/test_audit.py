@@ -179,6 +179,15 @@ def test_terms_out_of_order_and_names_that_contradict() -> None:
     assert found_in(system, "name-order") == []
 
 
+def test_zero_stands_below_small_or_between_low_and_high() -> None:
+    named = (("zero", "small", "medium", "large"), ("low", "zero", "high"))
+    for names_of_terms, low in zip(named, (0.0, -3.0), strict=True):
+        x = Variable("x", "", low, 3.0, even_terms(names_of_terms, low, 3.0))
+        rules = tuple(Rule(Is("x", name), (Consequent("torque", "ZE"),)) for name in names_of_terms)
+        system = FuzzySystem("named", (x,), (TORQUE,), rules)
+        assert [f for f in audit(system).findings if f.id in {"name-order", "zero-off-zero"}] == []
+
+
 def test_a_negative_term_above_zero() -> None:
     system = with_terms(
         controller_of(), "error", NS=Triangular(-5.0, 0.4, 5.0), ZE=Triangular(-5.0, 0.5, 5.0)
