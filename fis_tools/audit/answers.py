@@ -66,10 +66,10 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
     if part >= thresholds.reach:
         return
     extent = f"{amount(output, output.minimum)} to {amount(output, output.maximum)}"
-    told = f"stays within {amount(output, low)} to {amount(output, high)}, {percent(part)} of its range"
+    told = f"stays within {amount(output, low)} to {amount(output, high)}, {percent(part)} of its range,"
     is_constant = part < NEGLIGIBLE
     if is_constant:
-        told = f"is always {amount(output, low)}"
+        told = f"is {amount(output, low)}"
     by_area = (
         "; a centre of area never reaches the ends" if system.defuzzifier_of(output) == "centroid" else ""
     )
@@ -77,8 +77,9 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
         "output-reach",
         Severity.SERIOUS if is_constant else Severity.WARNING,
         system.name,
-        f"{output.name} {told}, wherever the inputs are ({extent} is declared).",
-        f"Narrow the range to what is used, or narrow the outer terms{by_area}.",
+        f"{output.name} {told} at {values.size} inputs all over their ranges ({extent} is declared).",
+        f"Narrow the range to what is used, or narrow the outer terms{by_area} (fis_tools bounds proves how "
+        "far it goes).",
         output.name,
         evidence={"low": low, "high": high, "part": part},
     )

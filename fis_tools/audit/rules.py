@@ -34,6 +34,7 @@ class Step:
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
     """Yield what is to be said of the rules of a system."""
+    yield from _weightless(system)
     yield from _repeated(system)
     yield from _overlapping(system)
     for axis in range(len(system.inputs)):
@@ -64,6 +65,21 @@ def _concludes(rule: Rule) -> dict[str, str]:
     return {consequent.variable: consequent.term for consequent in rule.consequents}
 
 
+def _weightless(system: FuzzySystem) -> Iterator[Finding]:
+    for number, rule in enumerate(system.rules, start=1):
+        idle = [consequent for consequent in rule.consequents if consequent.weight == 0.0]
+        if idle:
+            words = " and ".join(f"{consequent.variable} is {consequent.term}" for consequent in idle)
+            yield Finding(
+                "no-weight",
+                Severity.WARNING,
+                system.name,
+                f"Rule {number} concludes {words} with weight 0, which changes nothing.",
+                "Drop the conclusion, or give it the weight that is meant.",
+                rules=(number,),
+            )
+
+
 def _repeated(system: FuzzySystem) -> Iterator[Finding]:
     alike: dict[tuple[Any, ...], list[int]] = defaultdict(list)
     for number, rule in enumerate(system.rules, start=1):
@@ -74,6 +90,7 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
             shared = [name for name in one if name in other]
             if not shared:
                 continue
+            adds_up = any(system.variable(name).accumulation != "max" for name in shared)
             differ = any(one[name] != other[name] for name in shared)
             words = antecedent_words(system.rules[first - 1].antecedent)
             told = [consequent_words(system.rules[number - 1].consequents) for number in (first, second)]
@@ -87,7 +104,7 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
                 else f"Rules {first} and {second} say the same: if {words} then {told[0]}.",
                 "Decide which of the two is meant, and drop the other."
                 if differ
-                else "Drop one of the two; it counts no more for being said twice.",
+                else f"Drop one of the two{'' if adds_up else '; it counts no more for being said twice'}.",
                 rules=(first, second),
             )
 

@@ -229,6 +229,22 @@ def test_rules_said_twice() -> None:
     assert "one concludes torque is PL, the other torque is NL" in finding.sentence
 
 
+def test_a_rule_said_twice_may_add_up() -> None:
+    system = controller_of()
+    adding = replace(system.outputs[0], accumulation="bounded_sum")
+    doubled = replace(system, rules=(*system.rules, system.rules[0]))
+    assert "counts no more" in the_one(doubled, "duplicate-rules").cure
+    assert "counts no more" not in the_one(replace(doubled, outputs=(adding,)), "duplicate-rules").cure
+
+
+def test_a_conclusion_without_weight_is_found() -> None:
+    system = controller_of()
+    idle = replace(system.rules[3], consequents=(replace(system.rules[3].consequents[0], weight=0.0),))
+    finding = the_one(replace(system, rules=(*system.rules[:3], idle, *system.rules[4:])), "no-weight")
+    assert (finding.rules, finding.severity) == ((4,), Severity.WARNING)
+    assert finding.sentence == "Rule 4 concludes torque is PS with weight 0, which changes nothing."
+
+
 def test_a_wide_rule_over_narrower_ones() -> None:
     system = controller_of()
     wide = replace(system, rules=(*system.rules, Rule(Is("error", "ZE"), (Consequent("torque", "ZE"),))))
@@ -293,7 +309,7 @@ def test_an_output_that_stays_in_the_middle() -> None:
     assert finding.evidence["high"] < 1.0
     constant = the_one(controller_of(["ZE"] * 25), "output-reach")
     assert constant.severity is Severity.SERIOUS
-    assert "is always 0 N m" in constant.sentence
+    assert "torque is 0 N m at 19881 inputs all over their ranges" in constant.sentence
 
 
 def test_more_rules_than_a_person_keeps_in_mind() -> None:
