@@ -17,6 +17,8 @@ GENERATION: Final = "generation"
 #: an hour of flight in a minute
 PLAYBACK_SPEED: Final = 60.0
 GENERATIONS_PER_SECOND: Final = 10.0
+#: of so many generations the scene of a training shows where the champions flew
+GENERATIONS_IN_SIGHT: Final = 30
 
 SCENE: Final = "/scene"
 CURVES: Final = "/curves"
@@ -85,14 +87,19 @@ def replay(
         rrb.Horizontal(*(_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)),
         *fuzzy,
     ]
-    scene = _scene("Flight, Hill frame", farthest_m, trails, TIME)
+    up_to_now = rrb.VisibleTimeRanges(
+        timeline=TIME,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
+    )
+    scene = _scene("Flight, Hill frame", farthest_m, trails, up_to_now)
     top = rrb.Horizontal(scene, beside, rrb.Vertical(*rows), column_shares=[34, 17, 49])
     if not fis:
         return _blueprint(rrb.Vertical(top, _events(), row_shares=[75, 25]), TIME, PLAYBACK_SPEED)
     words = rrb.TextDocumentView(
         origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
     )
-    bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[41, 31, 28])
+    bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[42, 30, 28])
     return _blueprint(rrb.Vertical(top, bottom, row_shares=[57, 43]), TIME, PLAYBACK_SPEED)
 
 
@@ -118,7 +125,7 @@ def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: f
         rrb.Grid(*bars, grid_columns=2),
         row_shares=[41, 23, 36],
     )
-    scene = _scene("All cases, Hill frame", farthest_m, (), TIME)
+    scene = _scene("All cases, Hill frame", farthest_m)
     return _blueprint(rrb.Horizontal(scene, side, column_shares=[58, 42]), TIME, PLAYBACK_SPEED)
 
 
@@ -130,12 +137,17 @@ def training(plots: Sequence[Plot], *, earlier: str, farthest_m: float) -> rrb.B
     plots : sequence of Plot
         Over the generations.
     earlier : str
-        The entity of which the scene shows everything up to now.
+        The entity of which the scene shows the last generations besides the present one.
     farthest_m : float
         A distance which the scene has to hold.
     """
     summary = rrb.TextDocumentView(origin=SUMMARY, name="The champion of this generation")
-    scene = _scene("The champion's flight, Hill frame", farthest_m, (earlier,), GENERATION)
+    lately = rrb.VisibleTimeRanges(
+        timeline=GENERATION,
+        start=rrb.TimeRangeBoundary.cursor_relative(seq=-GENERATIONS_IN_SIGHT),
+        end=rrb.TimeRangeBoundary.cursor_relative(seq=0),
+    )
+    scene = _scene("The champion's flight, Hill frame", farthest_m, (earlier,), lately)
     left = rrb.Vertical(scene, summary, row_shares=[68, 32])
     right = rrb.Grid(*(_plot(plot) for plot in plots), grid_columns=2)
     return _blueprint(rrb.Horizontal(left, right, column_shares=[46, 54]), GENERATION, GENERATIONS_PER_SECOND)
@@ -169,21 +181,17 @@ def _events() -> rrb.View:
     return rrb.TextLogView(origin=EVENTS, name="Events", columns=columns)
 
 
-def _scene(title: str, farthest_m: float, trails: Sequence[str], timeline: str) -> rrb.View:
+def _scene(
+    title: str, farthest_m: float, trails: Sequence[str] = (), span: rrb.VisibleTimeRanges | None = None
+) -> rrb.View:
     eye = 1.8 * max(farthest_m, 40.0) * _EYE_DIRECTION
-    instant = {"seconds": 0.0} if timeline == TIME else {"seq": 0}
-    up_to_now = rrb.VisibleTimeRanges(
-        timeline=timeline,
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(**instant),
-    )
     return rrb.Spatial3DView(
         origin=SCENE,
         name=title,
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(position=eye, look_target=[0, 0, 0], eye_up=[0, 0, 1]),
-        overrides=dict.fromkeys(trails, up_to_now),
+        overrides=None if span is None else dict.fromkeys(trails, span),
     )
 
 

@@ -87,7 +87,7 @@ def scene(path: Path) -> Scene:
         text = rr.TextDocument(in_words(evaluation), media_type="text/markdown")
         stream.log(blueprint.SUMMARY, text, static=True)
 
-    return Scene(f"{evaluation.name}: {len(evaluation.case)} cases", layout, send_all)
+    return Scene("evaluation", f"{evaluation.name}: {len(evaluation.case)} cases", layout, send_all)
 
 
 def extremes(evaluation: Evaluation) -> list[Extreme]:
@@ -125,14 +125,15 @@ def in_words(evaluation: Evaluation) -> str:
         for kind, words in _outcomes_in_words(evaluation).items():
             count = int(np.sum(outcome == kind))
             rows.append(f"| {words} | {count} ({100 * count / num_cases:.1f} %) |")
-        for title, name, unit in (
-            ("delta-v", "delta_v_m_s", "m/s"),
-            ("inspected", "inspection_rate_percent", "%"),
+        for title, name, unit, digits in (
+            ("delta-v", "delta_v_m_s", "m/s", 3),
+            ("inspected", "inspection_rate_percent", "%", 1),
         ):
             values = evaluation.episodes[name]
+            spread = values.std(ddof=min(1, num_cases - 1))
             rows.append(
-                f"| {title} | {values.mean():.3f} ± {values.std(ddof=min(1, num_cases - 1)):.3f} {unit}, "
-                f"{values.min():.3f} to {values.max():.3f} |"
+                f"| {title} | {values.mean():.{digits}f} ± {spread:.{digits}f} {unit}, "
+                f"{values.min():.{digits}f} to {values.max():.{digits}f} |"
             )
     rows += [
         f"| {name} | {rest} |"

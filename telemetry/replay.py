@@ -76,7 +76,7 @@ def scene(paths: Sequence[Path]) -> Scene:
             if index > 0:
                 _send_marker(stream, recordings[index], index, name, colours[index])
 
-    return Scene(" + ".join(names), layout, send_all)
+    return Scene("flight", " + ".join(names), layout, send_all)
 
 
 def _showable(recording: Recording) -> Recording:

@@ -23,7 +23,7 @@ _BAR: Final = 36
 _COLOURS: Final = 128
 #: how long a scene may take until it stands still
 _PATIENCE_S: Final = 120.0
-_PAUSE_S: Final = 1.5
+_PAUSE_S: Final = 0.6
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def scene(folder: Path) -> Scene:
         earlier=EARLIER,
         farthest_m=float(np.median(reaches)) if reaches else DEFAULT_FARTHEST_M,
     )
-    return Scene(f"{training.name}: training", layout, send_all)
+    return Scene("training", f"{training.name}: training", layout, send_all)
 
 
 def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callable[[str], None]) -> None:
@@ -164,14 +164,14 @@ def in_words(training: Training, row: int) -> str:
     rows = "\n".join(f"| {name} | {value} |" for name, value in facts)
     return (
         f"| {_moment(training, row)} | fitness {columns['best'][row]:.6g} |\n|---|---|\n{rows}\n\n"
-        "White: where the champion flies from the configured start; blue: where its forerunners flew."
+        "White: where the champion flies from the configured start; blue: its forerunners of the last "
+        f"{blueprint.GENERATIONS_IN_SIGHT} generations."
     )
 
 
 def _moment(training: Training, row: int) -> str:
     columns = training.columns
-    of_round = f", round {columns['round'][row] + 1}" if columns["round"].max(initial=0) > 0 else ""
-    return f"generation {columns['generation'][row]}{of_round}"
+    return f"round {columns['round'][row] + 1}, generation {columns['generation'][row]}"
 
 
 def _headline(training: Training, row: int) -> str:

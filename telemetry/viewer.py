@@ -33,6 +33,8 @@ class Scene:
 
     Parameters
     ----------
+    kind : str
+        One word; recordings of one kind share a layout, also one that the user has changed.
     name : str
         Of the recording, as the viewer lists it.
     layout : rerun.blueprint.Blueprint
@@ -40,6 +42,7 @@ class Scene:
         Sends all of it to a stream.
     """
 
+    kind: str
     name: str
     layout: rrb.Blueprint
     send: Callable[[rr.RecordingStream], None]
@@ -97,7 +100,7 @@ def stream_to_file(scene: Scene, output: Path) -> Iterator[rr.RecordingStream]:
     """
     # the library only finds out once it holds data, which it then drops with a warning
     output.open("wb").close()
-    stream = rr.RecordingStream(APPLICATION)
+    stream = _stream(scene)
     stream.save(output, default_blueprint=scene.layout)
     stream.send_recording_name(scene.name)
     yield stream
@@ -139,7 +142,7 @@ def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.Rec
     """
     _require_display(in_browser=in_browser)
     with started(in_browser=in_browser) as viewer:
-        stream = rr.RecordingStream(APPLICATION)
+        stream = _stream(scene)
         stream.connect_grpc(viewer.url, default_blueprint=scene.layout)
         stream.send_recording_name(scene.name)
         try:
@@ -190,7 +193,7 @@ def in_notebook(scene: Scene) -> Any:
     from rerun import notebook  # noqa: PLC0415 - only notebooks need it
     from rerun.error_utils import RerunMissingDependencyError  # noqa: PLC0415
 
-    stream = rr.RecordingStream(APPLICATION)
+    stream = _stream(scene)
     try:
         widget = notebook.Viewer(recording=stream, blueprint=scene.layout, width="auto", height="auto")
     except RerunMissingDependencyError as error:
@@ -202,6 +205,10 @@ def in_notebook(scene: Scene) -> Any:
     scene.send(stream)
     stream.flush()
     return widget
+
+
+def _stream(scene: Scene) -> rr.RecordingStream:
+    return rr.RecordingStream(f"{APPLICATION}-{scene.kind}")
 
 
 def _command(port: str, *, in_browser: bool) -> list[str]:

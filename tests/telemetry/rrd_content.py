@@ -14,12 +14,14 @@ _VIEW_NAME = "ViewBlueprint:display_name"
 
 
 class Content:
-    """The columns of a recording in an .rrd file."""
+    """The columns of a recording in an .rrd file, or in several."""
 
-    def __init__(self, path: Path):
+    def __init__(self, *paths: Path):
         self.batches: dict[str, list[pa.RecordBatch]] = {}
-        for chunk in RrdReader(str(path)).stream():
-            self.batches.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
+        for reader in (RrdReader(str(path)) for path in paths):
+            for store in reader.recordings():
+                for chunk in reader.stream(store=store):
+                    self.batches.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
 
     def column(self, entity: str, component: str) -> list[Any]:
         batches = [b for b in self.batches[entity] if component in b.schema.names]
