@@ -327,7 +327,7 @@ def _range(
 
 
 def _most(found: Subdivision) -> float:
-    return max(found.closed, float(found.open_promises.max(initial=-np.inf)))
+    return float(max(found.closed, found.open_promises.max(initial=-np.inf)))
 
 
 def _linear_bounds(coefficients: Floats, least: Floats, greatest: Floats) -> tuple[Floats, Floats]:

@@ -310,6 +310,7 @@ def test_a_range_is_proved_outside_and_attained_inside(where: str) -> None:
     (found,) = output_ranges(system, where)
     outputs = _on_grid(system, where)
     assert found.outer.low <= outputs.min() <= outputs.max() <= found.outer.high
+    assert {type(end) for end in (found.outer.low, found.outer.high)} == {float}
     assert found.inner.low in found.outer
     assert found.inner.high in found.outer
     width = system.outputs[0].maximum - system.outputs[0].minimum
