@@ -237,7 +237,7 @@ def _rule_map() -> rrb.View:
         name="Rules fired: one row each, rule 1 on top",
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN],
+            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + 3 * _MAP_MARGIN],
             y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN],
         ),
     )

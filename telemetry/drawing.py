@@ -23,6 +23,8 @@ MAP_GAP: Final = 14
 COLOURS_IN_WORDS: Final = "Points: grey dark, yellow lit, pink in view but dark, green inspected"
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
 
+#: of the table of rules, in a window of 1600 pixels
+LETTERS_IN_LINE: Final = 95
 #: rules shown in words at each instant, for each fuzzy system
 NUM_RULES_IN_WORDS: Final = 3
 _LEAST_STRENGTH_IN_WORDS: Final = 0.005
@@ -164,15 +166,19 @@ def _one_inference(
     return [
         f"| **{output:+.4f} {description.output_unit}** | **{description.output_name}** · {told} |",
         *(
-            f"| `{strengths[rule]:.2f}` rule {rule + 1} | {_in_cell(description.rules[rule])} |"
+            f"| `{strengths[rule]:.2f}` rule {rule + 1} | {_rule_in_words(description.rules[rule])} |"
             for rule in strongest
             if strengths[rule] >= _LEAST_STRENGTH_IN_WORDS
         ),
     ]
 
 
-def _in_cell(words: str) -> str:
-    return words.replace("|", "\\|")
+def _rule_in_words(rule: str) -> str:
+    """Return a rule for a cell of a table; of one that is too long for a line, the conclusion first."""
+    condition, then, conclusion = rule.partition(" then ")
+    if then and len(rule) > LETTERS_IN_LINE:
+        rule = f"{conclusion} because {condition.removeprefix('If ').removeprefix('if ')}"
+    return rule.replace("|", "\\|")
 
 
 @dataclass(frozen=True)

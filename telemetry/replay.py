@@ -73,7 +73,7 @@ def scene(paths: Sequence[Path]) -> Scene:
         _send_words(stream, recordings, names)
         for index, name in enumerate(names):
             _send_trail(stream, recordings[index], blueprint.trail_path(index), colours[index])
-            if index > 0:
+            if len(names) > 1:
                 _send_marker(stream, recordings[index], index, name, colours[index])
 
     return Scene("flight", " + ".join(names), layout, send_all)

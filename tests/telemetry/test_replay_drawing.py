@@ -75,6 +75,26 @@ def test_words_name_what_was_told_and_the_strongest_rules_first(recording: Recor
     assert drawing.NO_INFERENCE not in second
 
 
+def test_long_rules_tell_their_conclusion_first(tmp_path: Path) -> None:
+    statements = " and ".join(f"signal_{number} is negative_large" for number in range(4))
+    description = FisDescription(
+        input_names=("distance",),
+        input_units=("m",),
+        output_name="f_x",
+        output_unit="N",
+        rules=(f"If {statements} then f_x is zero", "if a|b then f_x is small"),
+    )
+    path = tmp_path / "long.mcap"
+    with EpisodeWriter(path, metadata={"fis.pilot": description.to_metadata()}, attachments={}) as writer:
+        writer.fis(0.0, "pilot", [80.0], [1.0, 0.5], -0.5)
+    read = telemetry.read(path)
+    (text,) = drawing.inference_in_words(read, drawing.sample_times(read))
+    assert text.splitlines()[2:] == [
+        f"| `1.00` rule 1 | f_x is zero because {statements} |",
+        "| `0.50` rule 2 | if a\\|b then f_x is small |",
+    ]
+
+
 @pytest.mark.parametrize("boresight", [(-1.0, 0.0, 0.0), (0.0, 0.0, 2.0), (1.0, -1.0, 0.5)])
 def test_view_cone_opens_by_its_half_angle(boresight: tuple[float, float, float]) -> None:
     *rays, rim = drawing.view_cone(boresight, 0.3)

@@ -174,6 +174,18 @@ def test_flights_are_laid_over_each_other(
     positions = content.numbers("/scene/flights/1/deputy", "Points3D:positions")[:, 0]
     np.testing.assert_allclose(positions, short_flight.position_m, atol=1e-4)
     assert content.column("/curves/distance/flight_1", "SeriesLines:names") == [["short"]]
+    for index, name in enumerate(("flight", "short")):
+        assert content.column(f"/scene/flights/{index}/deputy", "Points3D:labels") == [[name]]
+    colours = [content.column(f"/scene/flights/{i}/trail", "LineStrips3D:colors") for i in (0, 1)]
+    assert colours[0] != colours[1]
+    events = [text for (text,) in content.column("/events", "TextLog:text")]
+    assert events == [
+        "1190 s: flight: 50 of 99 points inspected",
+        "1190 s: short: 50 of 99 points inspected",
+        "3290 s: flight: 95 of 99 points inspected",
+    ]
+    ((summary,),) = content.column("/summary", "TextDocument:text")
+    assert "| flight | 97 | 1.069 |" in summary
     assert len(content.column("/curves/delta_v/flight_1", "Scalars:scalars")) == 131
 
 
