@@ -1,5 +1,6 @@
 """Fly the controller from all evaluation starts: episodes, trajectories, summary."""
 
+import shlex
 import sys
 import time
 from pathlib import Path
@@ -50,4 +51,5 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary['success']['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
+        f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
     )

@@ -1,5 +1,7 @@
 """Evolve the controller's numbers: logbook, history, checkpoint and champion."""
 
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +43,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         )
     encoding = encoding_of(experiment, template)
     announce_compilation()
+    sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
     kept: list[Generation] = []
     flights = ChampionFlights(experiment, template, encoding)
     with TrainingProgress(experiment) as progress:

@@ -47,8 +47,8 @@ def genomes(folder: Path) -> np.ndarray:
     return np.array(pq.read_table(folder / artifacts.HISTORY)["genome"].to_pylist())
 
 
-# a generation writes its checkpoint, the logbook and the history
-@pytest.mark.parametrize(("num_files", "num_generations"), [(6, 2), (7, 3), (8, 3)])
+# a generation writes its checkpoint, its champion's flight if that is new, the logbook and the history
+@pytest.mark.parametrize(("num_files", "num_generations"), [(1, 1), (7, 2), (8, 3), (9, 3)])
 def test_training_stops_with_its_champion_and_goes_on_once_there_is_room(
     trained: tuple[Composed, Path],
     tmp_path: Path,

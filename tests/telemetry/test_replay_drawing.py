@@ -75,7 +75,7 @@ def test_words_name_what_was_told_and_the_strongest_rules_first(recording: Recor
     assert drawing.NO_INFERENCE not in second
 
 
-def test_long_rules_tell_their_conclusion_first(tmp_path: Path) -> None:
+def test_long_rules_are_listed_so_that_they_can_wrap(tmp_path: Path) -> None:
     statements = " and ".join(f"signal_{number} is negative_large" for number in range(4))
     description = FisDescription(
         input_names=("distance",),
@@ -89,9 +89,10 @@ def test_long_rules_tell_their_conclusion_first(tmp_path: Path) -> None:
         writer.fis(0.0, "pilot", [80.0], [1.0, 0.5], -0.5)
     read = telemetry.read(path)
     (text,) = drawing.inference_in_words(read, drawing.sample_times(read))
-    assert text.splitlines()[2:] == [
-        f"| `1.00` rule 1 | f_x is zero because {statements} |",
-        "| `0.50` rule 2 | if a\\|b then f_x is small |",
+    assert text.splitlines() == [
+        "- **f_x = -0.5000 N** · distance 80.000 m",
+        f"  - `1.00` rule 1: If {statements} then f_x is zero",
+        "  - `0.50` rule 2: if a|b then f_x is small",
     ]
 
 
