@@ -32,6 +32,10 @@ CONTROLLER: Final = "controller.json"
 EPISODES: Final = "evaluate/episodes.parquet"
 TRAJECTORIES: Final = "evaluate/trajectories.parquet"
 SUMMARY: Final = "evaluate/summary.json"
+OPTIMUM_CASES: Final = "optimum/cases.parquet"
+OPTIMUM_PLANS: Final = "optimum/plans"
+OPTIMUM_FORCES: Final = "optimum/forces.csv"
+OPTIMUM_SUMMARY: Final = "optimum/summary.json"
 RECORDINGS: Final = "episodes"
 FIGURES: Final = "figures"
 REPORT: Final = "report.html"
@@ -48,6 +52,10 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     EPISODES: "evaluate",
     TRAJECTORIES: "evaluate",
     SUMMARY: "evaluate",
+    OPTIMUM_CASES: "optimum",
+    OPTIMUM_PLANS: "optimum",
+    OPTIMUM_FORCES: "optimum",
+    OPTIMUM_SUMMARY: "optimum",
     RECORDINGS: "record",
     FIGURES: "report",
     REPORT: "report",

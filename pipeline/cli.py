@@ -263,6 +263,10 @@ def _check_before(experiment: Experiment) -> None:
             "guidance.engine is sklearn, which flies one flight at a time; "
             "train with guidance.engine=compiled"
         )
+    if "optimum" in experiment.stages:
+        from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
+
+        check_points(experiment.mission, experiment.optimum.points)
     _check_controller(experiment)
 
 

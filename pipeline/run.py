@@ -20,6 +20,7 @@ STAGE_MODULES: Mapping[str, str] = {
     "train": "pipeline.stages.train",
     "evaluate": "pipeline.stages.evaluate",
     "record": "pipeline.stages.record",
+    "optimum": "pipeline.stages.optimum",
     "report": "pipeline.stages.report",
 }
 

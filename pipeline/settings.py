@@ -25,6 +25,7 @@ __all__ = [
     "Mission",
     "MonteCarlo",
     "Optimizer",
+    "Optimum",
     "Orbit",
     "Penalty",
     "Report",
@@ -36,7 +37,7 @@ __all__ = [
 ]
 
 #: in the order in which they run: each reads what those before it have written
-STAGES = ("scenario", "train", "evaluate", "record", "report")
+STAGES = ("scenario", "train", "evaluate", "record", "optimum", "report")
 
 #: beyond these a flight fills the memory of any computer
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
@@ -342,6 +343,33 @@ class MonteCarlo:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Optimum:
+    """The plan of least fuel, made with the whole flight known."""
+
+    #: those of the evaluation, or the start that the deputy is given
+    cases: Literal["evaluation", "start"]
+    #: to be inspected
+    points: int
+    #: most beginnings of the global search
+    restarts: int
+    #: most burns of the global search, the first at the start
+    burns: int
+    #: disturbances of the best plan in a row that better nothing, after which it is done
+    kicks: int
+    #: threads that solve cases; None is one for each processor
+    workers: int | None
+
+    def __post_init__(self) -> None:
+        """Refuse searches for nothing."""
+        checks.count("optimum.points", self.points, 1)
+        checks.count("optimum.restarts", self.restarts, 1)
+        checks.count("optimum.burns", self.burns, 2)
+        checks.within("optimum.burns", self.burns, 2, 5)
+        checks.count("optimum.kicks", self.kicks, 0)
+        _check_workers("optimum.workers", self.workers)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Telemetry:
     """Which flights are recorded, and what the log calls near."""
 
@@ -387,7 +415,7 @@ class Experiment:
         Of everything random.
     stages : tuple of str
         What is done, in order.
-    mission, sun, starts, optimizer, monte_carlo, telemetry, report
+    mission, sun, starts, optimizer, monte_carlo, optimum, telemetry, report
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -404,6 +432,7 @@ class Experiment:
     starts: Starts
     optimizer: Optimizer
     monte_carlo: MonteCarlo
+    optimum: Optimum
     telemetry: Telemetry
     report: Report
     controller: Mapping[str, Any] = field(hash=False)

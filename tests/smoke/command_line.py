@@ -15,6 +15,8 @@ MINIATURE = (
     "optimizer.generations=2",
     "optimizer.rounds=1",
     "monte_carlo.num_cases=3",
+    "optimum.restarts=1",
+    "optimum.kicks=0",
     "duration_s=600.0",
     "report.dots_per_inch=50",
 )

@@ -1,0 +1,212 @@
+"""A case solved: searched from several beginnings, polished, and flown by the simulator.
+
+What is told of a plan is what its flight showed, never what the linear model promised.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight import FlightLog, Scenario
+from pipeline.optimum.bound import delta_v_bound
+from pipeline.optimum.polish import Step, step
+from pipeline.optimum.problem import Problem, flown, problem_of, seen_as
+from pipeline.optimum.search import LATEST, search
+from pipeline.settings import Mission, Optimum
+
+Floats = NDArray[np.float64]
+
+#: control periods between the forces of the first, coarse polishing
+COARSE_STRIDE = 4
+COARSE_STEPS, FINE_STEPS = 12, 15
+#: relative fall of the fuel at which polishing ends
+TOLERANCE = 1e-4
+#: restarts before any are agreed, and how many must agree
+LEAST_RESTARTS, AGREEING = 8, 3
+#: burns that a kick adds, and the standard deviation of their components, m/s
+BURNS_PER_KICK, KICK_M_S = 2, 0.08
+#: what a kick must gain for others to follow, m/s
+WORTH_M_S = 5e-4
+#: drafts that are polished finely
+NUM_FINALISTS = 3
+#: restarts whose plans cost the same to this, m/s, count as having found the same
+SAME_M_S = 1e-3
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A plan as it was flown.
+
+    Parameters
+    ----------
+    forces : (K, 3)
+        N, Hill axes.
+    delta_v : float
+        m/s.
+    num_inspected : int
+    mean_distance, min_distance, max_distance : float
+        Over all samples, m.
+    outside : float
+        How far samples 1 … K were outside the limits at worst, m; zero inside.
+    """
+
+    forces: Floats
+    delta_v: float
+    num_inspected: int
+    mean_distance: float
+    min_distance: float
+    max_distance: float
+    outside: float
+
+    def rank(self, needed: int) -> tuple[float, int, float]:
+        """Return what sorts flights from good to bad: within the limits, points enough, little fuel."""
+        return self.outside, max(0, needed - self.num_inspected), self.delta_v
+
+    def is_feasible(self, needed: int) -> bool:
+        """Tell whether it kept all limits and inspected enough."""
+        return self.outside == 0.0 and self.num_inspected >= needed
+
+
+@dataclass(frozen=True)
+class CasePlan:
+    """The best plan of a case, and what tells how good it is.
+
+    Parameters
+    ----------
+    flight : Flight
+    restart_delta_v : (R,)
+        After coarse polishing, m/s, ascending; infinite where demands were missed.
+    bound : float
+        No plan inspects as many points for less, m/s.
+    """
+
+    flight: Flight
+    restart_delta_v: Floats
+    bound: float
+
+
+def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.random.SeedSequence) -> CasePlan:
+    """Find a plan of little fuel that inspects enough points within all limits.
+
+    Restarts go on until `AGREEING` of them have found the best; kicks then try to better it.
+
+    Parameters
+    ----------
+    mission, scenario
+        The case.
+    settings : Optimum
+        Points to be inspected; most restarts; kicks; most burns of the global search.
+    seed : numpy.random.SeedSequence
+        Of everything random.
+
+    Returns
+    -------
+    CasePlan
+        Its flight is the best there was, which may still be short of points or outside the limits.
+    """
+    problem, needed = problem_of(mission, scenario), settings.points
+    own, *seeds = seed.spawn(1 + settings.restarts)
+    drafts: list[Step] = []
+    for restart, child in enumerate(seeds):
+        num_burns = 2 + restart % (settings.burns - 1)
+        forces = search(problem, needed, num_burns, np.random.default_rng(child))
+        drafts.append(descend(problem, forces, needed))
+        if restart + 1 >= LEAST_RESTARTS and num_agreeing(_costs(drafts)) >= AGREEING:
+            break
+    restarts = np.sort(_costs(drafts))
+    drafts.append(kick(problem, min(drafts, key=_total), needed, settings.kicks, np.random.default_rng(own)))
+    drafts.sort(key=_total)
+    best = min(
+        (finish(problem, draft.forces, needed) for draft in _distinct(drafts)[:NUM_FINALISTS]),
+        key=lambda flight: flight.rank(needed),
+    )
+    return CasePlan(best, restarts, delta_v_bound(problem, needed))
+
+
+def _costs(drafts: list[Step]) -> Floats:
+    """Return the delta-v of drafts, infinite where demands are missed."""
+    return np.array([draft.delta_v if draft.is_feasible else np.inf for draft in drafts])
+
+
+def num_agreeing(costs: Floats) -> int:
+    """Count the restarts that came within `SAME_M_S` of the best; none where none is feasible."""
+    return int(np.sum(costs <= costs.min() + SAME_M_S)) if np.isfinite(costs.min()) else 0
+
+
+def kick(problem: Problem, best: Step, needed: int, num_kicks: int, generator: np.random.Generator) -> Step:
+    """Disturb a plan by random burns and polish it again; keep what is better (iterated local search).
+
+    It ends when so many kicks in a row have bettered nothing.
+    """
+    latest, reach = int(LATEST * problem.num_controls), problem.mission.deputy.max_force_n
+    in_vain = 0
+    while in_vain < num_kicks:
+        forces = best.forces.copy()
+        begins = generator.integers(0, max(1, latest), size=BURNS_PER_KICK)
+        pushes = generator.normal(0.0, KICK_M_S / problem.delta_v_per_force, (BURNS_PER_KICK, 3))
+        forces[begins] += pushes * generator.integers(0, 2, (BURNS_PER_KICK, 3))
+        draft = descend(problem, np.clip(forces, -reach, reach), needed)
+        in_vain = 0 if _total(draft) < _total(best) - WORTH_M_S else in_vain + 1
+        best = min(best, draft, key=_total)
+    return best
+
+
+def _distinct(drafts: list[Step]) -> list[Step]:
+    """Drop drafts that cost the same as the one before."""
+    kept = drafts[:1]
+    for draft in drafts[1:]:
+        if abs(draft.delta_v - kept[-1].delta_v) > SAME_M_S:
+            kept.append(draft)
+    return kept
+
+
+def descend(problem: Problem, forces: Floats, needed: int) -> Step:
+    """Polish on a coarse grid of periods until the fuel no longer falls."""
+    prices = np.zeros(problem.num_points)
+    last = step(problem, forces, needed, prices, COARSE_STRIDE)
+    for _ in range(COARSE_STEPS):
+        after = step(problem, last.forces, needed, last.prices, COARSE_STRIDE)
+        has_settled = _total(after) > (1.0 - TOLERANCE) * _total(last)
+        last = after if _total(after) <= _total(last) else last
+        if has_settled:
+            break
+    return last
+
+
+def _total(done: Step) -> float:
+    """Return what drafts are compared by: delta-v, and 1 m/s for each metre of slack."""
+    return done.delta_v + done.slack
+
+
+def finish(problem: Problem, forces: Floats, needed: int) -> Flight:
+    """Polish on all periods, flying each step's plan, for the camera points as its flight lets it."""
+    log = flown(problem, forces)
+    best = judge(problem, forces, log)
+    prices, last = np.zeros(problem.num_points), np.inf
+    for _ in range(FINE_STEPS):
+        problem = seen_as(problem, log)
+        done = step(problem, forces, needed, prices, 1)
+        forces, prices = done.forces, done.prices
+        log = flown(problem, forces)
+        best = min(best, judge(problem, forces, log), key=lambda flight: flight.rank(needed))
+        if done.is_feasible and abs(last - done.delta_v) <= TOLERANCE * done.delta_v:
+            break
+        last = done.delta_v
+    return best
+
+
+def judge(problem: Problem, forces: Floats, log: FlightLog) -> Flight:
+    """Tell what a flight came to."""
+    deputy = problem.mission.deputy
+    distances = np.linalg.norm(log.position_m, axis=1)
+    outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)
+    return Flight(
+        forces=forces,
+        delta_v=float(log.delta_v_m_s[-1]),
+        num_inspected=int(log.is_inspected[-1].sum()),
+        mean_distance=float(distances.mean()),
+        min_distance=float(distances.min()),
+        max_distance=float(distances.max()),
+        outside=max(0.0, float(outside.max())),
+    )

@@ -1,0 +1,153 @@
+"""Global search over a few burns: differential evolution (Storn and Price, 1997) with a smoothed coverage.
+
+A plan is one burn at the start and others at later samples, each held for one control period. Its cost is its
+delta-v, plus a price for each metre that points fall short of being seen, summed over those that come
+nearest, plus one for each metre outside the distance limits.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, differential_evolution
+
+from pipeline.optimum.problem import Problem
+
+Floats = NDArray[np.float64]
+
+#: m/s for a metre that a point falls short, and for a metre outside the limits
+PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
+#: greatest component of a burn, m/s: twice what any case is known to need
+REACH_M_S = 0.15
+#: share of the flight after whose end no burn begins; what is spent late comes too late to be seen from
+LATEST = 0.75
+PERSONS_PER_GENE, GENERATIONS = 8, 100
+#: of a point that is never lit while the camera is at work, m
+NEVER = -1e3
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def price_burns(
+    genes: Floats,
+    num_burns: int,
+    needed: int,
+    free: Floats,
+    gain: Floats,
+    normals: Floats,
+    is_lit: NDArray[np.bool_],
+    sight: Floats,
+    radius: float,
+    limits: tuple[float, float],
+    delta_v_per_force: float,
+    costs: Floats,
+) -> None:
+    """Write the cost of each plan, in m/s.
+
+    Parameters
+    ----------
+    genes : (4 num_burns - 1, n)
+        Forces in N, burn by burn, then the samples of all burns but the first; a plan a column.
+    num_burns, needed : int
+        Burns, and points to be seen.
+    free, gain, normals, is_lit, sight, radius, delta_v_per_force
+        Of the `Problem`.
+    limits : (float, float)
+        Of the distance, m.
+    costs : (n,)
+        Filled.
+    """
+    num_samples, num_points = len(free), normals.shape[2]
+    path, best = np.empty((num_samples, 3)), np.empty(num_points)
+    for plan in range(genes.shape[1]):
+        path[:] = free
+        spent = 0.0
+        for burn in range(num_burns):
+            begin = 0 if burn == 0 else int(genes[3 * num_burns + burn - 1, plan])
+            for axis in range(3):
+                force = genes[3 * burn + axis, plan]
+                spent += abs(force)
+                for k in range(begin + 1, num_samples):
+                    for row in range(3):
+                        path[k, row] += gain[k - begin, row, axis] * force
+        best[:] = NEVER
+        outside = 0.0
+        for k in range(num_samples):
+            x, y, z = path[k, 0], path[k, 1], path[k, 2]
+            distance = np.sqrt(x * x + y * y + z * z)
+            if k > 0:
+                outside = max(outside, limits[0] - distance, distance - limits[1])
+            beyond = distance - sight[k]
+            if beyond < NEVER:
+                continue
+            for j in range(num_points):
+                height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - radius
+                seen = min(height, beyond) if is_lit[k, j] else NEVER
+                best[j] = max(best[j], seen)
+        short = 0.0
+        shortfalls = np.sort(-best)
+        for j in range(needed):
+            short += max(0.0, shortfalls[j])
+        costs[plan] = spent * delta_v_per_force + PRICE_OF_HEIGHT * short + PRICE_OF_DISTANCE * outside
+
+
+def search(problem: Problem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:
+    """Look for a few burns that see the points at little cost.
+
+    Parameters
+    ----------
+    problem : Problem
+    needed : int
+        Points to be seen.
+    num_burns : int
+        The first at the start.
+    generator : numpy.random.Generator
+        Of everything random.
+
+    Returns
+    -------
+    (K, 3) array
+        Forces, N, Hill axes.
+    """
+    deputy = problem.mission.deputy
+    reach = min(REACH_M_S / problem.delta_v_per_force, deputy.max_force_n)
+    last = max(1, int(LATEST * problem.num_controls)) - 0.5
+    num_forces, num_later = 3 * num_burns, num_burns - 1
+    lowest = np.r_[np.full(num_forces, -reach), np.zeros(num_later)]
+    highest = np.r_[np.full(num_forces, reach), np.full(num_later, last)]
+
+    def costs_of(genes: Floats) -> Any:
+        columns = np.ascontiguousarray(genes.reshape(len(lowest), -1))
+        costs = np.empty(columns.shape[1])
+        price_burns(
+            columns,
+            num_burns,
+            needed,
+            problem.free,
+            problem.gain,
+            problem.normals,
+            problem.is_lit,
+            problem.sight,
+            problem.radius,
+            (deputy.min_distance_m, deputy.max_distance_m),
+            problem.delta_v_per_force,
+            costs,
+        )
+        return costs
+
+    found = differential_evolution(
+        costs_of,
+        Bounds(lowest, highest),
+        maxiter=GENERATIONS,
+        popsize=PERSONS_PER_GENE,
+        tol=0.0,
+        rng=generator,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+    )
+    forces = np.zeros((problem.num_controls, 3))
+    for burn in range(num_burns):
+        begin = 0 if burn == 0 else int(found.x[num_forces + burn - 1])
+        forces[begin] += found.x[3 * burn : 3 * burn + 3]
+    return np.clip(forces, -deputy.max_force_n, deputy.max_force_n)

@@ -1,0 +1,150 @@
+"""Find for each case a plan of least fuel, made with the whole flight known: optimum/."""
+
+import sys
+import time
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from os import cpu_count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import artifacts, tables
+from pipeline.compile_notice import announce_compilation
+from pipeline.controller_source import COLUMNS, read_forces
+from pipeline.flight import Scenario
+from pipeline.optimum.account import case_row, summarise
+from pipeline.optimum.plan import CasePlan, solve
+from pipeline.scenarios import EVALUATION, evaluation_scenarios, given_start
+from pipeline.settings import Experiment
+from pipeline.simulation import inspection_points
+
+Floats = NDArray[np.float64]
+Row = dict[str, Any]
+
+SECONDS_BETWEEN_LINES = 5.0
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Solve the cases that are not there yet, and write each as soon as it is solved."""
+    announce_compilation()
+    scenarios = scenarios_of(experiment)
+    rows = kept_rows(folder, scenarios)
+    if rows:
+        sys.stderr.write(
+            f"  {len(rows)} of {len(scenarios)} cases are there already; to solve them anew, delete "
+            f"{folder / artifacts.OPTIMUM_CASES}\n"
+        )
+    left = [case for case in range(len(scenarios)) if case not in rows]
+    started = last_line = time.perf_counter()
+    workers = experiment.optimum.workers or cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        futures = {pool.submit(_solve, experiment, case, scenarios[case]): case for case in left}
+        try:
+            for done, future in enumerate(as_completed(futures), start=1):
+                case = futures[future]
+                rows[case] = _keep(experiment, folder, case, scenarios[case], future.result())
+                write_cases(folder, rows)
+                now = time.perf_counter()
+                if now - last_line > SECONDS_BETWEEN_LINES or done == len(left):
+                    last_line = now
+                    seconds = (now - started) / done * (len(left) - done)
+                    sys.stderr.write(
+                        f"  {len(rows)}/{len(scenarios)}, {_told(rows[case])}, {seconds:.0f} s left\n"
+                    )
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    _finish(experiment, folder, rows)
+
+
+def scenarios_of(experiment: Experiment) -> list[Scenario]:
+    """Return the starts to solve: those of the evaluation, or the one that the configuration gives."""
+    if experiment.optimum.cases == "start":
+        return [given_start(experiment.mission.deputy, experiment.sun, experiment.seed)]
+    return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+
+
+def plan_path(folder: Path, case: int) -> Path:
+    """Return where the plan of a case is."""
+    return folder / artifacts.OPTIMUM_PLANS / f"case-{case:04d}.csv"
+
+
+def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, Row]:
+    """Return the rows of cases solved before, whose plan is there and whose start is this run's."""
+    if not (folder / artifacts.OPTIMUM_CASES).exists():
+        return {}
+    columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
+    rows = {}
+    for place, case in enumerate(columns["case"].tolist()):
+        row = {name: column[place].item() for name, column in columns.items()}
+        if case < len(scenarios) and plan_path(folder, case).exists():
+            start = [row[f"position_{axis}_m"] for axis in "xyz"] + [row["sun_angle_rad"]]
+            scenario = scenarios[case]
+            if start == [*scenario.position_m.tolist(), scenario.sun_angle_rad]:
+                rows[case] = row
+    return rows
+
+
+def _solve(experiment: Experiment, case: int, scenario: Scenario) -> CasePlan:
+    """Solve a case; what it draws depends on the seed, the case and the restart alone."""
+    seed = np.random.SeedSequence(experiment.seed, spawn_key=(EVALUATION, case))
+    return solve(experiment.mission, scenario, experiment.optimum, seed)
+
+
+def _keep(experiment: Experiment, folder: Path, case: int, scenario: Scenario, plan: CasePlan) -> Row:
+    """Write a plan as the table of forces that ``controller=open_loop`` flies, and return its row."""
+    forces, period = plan.flight.forces, experiment.mission.control_period_s
+    last = int(np.flatnonzero(np.any(forces != 0.0, axis=1)).max(initial=0))
+    table = [[k * period, *force] for k, force in enumerate(forces[: last + 1].tolist())]
+    tables.write_csv(plan_path(folder, case), COLUMNS, table)
+    num_points = len(inspection_points(experiment.mission))
+    return case_row(case, scenario, plan, experiment.optimum.points, num_points)
+
+
+def write_cases(folder: Path, rows: Mapping[int, Row]) -> None:
+    """Write the table of cases, in order."""
+    ordered = [rows[case] for case in sorted(rows)]
+    columns = {name: np.array([row[name] for row in ordered]) for name in ordered[0]}
+    tables.write_parquet(folder / artifacts.OPTIMUM_CASES, columns)
+
+
+def _told(row: Row) -> str:
+    """Say how a case ended."""
+    if not row["is_feasible"]:
+        return (
+            f"case {row['case']} has no plan: {row['inspected_count']} of {row['points_asked']} points, "
+            f"{row['outside_m']:.1f} m outside"
+        )
+    return (
+        f"case {row['case']}: {row['delta_v_m_s']:.4f} m/s, found by {row['restarts_agreeing']} of "
+        f"{row['restarts']} restarts, at least {row['delta_v_bound_m_s']:.4f} m/s"
+    )
+
+
+def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, Row]) -> None:
+    """Write all forces as one small table, and the summary."""
+    fired = []
+    for case in sorted(rows):
+        forces = read_forces(plan_path(folder, case), experiment.mission)
+        for k in np.flatnonzero(np.any(forces != 0.0, axis=1)).tolist():
+            fired.append([case, k * experiment.mission.control_period_s, *forces[k].tolist()])
+    tables.write_csv(folder / artifacts.OPTIMUM_FORCES, ("case", *COLUMNS), fired)
+    summary = {
+        "sun": experiment.sun.mode,
+        "seed": experiment.seed,
+        "attitude": experiment.mission.attitude.mode,
+        "points_asked": experiment.optimum.points,
+        **summarise([rows[case] for case in sorted(rows)]),
+    }
+    artifacts.write_json(folder / artifacts.OPTIMUM_SUMMARY, summary)
+    told = f"  {summary['num_feasible']} of {len(rows)} cases solved"
+    if "delta_v_m_s" in summary:
+        spent, bound = summary["delta_v_m_s"], summary["delta_v_bound_m_s"]
+        told += (
+            f": delta-v {spent['mean']:.4f} m/s in the mean, {spent['max']:.4f} at most; "
+            f"no plan does with less than {bound['mean']:.4f} in the mean"
+        )
+    sys.stderr.write(told + "\n")
