@@ -100,7 +100,7 @@ def replay(
         origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
     )
     bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[42, 30, 28])
-    return _blueprint(rrb.Vertical(top, bottom, row_shares=[57, 43]), TIME, PLAYBACK_SPEED)
+    return _blueprint(rrb.Vertical(top, bottom, row_shares=[61, 39]), TIME, PLAYBACK_SPEED)
 
 
 def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: float) -> rrb.Blueprint:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry import topics
+from telemetry.metadata import FisDescription
 from telemetry.reader import Recording
 
 Floats = NDArray[np.float64]
@@ -22,8 +23,6 @@ MAP_GAP: Final = 14
 COLOURS_IN_WORDS: Final = "Points: grey dark, yellow lit, pink in view but dark, green inspected"
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
 
-#: of the table of rules, in a window of 1600 pixels
-LETTERS_IN_LINE: Final = 95
 #: rules shown in words at each instant, for each fuzzy system
 NUM_RULES_IN_WORDS: Final = 3
 _LEAST_STRENGTH_IN_WORDS: Final = 0.005
@@ -139,43 +138,35 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
     Returns
     -------
     list of str
-        One Markdown text a sample: a table, or a list where rules are too long for a line.
+        One Markdown text a sample.
     """
     samples: list[list[str]] = [[] for _ in sample_time_s]
-    descriptions = {name: recording.fis_description(name) for name in recording.fis_names}
-    longest = max((len(rule) for words in descriptions.values() for rule in words.rules), default=0)
-    in_words = _as_list if longest > LETTERS_IN_LINE else _as_rows
-    for name, description in descriptions.items():
+    for name in recording.fis_names:
         topic = recording[topics.fis_topic(name)]
+        description = recording.fis_description(name)
         indices = np.searchsorted(sample_time_s, topic.time_s)
         columns = (topic["inputs"], topic["firing_strengths"], topic["output_n"])
         for index, inputs, strengths, output in zip(indices, *columns, strict=True):
-            told = " · ".join(
-                f"{signal} {value:.3f} {unit}".rstrip()
-                for signal, unit, value in zip(
-                    description.input_names, description.input_units, inputs, strict=True
-                )
-            )
-            answer = f"{float(output):+.4f} {description.output_unit}"
-            strongest = np.argsort(-strengths, kind="stable")[:NUM_RULES_IN_WORDS]
-            fired = [rule for rule in strongest if strengths[rule] >= _LEAST_STRENGTH_IN_WORDS]
-            rules = [(f"`{strengths[rule]:.2f}` rule {rule + 1}", description.rules[rule]) for rule in fired]
-            samples[index] += in_words(description.output_name, answer, told, rules)
-    if in_words is _as_rows:
-        # the first row is the table's head
-        samples = [[rows[0], "|---|---|", *rows[1:]] if rows else [] for rows in samples]
+            samples[index] += _one_inference(description, inputs, strengths, float(output))
     return ["\n".join(lines) or NO_INFERENCE for lines in samples]
 
 
-def _as_rows(name: str, answer: str, told: str, rules: Sequence[tuple[str, str]]) -> list[str]:
-    in_cells = [(which, rule.replace("|", "\\|")) for which, rule in rules]
-    rows = [f"| {which} | {rule} |" for which, rule in in_cells]
-    return [f"| **{answer}** | **{name}** · {told} |", *rows]
-
-
-def _as_list(name: str, answer: str, told: str, rules: Sequence[tuple[str, str]]) -> list[str]:
-    lines = [f"  - {which}: {rule}" for which, rule in rules]
-    return [f"- **{name} = {answer}** · {told}", *lines]
+def _one_inference(
+    description: FisDescription, inputs: Floats, strengths: Floats, output: float
+) -> list[str]:
+    told = " · ".join(
+        f"{name} {value:.3f} {unit}".rstrip()
+        for name, unit, value in zip(description.input_names, description.input_units, inputs, strict=True)
+    )
+    strongest = np.argsort(-strengths, kind="stable")[:NUM_RULES_IN_WORDS]
+    return [
+        f"- **{description.output_name} = {output:+.4f} {description.output_unit}** · {told}",
+        *(
+            f"  - `{strengths[rule]:.2f}` rule {rule + 1}: {description.rules[rule]}"
+            for rule in strongest
+            if strengths[rule] >= _LEAST_STRENGTH_IN_WORDS
+        ),
+    ]
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ def test_rules_are_told_in_words_at_each_instant(flight: SyntheticFlight, conten
     assert len(words) == 361
     strongest = int(np.argmax(flight.firing_strengths[0, 50]))
     strength = flight.firing_strengths[0, 50, strongest]
-    assert f"| `{strength:.2f}` rule {strongest + 1} | if distance is " in words[50][0]
+    assert f"`{strength:.2f}` rule {strongest + 1}: if distance is " in words[50][0]
     assert "No inference" in words[360][0]
 
 
