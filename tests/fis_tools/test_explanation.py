@@ -246,3 +246,11 @@ def test_shares_tell_what_matters_and_count_the_rest() -> None:
 def test_what_cannot_be_explained_says_why(inputs: object, value: float, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         explain(ramp(), inputs, value)  # type: ignore[arg-type]
+
+
+def test_what_is_lost_in_rounding_is_told_as_nothing() -> None:
+    system = load(Path("conf/controller/paper_champion.yaml")).systems[0]
+    told = explain(system, [200.0, 0.05])
+    left = told.outputs[0].moves[2]
+    assert 0.0 < abs(left.moved) < 1e-9
+    assert "23 more rules fire, but each could be missing as well" in told.text()

@@ -1,12 +1,10 @@
-"""Steps of the convex-concave procedure keep what they have and save fuel; the bound is a bound."""
+"""Steps of the convex-concave procedure keep what they have and save fuel; restarts agree."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
-from pipeline.optimum.bound import delta_v_bound, point_bounds
 from pipeline.optimum.plan import LEAST_RESTARTS, num_agreeing, solve
 from pipeline.optimum.polish import NEAR_MARGIN, choose, step
 from pipeline.optimum.problem import margins_along, path_of
@@ -65,31 +63,6 @@ def test_of_more_points_than_needed_the_costly_go():
     assert choose(best, 2, prices).tolist() == [2, 0]
     assert choose(best, 3, prices).tolist() == [2, 0, 3]
     assert choose(best, 5, prices).tolist() == [2, 0, 3, 1, 4]
-
-
-def test_the_bound_is_what_one_point_takes_at_its_best_sample():
-    case = problem(0, "duration_s=400.0")
-    bounds = point_bounds(case)
-    dark = np.isinf(bounds)
-    assert np.array_equal(dark, ~case.is_lit.any(axis=0))
-    hardest = int(np.where(dark, -1.0, bounds).argmax())
-    least = np.inf
-    for k in np.flatnonzero(case.is_lit[:, hardest]):
-        if k > 0:
-            normal = case.normals[k, :, hardest]
-            slopes = np.concatenate([normal @ case.gain[k - i] for i in range(k)])
-            missing = case.radius - normal @ case.free[k]
-            solved = linprog(
-                np.full(2 * len(slopes), case.delta_v_per_force),
-                A_ub=-np.r_[slopes, -slopes][np.newaxis],
-                b_ub=[-missing],
-            )
-            least = min(least, solved.fun)
-    assert bounds[hardest] == pytest.approx(least, rel=1e-7)
-    assert least > 0
-    enough = int(np.isfinite(bounds).sum())
-    assert delta_v_bound(case, enough) == pytest.approx(least, rel=1e-7)
-    assert np.isinf(delta_v_bound(case, enough + 1))
 
 
 def test_restarts_agree_within_a_thousandth():

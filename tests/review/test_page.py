@@ -16,9 +16,9 @@ from fis_tools import analysis, serialize
 from fis_tools.audit import audit
 from fis_tools.flights import inputs_along
 from fis_tools.formats.text import sentence
-from fis_tools.inference import infer
+from fis_tools.inference import firing_strengths, infer
 from fis_tools.model import FuzzyController
-from fis_tools.review import page
+from fis_tools.review import carried, page
 from tests.fis_tools.sample_controllers import force_z_system, general_controller, paper_like_controller
 from tests.programs import program
 from tests.review.cases import (
@@ -51,18 +51,26 @@ def shown(opened, text):
     return opened(text)
 
 
+@pytest.fixture
+def fresh(opened, text):
+    """A page that nobody has touched."""
+    return opened(text)
+
+
 def number_after(words: str, name: str) -> float:
     found = re.search(rf"{name} = ([−\d.e+-]+)", words)
     assert found, words
     return float(found[1].replace("−", "-"))
 
 
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
 def pixels(shown, selector: str) -> str:
     """What is drawn on a canvas, once it has been drawn."""
     shown.locator(selector).scroll_into_view_if_needed()
-    wait = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
     for _ in range(3):
-        shown.evaluate(wait)
+        shown.evaluate(DRAWN)
     content = shown.locator(selector).evaluate("(canvas) => canvas.toDataURL()")
     return hashlib.sha256(content.encode()).hexdigest()
 
@@ -312,8 +320,8 @@ def test_the_theme_follows_the_system_and_the_switch(opened, text):
 
 
 def test_nothing_is_wider_than_a_narrow_screen(opened, text):
-    shown = opened(text, width=390)
-    assert shown.evaluate("document.documentElement.scrollWidth") <= 390
+    for one in (text, page.write(hostile_controller())):
+        assert opened(one, width=390).evaluate("document.documentElement.scrollWidth") <= 390
 
 
 def told_by(name: str, *arguments: str) -> str:
@@ -424,3 +432,99 @@ def test_the_command_writes_a_page_and_refuses_a_flight_of_another_controller(fl
     assert command_line.main(["review", str(other), "--flights", str(flight), "-o", str(path)]) == 2
     assert "was flown without any of the systems room" in capsys.readouterr().err
     assert command_line.main(["review", str(Path("nowhere.yaml"))]) == 2
+
+
+@pytest.mark.parametrize("words", ["12,5", "abc", "", "1.5.2", "0x10", "1e999", "--"])
+def test_what_is_no_number_is_said_to_be_none_and_never_taken_for_another(fresh, words):
+    field = fresh.locator("#s1-x1")
+    field.fill("30")
+    field.fill(words)
+    told = fresh.locator("#s1 .live.inference").get_by_role("alert").first
+    expect(told).to_contain_text("no number")
+    expect(field).to_have_attribute("aria-invalid", "true")
+    assert fresh.evaluate("review.states[0].inputs[0]") == 30
+    field.press("Tab")
+    expect(field).to_have_value("30")
+    expect(told).to_be_hidden()
+
+
+def test_what_is_typed_is_not_rewritten_while_it_is_typed(fresh):
+    field = fresh.locator("#s1-x1")
+    field.fill("1")
+    for letter, taken in ((",", 1), ("Backspace", 1), (".", 1), ("5", 1.5), ("e", 1.5), ("1", 15)):
+        field.press(letter)
+        fresh.evaluate(DRAWN)
+        assert fresh.evaluate("review.states[0].inputs[0]") == taken
+    assert field.input_value() == "1.5e1"
+
+
+def test_a_link_leads_to_its_rule_though_it_is_filtered_away_and_not_beneath_the_head(fresh):
+    fresh.locator("#s1-filter").fill("PL")
+    row = fresh.locator("#s1-r13")
+    expect(row).to_be_hidden()
+    fresh.locator("#s1 .matrix a[href='#s1-r13']").click()
+    expect(row).to_be_visible()
+    assert fresh.locator("#s1-filter").input_value() == ""
+    in_sight = """(row) => {
+      const { left, top } = row.getBoundingClientRect();
+      return row.contains(document.elementFromPoint(left + 5, top + 5));
+    }"""
+    assert row.evaluate(in_sight)
+
+
+def test_rules_sorted_by_what_fires_now_stay_sorted(fresh):
+    head = fresh.locator("#s1-rules thead th").last
+    head.get_by_role("button").click()
+    strengths = "[...document.querySelectorAll('#s1-rules td.now')].map((cell) => Number(cell.dataset.value))"
+    before = fresh.evaluate(strengths)
+    fresh.locator("#s1-x1").fill("190")
+    fresh.wait_for_function(f"before => String({strengths}) !== before", arg=",".join(map(str, before)))
+    assert fresh.evaluate(strengths) == sorted(fresh.evaluate(strengths), reverse=True)
+    assert head.get_attribute("aria-sort") == "descending"
+
+
+def test_heads_are_called_as_they_read(shown):
+    rules = shown.locator("#s1-rules")
+    for name in ("no.", "rule", "moves (%)", "now"):
+        head = rules.get_by_role("columnheader", name=name, exact=True)
+        expect(head.get_by_role("button", name=f"Sort by {name}", exact=True)).to_have_count(1)
+
+
+def test_what_never_fires_is_counted_over_all_of_a_long_flight(opened, flight, monkeypatch):
+    monkeypatch.setattr(carried, "MOST_SAMPLES", 5)
+    shown = opened(page.write(paper_like_controller(), [flight]))
+    system = paper_like_controller().systems[0]
+    strengths = firing_strengths(system, path_of(system, NUM_SAMPLES))
+    silent = int((strengths.max(axis=0) < 0.05).sum())
+    assert silent < int((strengths[carried.kept_rows(NUM_SAMPLES, 5)].max(axis=0) < 0.05).sum())
+    note = shown.locator("#s1 .live.flight .note")
+    expect(note).to_contain_text(f"{silent} of 25 rules never fire at 0.05 or more on this flight.")
+    expect(note).to_contain_text(f"Of its {NUM_SAMPLES} inferences 5 are shown.")
+
+
+def test_a_flight_by_another_controller_is_said_to_be_one(flight):
+    controller = paper_like_controller()
+    first, *others = controller.systems
+    changed = replace(controller, systems=(replace(first, rules=first.rules[:-1]), *others))
+    words = f"swing ({NUM_SAMPLES} inferences; flown by another controller). Where another controller flew"
+    assert words in page.write(changed, [flight])
+    assert "another controller" not in page.write(controller, [flight])
+
+
+def test_a_flight_given_twice_counts_once(flight):
+    controller = paper_like_controller()
+    twice = [flight, flight.parent / ".." / flight.parent.name / flight.name]
+    assert page.write(controller, twice) == page.write(controller, [flight])
+
+
+def test_the_signature_under_a_part_is_for_what_is_exported_of_it(tmp_path, capsys):
+    controller, output = tmp_path / "controller.json", tmp_path / "review.html"
+    controller.write_text(serialize.dump_json(paper_like_controller()))
+    part = ["--system", "force_z"]
+    assert command_line.main(["review", str(controller), *part, "-o", str(output)]) == 0
+    capsys.readouterr()
+    assert command_line.main(["export", str(controller), *part, "--format", "json"]) == 0
+    text = output.read_text(encoding="utf-8")
+    assert hashlib.sha256(capsys.readouterr().out.encode()).hexdigest() in text
+    assert "<strong>force_z</strong> alone" in text
+    assert "export CONTROLLER --system force_z --format json" in text

@@ -226,6 +226,26 @@ def test_an_impossible_output_is_said(flight_file: Path, tmp_path: Path) -> None
         viewer.save(replay.scene([flight_file]), tmp_path / "nowhere" / "x.rrd")
 
 
+def test_a_full_disk_is_said(short_file: Path, tmp_path: Path) -> None:
+    # a file that takes no byte
+    (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* has room"):
+        viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_fills_up_meanwhile_is_said(
+    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flush(_stream: object) -> None:
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    monkeypatch.setattr("rerun.RecordingStream.flush", flush)
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: File-writer .* has room"):
+        viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("in_browser", [False, True])
 def test_viewer_listens_to_this_machine_alone(
     short_file: Path, monkeypatch: pytest.MonkeyPatch, *, in_browser: bool
