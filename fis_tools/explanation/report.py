@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.explanation.flips import Flip
-from fis_tools.formats.amounts import amount, percent, span
+from fis_tools.formats.amounts import NEGLIGIBLE, amount, percent, span
 from fis_tools.formats.text import aligned, sentence
 from fis_tools.model import FuzzySystem, Variable
 
@@ -165,7 +165,10 @@ class Explanation:
             return rows, ""
         most = abs(rest[0].moved)
         fire = "1 more rule fires, but" if len(rest) == 1 else f"{len(rest)} more rules fire, but each"
-        moved = f"moved it by {amount(variable, most)} at most" if most > 0.0 else "could be missing as well"
+        is_something = most > NEGLIGIBLE * span(variable)
+        moved = (
+            f"moved it by {amount(variable, most)} at most" if is_something else "could be missing as well"
+        )
         return rows, f"{fire} {moved}"
 
 
