@@ -16,18 +16,20 @@ from fis_tools.commands.arguments import (
     write,
 )
 from fis_tools.simplification import Budget, Simplification, simplify
+from fis_tools.simplification.budget import NUM_SPREAD
 from fis_tools.source import read_controller
 
 SCHEMA = "fuzzy-simplification"
 SCHEMA_VERSION = 1
 WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
 
-EPILOG = """\
+EPILOG = f"""\
 Steps drop rules, merge terms that look alike, and round numbers. Each is measured against the
-original; what changes least goes first, until nothing more fits the budget. It holds over the
-whole ranges of the inputs, and along the flights that are given. With --flights-only far more
-can go, but what was not flown changes at will, and other starts are flown worse. What comes out
-is an ordinary controller: fly it before you trust it.
+original; what changes least goes first, until nothing more fits the budget. It holds along the
+flights that are given, and at {NUM_SPREAD:,} points spread over the whole ranges of the inputs; between
+them a change can be a little larger. With --flights-only far more can go, but what was not flown
+changes at will, and other starts are flown worse. What comes out is an ordinary controller: fly
+it before you trust it.
 
 examples:
   python -m fis_tools simplify controller.yaml -o simpler.yaml
