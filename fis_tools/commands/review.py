@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
         paths = [arguments.controller]
     first = "; the first one also compiles, about 30 s" if compilation.is_cold() else ""
     print(f"reviewing {controller.name}{first}", file=sys.stderr)
-    text = page.write(controller, paths)
+    text = page.write(controller, paths, arguments.system)
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)

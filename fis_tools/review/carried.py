@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools import analysis
 from fis_tools.flights import FlownSystem
 from fis_tools.formats.text import sentence
 from fis_tools.inference import Floats
@@ -15,7 +16,7 @@ from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Var
 from fis_tools.review.flown import Flight
 
 #: so many inferences of a system are carried at most, shared out among the flights
-MOST_SAMPLES = 2000
+MOST_SAMPLES = 4000
 
 
 def system_data(system: FuzzySystem) -> dict[str, Any]:
@@ -39,6 +40,8 @@ def system_data(system: FuzzySystem) -> dict[str, Any]:
 def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int) -> dict[str, Any]:
     """Return one of several flights as plain data: what each system sensed, evenly thinned where it is long.
 
+    How often each rule fired is counted over all of the flight, before it is thinned.
+
     Parameters
     ----------
     flight : Flight
@@ -48,7 +51,7 @@ def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int
         How many flights share the room.
     """
     most = max(2, MOST_SAMPLES // num_flights)
-    flown = [_flown(flight.flown.get(system.name), most) for system in systems]
+    flown = [_flown(system, flight.flown.get(system.name), most) for system in systems]
     return {"name": flight.name, "systems": flown}
 
 
@@ -63,11 +66,17 @@ def kept_rows(num_rows: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.in
     return np.unique(np.linspace(0, num_rows - 1, min(num_rows, most)).round().astype(np.int64))
 
 
-def _flown(flown: FlownSystem | None, most: int) -> dict[str, str] | None:
+def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[str, Any] | None:
     if flown is None or not len(flown.time_s):
         return None
     rows = kept_rows(len(flown.time_s), most)
-    return {"time_s": _doubles(flown.time_s[rows]), "inputs": _doubles(flown.inputs[rows])}
+    usage = analysis.rule_usage(analysis.firing(system, flown.inputs))
+    return {
+        "time_s": _doubles(flown.time_s[rows]),
+        "inputs": _doubles(flown.inputs[rows]),
+        "fired": _doubles(usage.fired),
+        "num_inferences": len(flown.time_s),
+    }
 
 
 def _variable(variable: Variable) -> dict[str, Any]:

@@ -15,10 +15,20 @@ from fis_tools.validate import ControllerFileError
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight by its name, and what each system did on it, by the system's name."""
+    """A flight.
+
+    Parameters
+    ----------
+    name : str
+    flown : mapping of str to FlownSystem
+        What each system did on it, by the system's name.
+    is_own : bool
+        Whether the reviewed controller flew it: every system as it is now.
+    """
 
     name: str
     flown: Mapping[str, FlownSystem]
+    is_own: bool
 
     @property
     def num_inferences(self) -> int:
@@ -36,15 +46,21 @@ class Samples:
 
 
 def read_flights(paths: Sequence[Path | str], controller: FuzzyController) -> list[Flight]:
-    """Read the flights to review a controller along; each is called as its file, or as its path where needed.
+    """Read the flights to review a controller along, each once; one is called as its file, or as its path.
 
     Raises
     ------
     fis_tools.validate.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
-    names = _names([Path(path) for path in paths])
-    return [Flight(name, _flown(path, controller)) for name, path in zip(names, paths, strict=True)]
+    once = list({Path(path).resolve(): Path(path) for path in paths}.values())
+    return [_flight(name, path, controller) for name, path in zip(_names(once), once, strict=True)]
+
+
+def _flight(name: str, path: Path, controller: FuzzyController) -> Flight:
+    flown = _flown(path, controller)
+    own = {system.name: system for system in controller.systems}
+    return Flight(name, flown, all(one.system == own[key] for key, one in flown.items()))
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

@@ -24,7 +24,9 @@ SCRIPTS = (
 )
 
 
-def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) -> str:
+def write(
+    controller: FuzzyController, flight_paths: Sequence[Path | str] = (), part: str | None = None
+) -> str:
     """Write the review page of a controller.
 
     Parameters
@@ -33,6 +35,8 @@ def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) 
         A controller without problems.
     flight_paths : sequence of paths
         Logged flights to review it along; without any, rules are counted over the whole input space.
+    part : str, optional
+        The system's name, where the controller is only that part of a larger one.
 
     Returns
     -------
@@ -58,6 +62,7 @@ def write(controller: FuzzyController, flight_paths: Sequence[Path | str] = ()) 
         data,
         controller=controller,
         facts=content.facts((*controller.attributes, *controller.provenance)),
+        part=part,
         fingerprint=content.fingerprint(controller),
         flights=flown,
         findings=finding_rows(audited, controller),

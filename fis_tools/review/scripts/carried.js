@@ -19,7 +19,7 @@ function decodeSystem(system) {
   };
 }
 
-/** Decode a flight: for each system its times, and its inputs a row a sample. */
+/** Decode a flight: for each system its times, its inputs a row a sample, and how often each rule fired. */
 function decodeFlight(flight) {
   const systems = flight.systems.map((flown) => {
     if (flown === null) return null;
@@ -27,7 +27,7 @@ function decodeFlight(flight) {
     const flat = decodeDoubles(flown.inputs);
     const width = flat.length / times.length;
     const inputs = Array.from(times, (_, row) => flat.subarray(row * width, (row + 1) * width));
-    return { times, inputs };
+    return { times, inputs, fired: decodeDoubles(flown.fired), numInferences: flown.num_inferences };
   });
   return { name: flight.name, systems };
 }

@@ -29,14 +29,13 @@ class FlightClock {
 function inferFlight(system, flown) {
   const firing = flown.inputs.map((row) => fire(system, fuzzify(system, clipInputs(system, row))));
   const outputs = firing.map((strengths) => conclude(system, 0, strengths).value);
-  const shares = system.rules.map((_, rule) => firing.filter((row) => row[rule] >= FIRED).length / firing.length);
-  return { ...flown, firing, outputs, shares };
+  return { ...flown, firing, outputs };
 }
 
 /** Which rules have a row: those that fire at all, by how often or by their number. */
 function rowsOf(inferred, isByNumber) {
-  const fired = inferred.shares.map((_, rule) => rule).filter((rule) => inferred.shares[rule] > 0);
-  fired.sort((a, b) => inferred.shares[b] - inferred.shares[a] || a - b);
+  const fired = Array.from(inferred.fired.keys()).filter((rule) => inferred.fired[rule] > 0);
+  fired.sort((a, b) => inferred.fired[b] - inferred.fired[a] || a - b);
   const rows = fired.slice(0, MOST_ROWS);
   return { rows: isByNumber ? rows.sort((a, b) => a - b) : rows, left: fired.length - rows.length };
 }
@@ -120,13 +119,14 @@ function sampleAt(times, time) {
   return Math.max(placeIn(times, time), 0);
 }
 
-function stripWords({ shares }, left) {
-  const silent = shares.filter((share) => share === 0).length;
+function stripWords({ fired, times, numInferences }, left) {
+  const silent = fired.filter((share) => share === 0).length;
   return [
-    `${silent} of ${shares.length} rules never fire at ${FIRED} or more on this flight.`,
+    `${silent} of ${fired.length} rules never fire at ${FIRED} or more on this flight.`,
+    times.length < numInferences ? `Of its ${numInferences} inferences ${times.length} are shown.` : "",
     left ? `The ${left} that fire least often have no row.` : "",
     "The brighter, the stronger, from 0 to 1. Moving the time sets the inputs of every system on this page.",
-  ].join(" ");
+  ].filter(Boolean).join(" ");
 }
 
 /** Fill an element with what a system did along the flights. */

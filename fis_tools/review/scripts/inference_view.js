@@ -3,19 +3,36 @@
 const MOST_RULES = 8;
 const SHOWN_FROM = 0.005;
 
+/** The number that a text says, or null: a point before the decimals, no other mark, so that 12,5 is not 125. */
+function numberSaid(text) {
+  const words = text.trim().replace("−", "-");
+  if (!/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(words)) return null;
+  return Number.isFinite(Number(words)) ? Number(words) : null;
+}
+
 /** A slider and a number field for one input, which follow the state and set it. */
 function inputControl(state, place, id) {
   const variable = state.system.inputs[place];
   const limits = { min: variable.minimum, max: variable.maximum, step: "any" };
-  const set = (field) => () => {
-    const value = Number(field.value);
-    if (field.value !== "" && Number.isFinite(value)) state.setInput(place, value);
-  };
   const about = `${withUnit(variable)}, slider`;
   const slider = make("input", { type: "range", id: `${id}-slider`, ...limits, "aria-label": about });
-  const field = make("input", { type: "number", id, step: "any" });
-  slider.addEventListener("input", set(slider));
-  field.addEventListener("input", set(field));
+  const field = make("input", { class: "amount", id, inputmode: "decimal", autocomplete: "off", spellcheck: "false" });
+  const wrong = make("p", { class: "wrong", role: "alert" });
+  const tell = (words) => {
+    wrong.textContent = words;
+    field.setAttribute("aria-invalid", String(words !== ""));
+  };
+  const follow = () => {
+    field.value = String(Number(state.inputs[place].toPrecision(6)));
+    tell("");
+  };
+  slider.addEventListener("input", () => state.setInput(place, Number(slider.value)));
+  field.addEventListener("input", () => {
+    const value = numberSaid(field.value);
+    tell(value === null ? "This is no number; write one such as 12.5 or 1e-3." : "");
+    if (value !== null) state.setInput(place, value);
+  });
+  field.addEventListener("blur", follow);
   slider.addEventListener("keydown", (event) => {
     const direction = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 }[event.key];
     if (!direction) return;
@@ -27,12 +44,11 @@ function inputControl(state, place, id) {
     const value = state.inputs[place];
     slider.value = String(value);
     slider.setAttribute("aria-valuetext", quantity(value, variable));
-    if (document.activeElement !== field || Number(field.value) !== value) {
-      field.value = String(Number(value.toPrecision(6)));
-    }
+    // what is being typed is left alone
+    if (document.activeElement !== field) follow();
   });
   const label = make("label", { for: id }, withUnit(variable));
-  return make("div", { class: "control" }, label, field, slider);
+  return make("div", { class: "control" }, label, field, slider, wrong);
 }
 
 /** Say to which terms a value belongs, the best first. */
@@ -92,8 +108,11 @@ function firedRules(state, output, id) {
     ),
   );
   const left = firing.length - rows.length;
-  const more = left ? `${left} more fire${left === 1 ? "s" : ""} less strongly.` : "";
-  return { items, note: firing.length ? more : "No rule fires." };
+  const words = [
+    left ? `${left} more fire${left === 1 ? "s" : ""} less strongly.` : "",
+    "A rule moves the output by what would be missing without it: nothing where others say the same as strongly.",
+  ];
+  return { items, note: firing.length ? words.filter(Boolean).join(" ") : "No rule fires." };
 }
 
 const METHODS = {

@@ -49,7 +49,10 @@ function chartAxes(variable, x, y) {
     parts.push(draw("text", { class: "tick", x: x(value), y: y(0) + 16, "text-anchor": "middle" }, shown(value)));
   }
   const title = { class: "axis-title", x: (CHART.left + CHART.right) / 2, y: y(0) + 32, "text-anchor": "middle" };
-  parts.push(draw("text", title, withUnit(variable)));
+  const words = withUnit(variable);
+  const room = CHART.right - CHART.left;
+  const fit = words.length * LETTER_WIDTH > room ? { textLength: room, lengthAdjust: "spacingAndGlyphs" } : {};
+  parts.push(draw("text", { ...title, ...fit }, words));
   return parts;
 }
 

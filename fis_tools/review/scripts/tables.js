@@ -24,11 +24,19 @@ function sortBy(table, column, isDescending) {
   });
 }
 
+/** Sort again by the column that a table is sorted by, if its values have changed. */
+function sortAgain(table, column) {
+  const now = table.tHead.rows[0].cells[column].getAttribute("aria-sort");
+  if (now) sortBy(table, column, now === "descending");
+}
+
 /** Let each head of a table sort by its column, with a button for the keyboard; a click anywhere in it does. */
 function makeSortable(table) {
   [...table.tHead.rows[0].cells].forEach((head, column) => {
-    const label = `Sort by ${head.textContent.trim()}`;
-    head.append(" ", make("button", { type: "button", class: "sort", "aria-label": label }));
+    const words = head.textContent.trim();
+    // without the button in it, which readers would read with every cell
+    head.setAttribute("aria-label", words);
+    head.append(" ", make("button", { type: "button", class: "sort", "aria-label": `Sort by ${words}` }));
     head.addEventListener("click", () => {
       const now = head.getAttribute("aria-sort");
       sortBy(table, column, now ? now === "ascending" : head.dataset.first === "descending");
@@ -50,4 +58,14 @@ function makeFilterable(table, field, status) {
     status.textContent = words.length ? `${count} of ${rows.length} shown` : "";
   };
   field.addEventListener("input", filter);
+  const showAll = () => {
+    field.value = "";
+    filter();
+  };
+  // a link to a row that is filtered away shows it
+  document.addEventListener("click", ({ target }) => {
+    const link = target.closest?.("a[href^='#']");
+    const row = link && document.getElementById(link.hash.slice(1));
+    if (row?.hidden && rows.includes(row)) showAll();
+  });
 }
