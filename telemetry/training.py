@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -91,7 +92,11 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
         time.sleep(POLL_S)
     first = scene(folder)
     if output is None:
-        with viewer.stream_to_viewer(first, in_browser=in_browser) as (stream, running):
+        # a viewer that is closed while it is being sent something takes no more, which is no mistake
+        with (
+            suppress(OSError),
+            viewer.stream_to_viewer(first, in_browser=in_browser) as (stream, running),
+        ):
             _grow(stream, folder, lambda: running.process.poll() is not None, told)
         return
     try:
@@ -118,7 +123,7 @@ def _grow(
             if num_sent == 0:
                 _send_surroundings(stream, training)
             _send_rows(stream, training, num_sent)
-            stream.flush()
+            viewer.flush(stream)
             num_sent = len(training)
             told(_headline(training, num_sent - 1))
         if over:

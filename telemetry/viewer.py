@@ -96,16 +96,38 @@ def stream_to_file(scene: Scene, output: Path) -> Iterator[rr.RecordingStream]:
     Raises
     ------
     OSError
-        If the file cannot be opened.
+        If the file cannot be opened, or the disk refuses.
     """
     # the library only finds out once it holds data, which it then drops with a warning
     output.open("wb").close()
     stream = _stream(scene)
-    stream.save(output, default_blueprint=scene.layout)
+    with _refusals():
+        stream.save(output, default_blueprint=scene.layout)
     stream.send_recording_name(scene.name)
     yield stream
-    stream.flush()
+    flush(stream)
     stream.disconnect()
+
+
+def flush(stream: rr.RecordingStream) -> None:
+    """Wait until all that was sent has arrived.
+
+    Raises
+    ------
+    OSError
+        If it cannot, for the disk is full or the viewer has been closed.
+    """
+    with _refusals():
+        stream.flush()
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Tell by an OSError what the library tells by a RuntimeError: that its file or viewer takes no more."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise OSError(str(error)) from error
 
 
 def show(scene: Scene, *, in_browser: bool) -> None:
@@ -203,7 +225,7 @@ def in_notebook(scene: Scene) -> Any:
         ) from error
     stream.send_recording_name(scene.name)
     scene.send(stream)
-    stream.flush()
+    flush(stream)
     return widget
 
 
