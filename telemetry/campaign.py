@@ -25,7 +25,6 @@ OUTCOME_COLOURS: Final[dict[Outcome, Colour]] = {
 UNKNOWN_COLOUR: Final[Colour] = (120, 140, 175)
 BAR_COLOUR: Final[Colour] = (86, 160, 255)
 NAMED_COLOUR: Final[Colour] = PLAIN_COLOUR
-DEFAULT_CHIEF_RADIUS_M: Final = 10.0
 NUM_BARS: Final = 30
 
 
@@ -74,7 +73,7 @@ def scene(path: Path) -> Scene:
 
     def send_all(stream: rr.RecordingStream) -> None:
         surroundings = evaluation.surroundings
-        entities.send_chief(stream, surroundings.chief_radius_m or DEFAULT_CHIEF_RADIUS_M)
+        entities.send_chief(stream, surroundings.chief_radius_m)
         entities.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
         entities.send_styles(stream, [distance])
         entities.send_values(stream, [distance], seconds)

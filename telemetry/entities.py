@@ -36,8 +36,10 @@ def send(
     stream.send_columns(entity, [instants], columns)
 
 
-def send_chief(stream: rr.RecordingStream, radius_m: float) -> None:
-    """Send the chief's body, a little smaller than the sphere of its points."""
+def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
+    """Send the chief's body, a little smaller than the sphere of its points, if that is known."""
+    if radius_m is None:
+        return
     body = rr.Ellipsoids3D(radii=[0.97 * radius_m], colors=[BODY_COLOUR], fill_mode=FillMode.Solid)
     stream.log(f"{blueprint.SCENE}/chief/body", body, static=True)
 

@@ -135,14 +135,20 @@ def headless() -> Iterator[ViewerClient]:
     Raises
     ------
     RecordingError
-        If it does not come up, as without a Vulkan driver.
+        If it does not come up, as without a Vulkan driver, or does not answer.
     """
     size = "x".join(str(pixels) for pixels in SIZE)
     with (
         tempfile.TemporaryFile() as log,
         viewer.started("--headless", "--window-size", size, log=log) as running,
     ):
-        yield ViewerClient.connect(running.url)
+        try:
+            yield ViewerClient.connect(running.url)
+        except (OSError, RuntimeError) as error:
+            raise RecordingError(
+                f"the viewer does not answer ({error}); it needs a Vulkan driver to draw with, which may be "
+                "a program (on Debian: apt-get install mesa-vulkan-drivers)"
+            ) from error
 
 
 def load(client: ViewerClient, file: Path) -> None:

@@ -23,7 +23,6 @@ CHAMPION: Final = f"{blueprint.SCENE}/champion"
 EARLIER: Final = f"{blueprint.SCENE}/earlier"
 EARLIER_COLOUR: Final = (95, 120, 175, 120)
 DEFAULT_FARTHEST_M: Final = 75.0
-DEFAULT_CHIEF_RADIUS_M: Final = 10.0
 POLL_S: Final = 0.5
 
 #: of each plot the key, the title, whether decimal logarithms are shown, and the columns with their names
@@ -86,6 +85,8 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
     """
     if not folder.is_dir():
         raise RecordingError(f"{folder} is no folder; give that of a run, which may be training")
+    if output is None:
+        viewer.require_display(in_browser=in_browser)
     if not has_training(folder):
         told(f"waiting for the first generation in {folder}")
     while not has_training(folder):
@@ -185,7 +186,7 @@ def _headline(training: Training, row: int) -> str:
 
 def _send_surroundings(stream: rr.RecordingStream, training: Training) -> None:
     around = training.surroundings
-    entities.send_chief(stream, around.chief_radius_m or DEFAULT_CHIEF_RADIUS_M)
+    entities.send_chief(stream, around.chief_radius_m)
     entities.send_limits(stream, around.min_distance_m, around.max_distance_m)
     entities.send_styles(stream, plots(training, 0))
     for entity, colour, width in ((EARLIER, EARLIER_COLOUR, 0.5), (CHAMPION, (*PLAIN_COLOUR, 255), 2.0)):

@@ -144,7 +144,7 @@ def show(scene: Scene, *, in_browser: bool) -> None:
     RecordingError
         If the viewer cannot open.
     """
-    _require_display(in_browser=in_browser)
+    require_display(in_browser=in_browser)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.rrd"
         save(scene, file)
@@ -162,7 +162,7 @@ def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.Rec
     RecordingError
         If the viewer cannot open.
     """
-    _require_display(in_browser=in_browser)
+    require_display(in_browser=in_browser)
     with started(in_browser=in_browser) as viewer:
         stream = _stream(scene)
         stream.connect_grpc(viewer.url, default_blueprint=scene.layout)
@@ -248,7 +248,14 @@ def _check_ending(code: int) -> None:
         )
 
 
-def _require_display(*, in_browser: bool) -> None:
+def require_display(*, in_browser: bool) -> None:
+    """Refuse to open a window where there is no display.
+
+    Raises
+    ------
+    RecordingError
+        If there is none.
+    """
     is_x11_or_wayland = sys.platform.startswith(("linux", "freebsd"))
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not in_browser and is_x11_or_wayland and not has_display:

@@ -101,6 +101,15 @@ def test_nothing_to_draw_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "holds neither an evaluation nor a training" in capsys.readouterr().err
 
 
+def test_a_missing_driver_is_said(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(variable, str(tmp_path / "none.json"))
+    assert main(["screenshot", str(run), "-o", str(tmp_path)]) == 2
+    assert "needs a Vulkan driver" in capsys.readouterr().err
+
+
 def test_a_viewer_that_cannot_start_is_said() -> None:
     with (
         tempfile.TemporaryFile() as log,
