@@ -121,7 +121,8 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
         (finish(problem, draft.forces, needed) for draft in _distinct(drafts)[:NUM_FINALISTS]),
         key=lambda flight: flight.rank(needed),
     )
-    return CasePlan(best, restarts, delta_v_bound(problem, needed))
+    known = best.delta_v if best.is_feasible(needed) else np.inf
+    return CasePlan(best, restarts, delta_v_bound(problem, needed, known))
 
 
 def _costs(drafts: list[Step]) -> Floats:
