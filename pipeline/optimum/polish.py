@@ -25,7 +25,7 @@ Row = tuple[Floats, int, float]
 
 #: m/s for a metre that a demand is missed by: many times what a metre ever costs
 PRICE_OF_SLACK = 0.05
-#: m by which demands are set tighter, for rounding and for samples between which nothing is asked
+#: m by which demands are set tighter: for rounding, and, as planes cut a convex limit but roughly, beyond it
 SIGHT_MARGIN, NEAR_MARGIN, FAR_MARGIN = 1e-6, 1e-3, 0.05
 #: tangent planes are set where the last path is nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 40.0, 60.0
