@@ -138,7 +138,11 @@ CASES = [
     ("seed", "one", "seed is 'one'; it must be a whole number"),
     ("name", "a=b", "name is 'a=b'; it names a folder: use letters, digits"),
     ("name", "", "name is ''; it names a folder"),
-    ("stages", [], "stages is empty; name at least one of scenario, train, evaluate, record, optimum, report"),
+    (
+        "stages",
+        [],
+        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, report",
+    ),
     ("stages", ["reprt"], "stages has 'reprt'; did you mean report?"),
     ("stages", ["report", "evaluate"], "name each once in the order scenario, train"),
     ("stages", ["train"], "a controller of kind coast has nothing to train"),
