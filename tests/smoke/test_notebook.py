@@ -8,6 +8,8 @@ import pytest
 from nbclient import NotebookClient
 
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
+#: seconds for a busy machine; output that is late fails the run instead of being lost in silence
+PATIENT = {"timeout": 600, "startup_timeout": 300, "iopub_timeout": 300, "raise_on_iopub_timeout": True}
 #: what each prints near its end, and how many pictures it holds
 ENDS = {
     "from_flight_to_rules.ipynb": ("rules never fire on this flight", 3),
@@ -20,13 +22,15 @@ def test_every_notebook_is_tried():
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_a_notebook_runs(name, monkeypatch):
+def test_a_notebook_runs(name, monkeypatch, tmp_path):
     monkeypatch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
+    # no history and no settings that it shares with other kernels
+    monkeypatch.setenv("IPYTHONDIR", os.fspath(tmp_path))
     notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
     (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
     assert "DURATION_S = 3600.0" in parameters.source
     parameters.source = parameters.source.replace("3600.0", "900.0")
-    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": os.fspath(NOTEBOOKS)}}).execute()
+    NotebookClient(notebook, resources={"metadata": {"path": os.fspath(NOTEBOOKS)}}, **PATIENT).execute()
     told = "".join(
         output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", []) if output
     )
