@@ -112,7 +112,15 @@ class Explanation:
         return "\n".join(lines)
 
     def plain(self) -> dict[str, Any]:
-        """Return the explanation as plain JSON data; numbers are in the units of their variables."""
+        """Return the explanation as plain JSON data; numbers are in the units of their variables.
+
+        Keys are ``system``, ``inputs`` (by name, as given) and ``outputs``; of each ``output`` its ``unit``,
+        ``value``, whether that is its ``default``, the ``rules`` that fire, those that moved it most first
+        (number, ``sentence``, ``strength``, ``moved``), and what takes it across ``crossing``: ``flips``, an
+        entry for each ``input`` and ``way`` (``up``, ``down``), the smallest first, with the ``change``, the
+        inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it), and
+        whether no rule fires there (``takes_default``).
+        """
         names = [variable.name for variable in self.system.inputs]
         return {
             "system": self.system.name,

@@ -75,7 +75,12 @@ class Shares:
         return "\n".join([*lines, "", self._rest(told) if len(told) < len(self.rules) else ""])
 
     def plain(self) -> dict[str, Any]:
-        """Return the shares as plain JSON data."""
+        """Return the shares as plain JSON data.
+
+        Keys are ``system``, ``samples`` (how many) and ``rules``, the greatest share first: its number
+        (``rule``), ``sentence``, and as in `RuleShare` ``share``, ``moved`` (by the output's name),
+        ``fired``, ``leading`` and ``strongest``.
+        """
         outputs = [variable.name for variable in self.system.outputs]
         return {
             "system": self.system.name,

@@ -105,7 +105,13 @@ class Simplification:
         return "\n".join(lines)
 
     def plain(self) -> dict[str, Any]:
-        """Return the steps as plain JSON data; changes are shares of the output's range."""
+        """Return the steps as plain JSON data.
+
+        Keys are ``controller`` (its name), ``budget`` and ``systems``; of each its ``name``, how many
+        ``rules`` and ``terms`` it had and has, its ``changes``, and its ``steps`` as in `Step`. ``changes``
+        hold, along ``flights`` and over ``ranges``, the ``largest`` and the ``mean`` for each output, as
+        shares of its range.
+        """
         return {
             "controller": self.original.name,
             "budget": {
