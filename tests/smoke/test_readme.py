@@ -3,14 +3,19 @@
 import argparse
 import re
 import shlex
+import shutil
+from dataclasses import replace
+from glob import glob
 
 import pytest
 
 import benchmarks.__main__ as benchmarks
 import fis_tools.__main__ as review
+from fis_tools import serialize
 from pipeline import cli
 from pipeline.config import check_overrides, conf_folder, options, parse, rewrite_controller_paths
 from telemetry import commands
+from tests.review.cases import log_flight
 from tests.smoke.command_line import PROJECT
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
@@ -51,9 +56,27 @@ def test_telemetry(words):
     assert callable(parsed(commands._parser(), words).run)
 
 
+@pytest.fixture(scope="module")
+def reviewed(tmp_path_factory):
+    """A folder with what the commands of the review name."""
+    folder = tmp_path_factory.mktemp("reviewed")
+    controller = serialize.load(PROJECT / "conf" / "controller" / "paper_champion.yaml")
+    run = folder / "outputs" / "train" / "TIME"
+    for flight in (folder / "best.mcap", run / "episodes" / "training-0.mcap"):
+        log_flight(flight, controller, 61)
+    for place in (folder, run):
+        (place / "champion.json").write_text(serialize.dump_json(controller), encoding="utf-8")
+    simpler = replace(controller, systems=controller.systems[:2])
+    (folder / "simpler.json").write_text(serialize.dump_json(simpler), encoding="utf-8")
+    shutil.copytree(PROJECT / "docs" / "examples", folder / "docs" / "examples")
+    return folder
+
+
 @pytest.mark.parametrize("words", calls_of("fis_tools"), ids=identify)
-def test_review(words):
-    assert callable(parsed(review.build_parser(), words).run)
+def test_review(words, reviewed, monkeypatch, capsys):
+    monkeypatch.chdir(reviewed)
+    expanded = [path for word in words for path in (sorted(glob(word)) if "*" in word else [word])]
+    assert review.main(expanded) == 0, capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", calls_of("benchmarks"), ids=identify)
