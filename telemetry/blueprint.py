@@ -9,6 +9,7 @@ import rerun.blueprint as rrb
 
 from telemetry.curves import Plot
 from telemetry.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
+from telemetry.lettering import drawable
 
 #: the timeline of a flight, s
 TIME: Final = "time"
@@ -224,7 +225,7 @@ def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
         axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
     return rrb.TimeSeriesView(
         origin=plot_path(plot),
-        name=plot.title,
+        name=drawable(plot.title),
         axis_x=axis_x,
         axis_y=axis_y,
         plot_legend=rrb.PlotLegend(corner, visible=plot.has_legend),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from telemetry import blueprint, entities
 from telemetry.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
 from telemetry.entities import seconds, send
+from telemetry.lettering import drawable
 from telemetry.runs import Evaluation, Outcome, read_evaluation
 from telemetry.viewer import Scene
 
@@ -86,7 +87,7 @@ def scene(path: Path) -> Scene:
         text = rr.TextDocument(in_words(evaluation), media_type="text/markdown")
         stream.log(blueprint.SUMMARY, text, static=True)
 
-    return Scene("evaluation", f"{evaluation.name}: {len(evaluation.case)} cases", layout, send_all)
+    return Scene("evaluation", f"{drawable(evaluation.name)}: {len(evaluation.case)} cases", layout, send_all)
 
 
 def extremes(evaluation: Evaluation) -> list[Extreme]:

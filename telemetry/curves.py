@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry import topics
+from telemetry.lettering import drawable
 from telemetry.reader import Recording
 
 Floats = NDArray[np.float64]
@@ -107,9 +108,9 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
 def flight_names(recordings: Sequence[Recording]) -> list[str]:
     """Name flights after their files, and files called the same after the folder, too, that parts them."""
     paths = [recording.path.resolve() for recording in recordings]
-    stems = [path.stem for path in paths]
+    stems = [drawable(path.stem) for path in paths]
     for depth in range(min(len(path.parents) for path in paths)):
-        folders = [path.parents[depth].name for path in paths]
+        folders = [drawable(path.parents[depth].name) for path in paths]
         names = [
             stem if stems.count(stem) == 1 else f"{folder}/{stem}"
             for stem, folder in zip(stems, folders, strict=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry import topics
+from telemetry.lettering import drawable
 from telemetry.metadata import FisDescription
 from telemetry.reader import Recording
 
@@ -123,7 +124,7 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
         middles[:, band] = top + (np.maximum(strongest[:, band], 0) + 0.5) * height / num_rules
     return ActivationMap(
         image,
-        names,
+        tuple(map(drawable, names)),
         tuple(top + height / 2 for top in tops),
         float(sample_time_s[0]),
         float(sample_time_s[-1]),
@@ -148,7 +149,7 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
         columns = (topic["inputs"], topic["firing_strengths"], topic["output_n"])
         for index, inputs, strengths, output in zip(indices, *columns, strict=True):
             samples[index] += _one_inference(description, inputs, strengths, float(output))
-    return ["\n".join(lines) or NO_INFERENCE for lines in samples]
+    return [drawable("\n".join(lines)) or NO_INFERENCE for lines in samples]
 
 
 def _one_inference(
@@ -186,7 +187,8 @@ def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> li
         whose = f"{name}: " if len(recordings) > 1 else ""
         rows = zip(log.time_s.tolist(), log["level"].tolist(), log["message"].tolist(), strict=True)
         events += [
-            Event(time_s, level.upper(), f"{time_s:.0f} s: {whose}{text}") for time_s, level, text in rows
+            Event(time_s, level.upper(), drawable(f"{time_s:.0f} s: {whose}{text}"))
+            for time_s, level, text in rows
         ]
     return sorted(events, key=lambda event: event.time_s)
 
@@ -217,7 +219,7 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
         ("duration", f"{mission.time_s[-1]:.0f} s"),
     ]
     if recording.episode.scenario_id:
-        facts.append(("scenario", recording.episode.scenario_id))
+        facts.append(("scenario", drawable(recording.episode.scenario_id)))
     if topics.RECOVERY_METADATA in recording.metadata:
         facts.append(("rescued", "the flight was cut; this is what came back"))
     return facts

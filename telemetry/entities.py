@@ -10,6 +10,7 @@ from rerun.components import FillMode, InterpolationMode
 
 from telemetry import blueprint
 from telemetry.curves import Plot
+from telemetry.lettering import drawable
 
 Floats = NDArray[np.float64]
 #: makes a column of the scene's timeline out of instants
@@ -66,7 +67,7 @@ def send_styles(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
         for lines in plot.curves:
             style = rr.SeriesLines(
                 colors=lines.colours,
-                names=lines.labels,
+                names=[drawable(label) for label in lines.labels],
                 widths=[lines.width] * len(lines.labels),
                 interpolation_mode=InterpolationMode.StepAfter if lines.in_steps else None,
             )

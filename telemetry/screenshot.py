@@ -1,12 +1,13 @@
 """Pictures of scenes: the viewer draws them without a display."""
 
+import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from PIL import Image, ImageChops
 from rerun.experimental import ViewerClient
@@ -145,10 +146,24 @@ def headless() -> Iterator[ViewerClient]:
         try:
             yield ViewerClient.connect(running.url)
         except (OSError, RuntimeError) as error:
+            # a viewer that ends takes a moment for it
+            with suppress(subprocess.TimeoutExpired):
+                code = running.process.wait(1.0)
+                raise RecordingError(
+                    f"the viewer ended with exit code {code}: {_last_words(log)}; "
+                    "without a render context it needs a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
+                ) from error
             raise RecordingError(
                 f"the viewer does not answer ({error}); it needs a Vulkan driver to draw with, which may be "
                 "a program (on Debian: apt-get install mesa-vulkan-drivers)"
             ) from error
+
+
+def _last_words(log: IO[bytes]) -> str:
+    """Return what a viewer that ended told of it."""
+    log.seek(0)
+    lines = log.read().decode(errors="replace").splitlines()
+    return next((line for line in lines if "panicked" in line), "it did not say why")
 
 
 def load(client: ViewerClient, file: Path) -> None:

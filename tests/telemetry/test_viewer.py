@@ -1,6 +1,7 @@
 """rerun's viewer itself, without a display: that it shows all of each recording, and to whom it listens."""
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -12,12 +13,16 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+import synthetic_flight
 import synthetic_run
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from telemetry import RecordingError, campaign, replay, screenshot, training, viewer
+from telemetry import EpisodeWriter, RecordingError, campaign, replay, screenshot, training, viewer
 from telemetry.commands import main
+from telemetry.lettering import drawable
 from telemetry.viewer import Scene
 from tests.programs import library
 
@@ -57,6 +62,60 @@ def test_viewer_shows_every_view_of_a_recording(client: ViewerClient, scene: Sce
     assert len(state.views) > 6
     assert screenshot.complaints(client) == []
     client.close("all")
+
+
+def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_path: Path) -> None:
+    """In both of its fonts: the viewer ends at a sign for which it has no glyph."""
+    signs = "".join(sign for sign in map(chr, range(0x21, 0x3000)) if drawable(sign) == sign)
+    assert len(signs) > 600
+    lines = [signs[start : start + 60] for start in range(0, len(signs), 60)]
+    plain = "\n\n".join(re.sub(r"([^\w\s])", r"\\\1", line, flags=re.ASCII) for line in lines)
+    code = "\n".join(f"    {line}" for line in lines)
+
+    def send(stream: rr.RecordingStream) -> None:
+        for name, text in (("plain", plain), ("code", code)):
+            stream.log(name, rr.TextDocument(text, media_type="text/markdown"), static=True)
+
+    views = [rrb.TextDocumentView(origin=name, name=name) for name in ("plain", "code")]
+    viewer.save(Scene("signs", "signs", rrb.Blueprint(rrb.Horizontal(*views)), send), tmp_path / "x.rrd")
+    screenshot.load(client, tmp_path / "x.rrd")
+    client.save_screenshot(str(tmp_path / "x.png"))
+    assert screenshot.complaints(client) == []
+    client.close("all")
+
+
+def test_flights_and_rules_are_shown_whatever_they_are_called(
+    client: ViewerClient, flight_file: Path, tmp_path: Path
+) -> None:
+    flight = synthetic_flight.fly(12)
+    words = synthetic_flight.metadata(flight)
+    for name in words:
+        if name.startswith("fis."):
+            words[name] = {key: text.replace("is", "は") for key, text in words[name].items()}
+    words["episode"]["scenario_id"] = "🚀"
+    path = tmp_path / "飛行.mcap"
+    with EpisodeWriter(path, metadata=words, attachments=synthetic_flight.ATTACHMENTS) as writer:
+        for k in range(flight.num_controls + 1):
+            synthetic_flight.write_sample(writer, flight, k)
+    for number, paths in enumerate(([path], [flight_file, path])):
+        file = tmp_path / f"{number}.rrd"
+        viewer.save(replay.scene(paths), file)
+        screenshot.load(client, file)
+        client.save_screenshot(str(tmp_path / "x.png"))
+        assert screenshot.complaints(client) == []
+        client.close("all")
+
+
+def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path: Path) -> None:
+    library(VULKAN, "mesa-vulkan-drivers")
+
+    def send(stream: rr.RecordingStream) -> None:
+        stream.log("text", rr.TextDocument("🚀"), static=True)
+
+    scene = Scene("text", "text", rrb.Blueprint(rrb.TextDocumentView(origin="text")), send)
+    subject = screenshot.Subject(scene, (screenshot.Picture("x", "time", 0.0),))
+    with pytest.raises(RecordingError, match=r"the viewer ended with exit code -?\d+: .*glyph"):
+        list(screenshot.take([subject], tmp_path))
 
 
 def test_a_view_that_fails_is_noticed(

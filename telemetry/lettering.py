@@ -1,0 +1,27 @@
+"""Words as the viewer's own fonts can write them: at any other sign it would end, and its window with it."""
+
+import re
+import unicodedata
+from typing import Final
+
+#: stands for a sign that cannot be written; it is in both fonts
+MISSING_SIGN: Final = "□"
+
+#: signs that both fonts of the viewer have, Inter for text and JetBrains Mono for code and events: Latin,
+#: Greek, Cyrillic and Vietnamese letters, punctuation, powers and indices, arrows, some mathematics
+_UNKNOWN: Final = re.compile(
+    "[^"
+    "\n\u0020-\u007e\u00a0-\u00ac\u00ae-\u0148\u014a-\u017f"
+    "\u0391-\u03a1\u03a3-\u03ce\u0401-\u040c\u040e-\u044f\u0451-\u045c\u045e\u045f\u1ea0-\u1ef9"
+    "\u2010\u2013\u2014\u2018-\u201e\u2020-\u2022\u2026\u2030\u2032\u2033\u2039\u203a\u2044"
+    "\u2070\u2074-\u207a\u2080-\u2089\u20ac\u2190-\u2199\u2212\u221a\u221e\u2248\u2260\u2264\u2265\u25a1"
+    "]"
+)
+
+
+def drawable(text: str) -> str:
+    """Return a text in which signs that the viewer has no glyph for are empty boxes.
+
+    Letters with marks are composed first, as file names of macOS need it.
+    """
+    return _UNKNOWN.sub(MISSING_SIGN, unicodedata.normalize("NFC", text))
