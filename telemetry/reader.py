@@ -1,6 +1,7 @@
 """Reads a recording, or a part of it, into typed columns."""
 
 import os
+import shlex
 import struct
 import zlib
 from collections import defaultdict
@@ -8,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final
 
@@ -166,7 +168,7 @@ def read(
     topics : str or iterable of str, optional
         Topics to read, ``*`` standing for any part of a name (``/fis/*``, which may be none); all by default.
     start_s, end_s : float, optional
-        The first and the last simulation time to read, both included.
+        The first and the last simulation time to read, both included; infinity is no limit.
 
     Returns
     -------
@@ -175,9 +177,11 @@ def read(
     Raises
     ------
     RecordingError
-        If the file is missing, is no MCAP file, is cut short or damaged, or lacks a topic asked for.
+        If the file is missing, is no MCAP file, is cut short or damaged, or lacks a topic asked for, or
+        if the times are no span.
     """
     path = Path(path)
+    _check_span(start_s, end_s)
     wanted = [topics] if isinstance(topics, str) else None if topics is None else list(topics)
     with _opened(path) as stream, damage_explained(path):
         _check_summary(stream)
@@ -197,6 +201,16 @@ def read(
         )
 
 
+def _check_span(start_s: float | None, end_s: float | None) -> None:
+    first, last = -inf if start_s is None else start_s, inf if end_s is None else end_s
+    # also false where one is no number
+    if not (first <= last and first < inf and last > -inf):
+        raise RecordingError(
+            f"from start_s={start_s} to end_s={end_s} there is no time; "
+            "give a start that is not after the end"
+        )
+
+
 @contextmanager
 def damage_explained(path: Path) -> Iterator[None]:
     """Turn what the mcap library raises on damaged bytes into one clear error."""
@@ -205,7 +219,7 @@ def damage_explained(path: Path) -> Iterator[None]:
     except DAMAGE as error:
         raise RecordingError(
             f"{path} is damaged ({error or type(error).__name__}), but a recording must be whole to be read; "
-            f"rescue what can be read with `python -m telemetry recover {path}`"
+            f"rescue what can be read with `python -m telemetry recover {shlex.quote(str(path))}`"
         ) from error
 
 
@@ -244,7 +258,7 @@ def check_is_whole(path: Path, stream: BinaryIO) -> None:
     if size < 2 * MAGIC_SIZE or tail != MCAP0_MAGIC:
         raise RecordingError(
             f"{path} is cut short, but a recording must be whole to be read; "
-            f"rescue every flushed step with `python -m telemetry recover {path}`"
+            f"rescue every flushed step with `python -m telemetry recover {shlex.quote(str(path))}`"
         )
 
 
@@ -294,8 +308,8 @@ def _messages(
     payloads: dict[str, list[bytes]] = defaultdict(list)
     for _schema, channel, message in reader.iter_messages(
         topics=list(chosen),
-        starting_at=None if start_s is None else round(start_s * NANOSECONDS),
-        ending_before=None if end_s is None else round(end_s * NANOSECONDS) + 1,
+        starting_at=None if start_s is None or start_s == -inf else round(start_s * NANOSECONDS),
+        ending_before=None if end_s is None or end_s == inf else round(end_s * NANOSECONDS) + 1,
         log_time_order=True,
     ):
         log_times[channel.topic].append(message.log_time)

@@ -1,5 +1,6 @@
 """Reading by topic and by time, with units, and what a reader says of a bad file."""
 
+from math import inf, nan
 from pathlib import Path
 
 import numpy as np
@@ -176,3 +177,19 @@ def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path: Path) ->
         writer.fis(0.0, "f_x", [1.0, 2.0], [0.5] * 9, 0.1)
     with pytest.raises(RecordingError, match="2 inputs and 25 rules, but 2 and 9 are recorded"):
         telemetry.read(tmp_path / "odd.mcap").fis_description("f_x")
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s"), [(500.0, 100.0), (nan, None), (None, nan), (inf, None), (None, -inf)]
+)
+def test_times_that_are_no_span_are_not_taken_for_damage(
+    short_file: Path, start_s: float | None, end_s: float | None
+) -> None:
+    with pytest.raises(RecordingError, match="there is no time"):
+        telemetry.read(short_file, start_s=start_s, end_s=end_s)
+
+
+def test_infinity_is_no_limit(short_file: Path) -> None:
+    everything = telemetry.read(short_file)["/deputy/state"].time_s
+    found = telemetry.read(short_file, start_s=-inf, end_s=inf)["/deputy/state"].time_s
+    np.testing.assert_array_equal(found, everything)
