@@ -3,10 +3,13 @@
 import argparse
 import json
 import os
+import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from math import inf
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from telemetry import compare, summary
@@ -38,10 +41,14 @@ examples:
   python -m telemetry export flight.mcap --format csv     tables, one file a topic
   python -m telemetry compare a.mcap b.mcap               where two flights part, and by how much
 
-exit codes: 0; 1 where compared flights differ; 2 after a mistake, said in one sentence"""
+exit codes: 0; 1 where compared flights differ; 2 after a mistake, said in one sentence; 130 after Ctrl-C"""
+
+RAW = argparse.RawDescriptionHelpFormatter
 
 DIFFERENT = 1
 MISTAKE = 2
+#: as shells do for SIGINT
+INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0; 1 where compared flights differ; 2 after a user's mistake, which has been explained on the standard
-        error stream.
+        error stream; 130 after Ctrl-C.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -69,36 +76,71 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RecordingError as error:
         print(f"telemetry: {error}", file=sys.stderr)
         return MISTAKE
+    except KeyboardInterrupt:
+        print("telemetry: interrupted", file=sys.stderr)
+        return INTERRUPTED
     return status
 
 
 def _parser() -> argparse.ArgumentParser:
-    raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
-        prog="python -m telemetry", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=raw
+        prog="python -m telemetry", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=RAW
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    command = commands.add_parser("replay", help="show flights in rerun, in our layout")
+    command = _add(
+        commands,
+        "replay",
+        _replay,
+        "show flights in rerun, in our layout",
+        "Shows the scene around the chief, the curves with their limits, the rules that fired, and what "
+        "happened. Without --save or --web it opens a window. Space plays; drag the time at the bottom.",
+        "flight.mcap",
+        "flight.mcap --web",
+        "a.mcap b.mcap --save both.rrd",
+    )
     command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="flights; the first one in full")
     _add_target(command)
-    command.set_defaults(run=_replay)
 
-    command = commands.add_parser("campaign", help="show all trajectories of an evaluation, by outcome")
+    command = _add(
+        commands,
+        "campaign",
+        _campaign,
+        "show all trajectories of an evaluation, by outcome",
+        "Green paths reached the goal, orange ones fell short of it, red ones left the limits; the "
+        "telling cases are named.",
+        "outputs/evaluate/RUN",
+        "outputs/evaluate/RUN --save cases.rrd",
+    )
     command.add_argument(
         "run_folder", type=Path, metavar="RUN", help="a run's folder, or its evaluate/trajectories.parquet"
     )
     _add_target(command)
-    command.set_defaults(run=_campaign)
 
-    command = commands.add_parser("training", help="show a training, generation by generation")
+    command = _add(
+        commands,
+        "training",
+        _training,
+        "show a training, generation by generation",
+        "Shows fitness, its parts, and where each new champion flies. With --follow it waits for the "
+        "first generation and goes on as the training does: a file until the training ends, a viewer "
+        "until it is closed.",
+        "outputs/train/RUN",
+        "outputs/train/RUN --follow --web",
+    )
     command.add_argument("run_folder", type=Path, metavar="RUN", help="a run's folder")
     command.add_argument("--follow", action="store_true", help="go on as the training does")
     _add_target(command)
-    command.set_defaults(run=_training)
 
-    command = commands.add_parser(
-        "screenshot", help="draw pictures (PNG) of flights and runs, without a display"
+    command = _add(
+        commands,
+        "screenshot",
+        _screenshot,
+        "draw pictures (PNG) of flights and runs, without a display",
+        "Draws what replay, campaign and training show, and lists the files. It needs a Vulkan driver, "
+        "which may be a program (on Debian: apt-get install mesa-vulkan-drivers).",
+        "flight.mcap -o pictures",
+        "flight.mcap outputs/train/RUN --at 60 1200",
     )
     command.add_argument(
         "paths",
@@ -110,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--at",
         nargs="+",
-        type=float,
+        type=_instant,
         default=[60.0, 1200.0, 3000.0],
         metavar="SECONDS",
         help="of flights; default: 60 1200 3000",
@@ -118,35 +160,63 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "-o", "--output", type=Path, default=Path(), metavar="DIR", help="default: this folder"
     )
-    command.set_defaults(run=_screenshot)
 
-    command = commands.add_parser("info", help="say what a flight was and what its file holds")
-    command.add_argument("file", type=Path, metavar="FILE")
+    command = _add(
+        commands,
+        "info",
+        _info,
+        "say what a flight was and what its file holds",
+        "Says where the flight started, how it went, what its fuzzy systems sense and drive, and how "
+        "much is recorded on each topic.",
+        "flight.mcap",
+        "flight.mcap --json",
+    )
+    command.add_argument("file", type=Path, metavar="FILE", help="a flight")
     command.add_argument("--json", action="store_true", help="the same for programs")
-    command.set_defaults(run=_info)
 
-    command = commands.add_parser(
-        "recover", help="rescue every flushed step of a cut or damaged file into a new one"
+    command = _add(
+        commands,
+        "recover",
+        _recover,
+        "rescue every flushed step of a cut or damaged file into a new one",
+        "A flight whose process was killed is left as NAME.mcap.partial. What is provably whole in it, "
+        "or in a cut or damaged file, is written to a new file that every other command reads; the old "
+        "one is not touched.",
+        "flight.mcap.partial",
+        "damaged.mcap -o rescued.mcap",
     )
     command.add_argument("file", type=Path, metavar="FILE", help="also one that still ends in .mcap.partial")
     command.add_argument(
         "-o", "--output", type=Path, metavar="OUT", help="default: NAME.recovered.mcap beside FILE"
     )
-    command.set_defaults(run=_recover)
 
-    command = commands.add_parser("export", help="write tables: one file a topic, units in the column names")
-    command.add_argument("file", type=Path, metavar="FILE")
+    command = _add(
+        commands,
+        "export",
+        _export,
+        "write tables: one file a topic, units in the column names",
+        "One number a cell, time_s first; the topics and fields are explained in telemetry/README.md. "
+        "In Python, telemetry.read(FILE) gives arrays, and telemetry.flat_table these tables.",
+        "flight.mcap",
+        "flight.mcap --format parquet -o tables",
+    )
+    command.add_argument("file", type=Path, metavar="FILE", help="a flight")
     command.add_argument("--format", choices=("csv", "parquet"), default="csv", help="default: csv")
     command.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="default: a folder named after FILE and the format"
     )
-    command.set_defaults(run=_export)
 
-    command = commands.add_parser(
-        "compare", help="say at which sample, topic and field two flights part, and by how much"
+    command = _add(
+        commands,
+        "compare",
+        _compare,
+        "say at which sample, topic and field two flights part, and by how much",
+        "Exits with 0 where the flights are the same, 1 where they differ, 2 after a mistake.",
+        "a.mcap b.mcap",
+        "a.mcap b.mcap --tolerance 1e-9",
     )
-    command.add_argument("first", type=Path, metavar="A")
-    command.add_argument("second", type=Path, metavar="B")
+    command.add_argument("first", type=Path, metavar="A", help="a flight")
+    command.add_argument("second", type=Path, metavar="B", help="another")
     command.add_argument(
         "--tolerance",
         type=float,
@@ -154,8 +224,33 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NUMBER",
         help="difference of quantities that does not count, in each field's own unit; default: 0",
     )
-    command.set_defaults(run=_compare)
     return parser
+
+
+def _add(
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    name: str,
+    run: Callable[[argparse.Namespace], int | None],
+    summary: str,
+    explanation: str,
+    *examples: str,
+) -> argparse.ArgumentParser:
+    command = commands.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.\n\n{fill(explanation, 90)}",
+        epilog="\n".join(["examples:", *(f"  python -m telemetry {name} {example}" for example in examples)]),
+        formatter_class=RAW,
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def _instant(text: str) -> float:
+    instant = float(text)
+    if not 0.0 <= instant < inf:
+        raise argparse.ArgumentTypeError(f"{text} is no instant of a flight; give seconds from 0 on")
+    return instant
 
 
 def _add_target(command: argparse.ArgumentParser) -> None:
@@ -178,7 +273,7 @@ def _look(scene: "Scene", options: argparse.Namespace) -> None:
         viewer.show(scene, in_browser=options.web)
         return
     viewer.save(scene, options.save)
-    print(f"{options.save} is written; look at it with `rerun {options.save}`")
+    print(f"{options.save} is written; look at it with `rerun {shlex.quote(str(options.save))}`")
 
 
 def _campaign(options: argparse.Namespace) -> None:
@@ -189,7 +284,9 @@ def _campaign(options: argparse.Namespace) -> None:
 
 def _training(options: argparse.Namespace) -> None:
     # once the viewer is closed, rerun would call it an error that it can send no more
-    os.environ.setdefault("RUST_LOG", "info,re_grpc_client=off,re_sdk::recording_stream=off")
+    os.environ.setdefault(
+        "RUST_LOG", "info,re_perf_telemetry=warn,re_grpc_client=off,re_sdk::recording_stream=off"
+    )
     from telemetry import training  # noqa: PLC0415 - as above
 
     if not options.follow:

@@ -14,6 +14,7 @@ from telemetry import blueprint, entities, viewer
 from telemetry.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
 from telemetry.entities import generations, send
 from telemetry.errors import RecordingError
+from telemetry.lettering import drawable
 from telemetry.runs import HISTORY, Training, has_training, is_finished, read_training
 from telemetry.viewer import Scene
 
@@ -61,7 +62,7 @@ def scene(folder: Path) -> Scene:
         earlier=EARLIER,
         farthest_m=float(np.median(reaches)) if reaches else DEFAULT_FARTHEST_M,
     )
-    return Scene("training", f"{training.name}: training", layout, send_all)
+    return Scene("training", f"{drawable(training.name)}: training", layout, send_all)
 
 
 def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callable[[str], None]) -> None:
@@ -87,6 +88,8 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
         raise RecordingError(f"{folder} is no folder; give that of a run, which may be training")
     if output is None:
         viewer.require_display(in_browser=in_browser)
+    else:
+        viewer.require_ending(output)
     if not has_training(folder):
         told(f"waiting for the first generation in {folder}")
     while not has_training(folder):

@@ -20,6 +20,8 @@ from telemetry.errors import RecordingError
 from telemetry.partial_file import PARTIAL_SUFFIX
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"
+#: of rerun's files
+ENDING: Final = ".rrd"
 #: by default the viewer would listen on every network interface
 LOOPBACK: Final = "127.0.0.1"
 _START_LIMIT_S: Final = 60.0
@@ -75,8 +77,9 @@ def save(scene: Scene, output: Path) -> None:
     Raises
     ------
     RecordingError
-        If the output cannot be written.
+        If the output is not called .rrd or cannot be written.
     """
+    require_ending(output)
     unfinished = output.with_name(output.name + PARTIAL_SUFFIX)
     try:
         with stream_to_file(scene, unfinished) as stream:
@@ -277,6 +280,21 @@ def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
             return
         time.sleep(0.1)
     raise RecordingError(f"the viewer was not ready within {_START_LIMIT_S:g} s; is the machine very busy?")
+
+
+def require_ending(output: Path) -> None:
+    """Refuse an output that is not called .rrd: rerun would not open it, and it may be a flight, or a folder.
+
+    Raises
+    ------
+    RecordingError
+        If it ends otherwise.
+    """
+    if output.suffix != ENDING:
+        raise RecordingError(
+            f"{output} does not end in {ENDING}, but rerun opens a recording by that ending; "
+            f"choose a name such as {output.with_suffix(ENDING)}"
+        )
 
 
 def unwritable(output: Path, error: OSError) -> RecordingError:

@@ -3,13 +3,16 @@
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import synthetic_run
 
 import telemetry
+from telemetry import commands
 from telemetry.commands import main
 
 
@@ -144,3 +147,66 @@ def test_a_command_is_needed() -> None:
     with pytest.raises(SystemExit) as leave:
         main([])
     assert leave.value.code == 2
+
+
+@pytest.mark.parametrize(
+    "command", ["replay", "campaign", "training", "screenshot", "info", "recover", "export", "compare"]
+)
+def test_each_command_teaches_by_examples_that_it_takes(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    examples = re.findall(r"^  python -m telemetry (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
+    assert len(examples) >= 2
+    for example in examples:
+        assert example.split()[0] == command
+        # what is named is not there, but the options are known
+        assert main(shlex.split(example) + (["--save", "x.rrd"] if example.endswith("--follow") else [])) == 2
+
+
+def test_a_flight_is_not_written_over_by_its_own_replay(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(short_file.read_bytes())
+    assert main(["replay", str(path), "--save", str(path)]) == 2
+    assert "choose a name such as" in capsys.readouterr().err
+    assert main(["training", str(tmp_path), "--follow", "--save", str(path)]) == 2
+    assert path.read_bytes() == short_file.read_bytes()
+
+
+@pytest.mark.parametrize("instant", ["nan", "inf", "-5", "soon"])
+def test_an_instant_that_cannot_be_is_refused(instant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as leave:
+        main(["screenshot", "flight.mcap", "--at", instant])
+    assert leave.value.code == 2
+    assert instant in capsys.readouterr().err
+
+
+def test_an_interrupted_command_ends_in_a_sentence(
+    short_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_path: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(commands, "read", interrupted)
+    assert main(["info", str(short_file)]) == 130
+    assert capsys.readouterr().err == "telemetry: interrupted\n"
+
+
+def test_commands_that_are_told_can_be_pasted(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "my flight.mcap"
+    path.write_bytes(short_file.read_bytes()[:70_000])
+    assert main(["info", str(path)]) == 2
+    assert f"`python -m telemetry recover '{path}'`" in capsys.readouterr().err
+
+
+def test_a_saved_training_says_nothing_of_the_viewer_itself(tmp_path: Path) -> None:
+    folder = synthetic_run.write_training(tmp_path / "run", 2)
+    command = [sys.executable, "-m", "telemetry", "training", str(folder), "--save", str(tmp_path / "x.rrd")]
+    environment = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
+    done = subprocess.run(command, check=True, capture_output=True, env=environment)  # noqa: S603
+    assert done.stderr == b""
