@@ -151,7 +151,8 @@ def headless() -> Iterator[ViewerClient]:
                 code = running.process.wait(1.0)
                 raise RecordingError(
                     f"the viewer ended with exit code {code}: {_last_words(log)}; "
-                    "without a render context it needs a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
+                    "without a render context it needs a Vulkan driver "
+                    "(on Debian: apt-get install mesa-vulkan-drivers)"
                 ) from error
             raise RecordingError(
                 f"the viewer does not answer ({error}); it needs a Vulkan driver to draw with, which may be "
