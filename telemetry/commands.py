@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from telemetry import compare, summary
 from telemetry.errors import RecordingError
+from telemetry.partial_file import PARTIAL_SUFFIX
 from telemetry.reader import read
 from telemetry.recover import recover
 from telemetry.tables import export
@@ -319,7 +320,11 @@ def _info(options: argparse.Namespace) -> None:
 def _recover(options: argparse.Namespace) -> None:
     recovery = recover(options.file, options.output)
     if recovery.output is None:
-        print(f"{options.file} is whole, with {recovery.num_messages} messages: there is nothing to rescue")
+        cure = "there is nothing to rescue"
+        if options.file.name.endswith(PARTIAL_SUFFIX):
+            # killed between the last byte and the renaming
+            cure = f"rename it to {options.file.name.removesuffix(PARTIAL_SUFFIX)}"
+        print(f"{options.file} is whole, with {recovery.num_messages} messages: {cure}")
         return
     reach = "" if recovery.end_s is None else f", up to {recovery.end_s:g} s"
     print(

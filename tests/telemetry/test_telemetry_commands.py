@@ -210,3 +210,12 @@ def test_a_saved_training_says_nothing_of_the_viewer_itself(tmp_path: Path) -> N
     environment = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
     done = subprocess.run(command, check=True, capture_output=True, env=environment)  # noqa: S603
     assert done.stderr == b""
+
+
+def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "flight.mcap.partial"
+    path.write_bytes(short_file.read_bytes())
+    assert main(["recover", str(path)]) == 0
+    assert "rename it to flight.mcap" in capsys.readouterr().out
