@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 __all__ = ["Recording", "RecordingError", "read"]
 
 CHECKSUM_SIZE: Final = 4
+#: the kind of a record, one byte, and its length, eight
+RECORD_HEAD_SIZE: Final = 9
 #: what the mcap library raises on bytes that are not what they should be
 DAMAGE: Final = (
     McapError,
@@ -186,6 +188,7 @@ def read(
     with _opened(path) as stream, damage_explained(path):
         _check_summary(stream)
         reader = SeekingReader(stream, validate_crcs=True)
+        _check_attachments(reader, stream)
         chosen = _chosen_channels(path, reader, wanted)
         metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
@@ -273,6 +276,26 @@ def _check_summary(stream: BinaryIO) -> None:
     if zlib.crc32(stream.read(end - footer.summary_start)) != footer.summary_crc:
         raise McapError("its index does not agree with its checksum")
     stream.seek(0)
+
+
+def _check_attachments(reader: SeekingReader, stream: BinaryIO) -> None:
+    summary = reader.get_summary()
+    for index in summary.attachment_indexes if summary else ():
+        stream.seek(index.offset)
+        check_attachment(stream.read(index.length))
+
+
+def check_attachment(record_bytes: bytes) -> None:
+    """Check an attachment against its checksum, which the library does not do.
+
+    Raises
+    ------
+    McapError
+        If they do not agree.
+    """
+    checksum = int.from_bytes(record_bytes[-CHECKSUM_SIZE:], "little")
+    if zlib.crc32(record_bytes[RECORD_HEAD_SIZE:-CHECKSUM_SIZE]) != checksum:
+        raise McapError("an attachment does not agree with its checksum")
 
 
 def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None) -> dict[str, str]:

@@ -5,7 +5,6 @@ agrees; a chunk that was still being written when the file was cut has none that
 """
 
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -22,10 +21,9 @@ from telemetry.errors import RecordingError
 from telemetry.messages import NANOSECONDS
 from telemetry.metadata import sealed, unsealed
 from telemetry.partial_file import PARTIAL_SUFFIX, whole_file
-from telemetry.reader import DAMAGE
+from telemetry.reader import DAMAGE, check_attachment
 
 _FRAME: Final = struct.Struct("<BQ")
-_CHECKSUM: Final = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
@@ -191,10 +189,7 @@ def _parse(record_bytes: bytes) -> McapRecord:
     if record_bytes[0] == Opcode.MESSAGE:
         raise ValueError("message outside a chunk, without a checksum")
     if record_bytes[0] == Opcode.ATTACHMENT:
-        # the library does not look at an attachment's checksum
-        (checksum,) = _CHECKSUM.unpack(record_bytes[-_CHECKSUM.size :])
-        if zlib.crc32(record_bytes[_FRAME.size : -_CHECKSUM.size]) != checksum:
-            raise ValueError("attachment checksum")
+        check_attachment(record_bytes)
     record = next(StreamReader(BytesIO(record_bytes), skip_magic=True, emit_chunks=True).records)
     if isinstance(record, Metadata):
         return Metadata(record.name, unsealed(record.name, record.metadata))

@@ -193,3 +193,12 @@ def test_infinity_is_no_limit(short_file: Path) -> None:
     everything = telemetry.read(short_file)["/deputy/state"].time_s
     found = telemetry.read(short_file, start_s=-inf, end_s=inf)["/deputy/state"].time_s
     np.testing.assert_array_equal(found, everything)
+
+
+def test_a_changed_attachment_is_damage(short_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    content = short_file.read_bytes()
+    assert content.count(b"seed: 7") == 1
+    path.write_bytes(content.replace(b"seed: 7", b"seed: 8"))
+    with pytest.raises(RecordingError, match="an attachment does not agree with its checksum"):
+        telemetry.read(path)
