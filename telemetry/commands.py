@@ -348,6 +348,12 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    comparison = compare.compare(read(options.first), read(options.second), options.tolerance)
+    first, second = read(options.first), read(options.second)
+    if not first.topics and not second.topics:
+        raise RecordingError(
+            f"neither {options.first} nor {options.second} holds messages of a flight, so nothing can "
+            "be compared; give recordings that telemetry.EpisodeWriter wrote"
+        )
+    comparison = compare.compare(first, second, options.tolerance)
     print("\n".join(compare.in_words(comparison)))
     return 0 if comparison.is_equal else DIFFERENT

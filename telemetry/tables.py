@@ -40,8 +40,13 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
     Raises
     ------
     RecordingError
-        If the folder cannot be written to.
+        If the recording holds no messages of a flight, or the folder cannot be written to.
     """
+    if not any(map(len, recording.topics.values())):
+        raise RecordingError(
+            f"{recording.path} holds no messages of a flight, so there is no table to write; "
+            "give a recording that telemetry.EpisodeWriter wrote"
+        )
     # pyarrow takes a tenth of a second to import, which nobody who exports nothing should pay
     import pyarrow.csv  # noqa: PLC0415
     import pyarrow.parquet  # noqa: PLC0415

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import synthetic_run
+from mcap.writer import Writer
 
 import telemetry
 from telemetry import commands
@@ -219,3 +220,19 @@ def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(
     path.write_bytes(short_file.read_bytes())
     assert main(["recover", str(path)]) == 0
     assert "rename it to flight.mcap" in capsys.readouterr().out
+
+
+def test_somebody_elses_recording_has_nothing_to_compare_or_export(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/a", "json", writer.register_schema("x", "jsonschema", b"{}"))
+        writer.add_message(channel, 5, b"{}", 5)
+        writer.finish()
+    assert main(["compare", str(path), str(path)]) == 2
+    assert main(["export", str(path), "-o", str(tmp_path / "tables")]) == 2
+    assert capsys.readouterr().err.count("messages of a flight") == 2
+    assert not (tmp_path / "tables").exists()
