@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, flights, inference, recording
+from benchmarks import commands, flights, inference, recording, tools
 
-PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "training")
+PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
 
 
 def processor() -> str:
@@ -44,6 +44,7 @@ def main() -> None:
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),
         "start": commands.run_start,
+        "tools": lambda: tools.run(options.controller),
         "training": lambda: commands.run_training(options.generations),
     }
     for part in chosen:
