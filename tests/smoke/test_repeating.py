@@ -51,6 +51,15 @@ def test_another_seed_finds_another(first, tmp_path):
     assert all(ours != theirs for ours, theirs in zip(numbers(other), numbers(first), strict=True))
 
 
+@pytest.fixture
+def heeded_interrupt():
+    """Ctrl-C as in a terminal: what runs in the background may be started with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeded_interrupt")
 def test_an_interrupted_training_goes_on_as_if_nothing_had_been(first, tmp_path, monkeypatch, capsys):
     show = train.TrainingProgress.show
 
