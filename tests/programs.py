@@ -3,6 +3,7 @@
 import os
 import shutil
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -11,21 +12,19 @@ REQUIRED = "EVERY_PROGRAM_REQUIRED"
 
 
 def program(name: str, package: str) -> str:
-    """Return the path of a program; without it leave the test out, or fail where all are required."""
-    path = shutil.which(name)
-    if path is not None:
-        return path
-    message = f"{name} is not installed; apt-get install {package}"
-    if os.environ.get(REQUIRED):
-        pytest.fail(message)
-    pytest.skip(message)
+    """Return the path of a program."""
+    return shutil.which(name) or missing(f"{name} is not installed; apt-get install {package}")
 
 
 def library(path: str, package: str) -> Path:
-    """Return the path of a file that a package installs; without it as `program`."""
-    if Path(path).exists():
-        return Path(path)
-    message = f"{path} is not installed; apt-get install {package}"
+    """Return the path of a file that a package installs."""
+    if not Path(path).exists():
+        missing(f"{path} is not installed; apt-get install {package}")
+    return Path(path)
+
+
+def missing(message: str) -> NoReturn:
+    """Fail where all programs are required; else leave the test out, for nobody need install them to test."""
     if os.environ.get(REQUIRED):
         pytest.fail(message)
     pytest.skip(message)

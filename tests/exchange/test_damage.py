@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fis_tools.formats import fis, fll, fml
-from fis_tools.serialize import ControllerFileError, Kind, loads
+from fis_tools.serialize import ControllerFileError, Kind, dump_json, loads
+from fis_tools.validate import controller_problems
 from tests.exchange.systems import alone, nested_system
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -20,11 +21,17 @@ DAMAGE = st.sampled_from([*"[](){}<>,:;='\"#%/&!-.0159e \n\t\\", "nan", "-1", "1
 
 
 def is_read(text: str, kind: Kind) -> bool:
+    """Read what may be damaged; what is read must be right, what is refused told, a line a fault."""
+    refusal = None
     try:
-        loads(text, kind)
-    except ControllerFileError as refusal:
-        assert str(refusal)  # noqa: PT017 - a damaged file may still be a right one
+        controller = loads(text, kind)
+    except ControllerFileError as error:
+        refusal = str(error)
+    if refusal is not None:
+        assert all(0 < len(line.strip()) < 1000 for line in refusal.split("\n"))
         return False
+    assert controller_problems(controller) == []
+    assert loads(dump_json(controller), "json") == controller
     return True
 
 
