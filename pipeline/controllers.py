@@ -56,6 +56,12 @@ SIGNALS = {
         lanes.CENTRE, "m", "centre of the ellipse of free motion along i; above zero the ellipse falls behind"
     ),
     "centre_along_track": Signal(lanes.CENTRE + 1, "m", "centre of the ellipse of free motion along j"),
+    "predicted_centre_along_track": Signal(
+        lanes.PREDICTED_CENTRE, "m", "where that centre drifts to within prediction_time_s, along j"
+    ),
+    "closest_approach": Signal(
+        lanes.CLOSEST_APPROACH, "m", "least distance to the chief within an orbit of free drift from here"
+    ),
     "ring_error_radial": Signal(
         lanes.RING_ERROR, "m", "along i, from the place on the ring that follows the Sun to the deputy's"
     ),
@@ -84,6 +90,7 @@ CONSTANTS = {
     "dead_band_force_x_n": "a force_x smaller than this is not fired, N",
     "dead_band_force_y_n": "the same for force_y",
     "dead_band_force_z_n": "the same for force_z",
+    "prediction_time_s": "how far ahead predicted_centre_along_track looks, s",
 }
 
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
@@ -226,7 +233,7 @@ def constants_of(controller: Controller) -> Floats:
     Raises
     ------
     ControllerError
-        If one is no finite number, or negative where it measures a length or a force.
+        If one is no finite number, or negative where it measures a length, a force or a time.
     """
     attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
     values = np.zeros(len(CONSTANTS))

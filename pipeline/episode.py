@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from fis_tools.kernel import LANES, infer
 from pipeline.lane_attitude import aim_plainly, clip, turn_deputies
-from pipeline.lane_orbit import sense_orbit
+from pipeline.lane_orbit import sense_approach, sense_orbit
 from pipeline.lane_sight import sense
 from pipeline.lanes import (
     BEYOND,
     BODY,
     CENTRE,
+    CLOSEST_APPROACH,
     DEAD_BAND,
     DELTA_V,
     ETA_U,
@@ -208,15 +209,16 @@ def start_lanes(
 
 
 @njit(cache=True, error_model="numpy")
-def needs_of(law: Law) -> tuple[bool, bool]:
-    """Tell whether a law senses the relative angles, and whether it senses free motion, target or Sun."""
-    needs_angles, needs_orbit = False, False
+def needs_of(law: Law) -> tuple[bool, bool, bool]:
+    """Tell whether a law senses the relative angles; free motion, target or Sun; the closest approach."""
+    needs_angles, needs_orbit, needs_approach = False, False, False
     for system in range(len(law.axes)):
         for place in range(3):
             signal = law.signals[system, place]
             needs_angles |= signal in (LAMBDA_U, ETA_U)
             needs_orbit |= signal >= CENTRE
-    return needs_angles, needs_orbit
+            needs_approach |= signal == CLOSEST_APPROACH
+    return needs_angles, needs_orbit, needs_approach
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -251,7 +253,7 @@ def fly(
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
     is_logged = len(log.position) > 0
-    needs_angles, needs_orbit = needs_of(law)
+    needs_angles, needs_orbit, needs_approach = needs_of(law)
     needs_angles |= is_logged
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
     lanes = work.lanes
@@ -266,6 +268,8 @@ def fly(
         count = sense(world, work, num_lanes, k, needs_angles, target)
         if needs_orbit:
             sense_orbit(world, law, values, work, k)
+        if needs_approach:
+            sense_approach(world, work)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]

@@ -17,10 +17,11 @@ Integers = NDArray[np.int64]
 
 #: positions of the signals that a controller may sense, see `pipeline.controllers.SIGNALS`
 DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL = 0, 1, 4, 5, 6, 9
-CENTRE, RING_ERROR, TARGET_DIRECTION, SUN_BEARING, NUM_SIGNALS = 12, 14, 16, 19, 21
+CENTRE, RING_ERROR, TARGET_DIRECTION, SUN_BEARING = 12, 14, 16, 19
+PREDICTED_CENTRE, CLOSEST_APPROACH, NUM_SIGNALS = 21, 22, 23
 
 #: positions of the constants that a controller may set, see `pipeline.controllers.CONSTANTS`
-RING_SIZE, RING_LEAD, DEAD_BAND = 0, 1, 2
+RING_SIZE, RING_LEAD, DEAD_BAND, PREDICTION_TIME = 0, 1, 2, 5
 
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE, NUM_OUTCOMES = 0, 1, 2, 3, 4, 5, 6
@@ -83,6 +84,7 @@ class Workspace(NamedTuple):
     unseen: Floats  # (LANES, P padded) 1 where a point is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     signals: Floats  # (NUM_SIGNALS * LANES,)
+    passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
     scratch: Floats

@@ -280,8 +280,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                 target,
                 world.mean_motion,
                 angle,
-                channels.ring_size,
-                channels.ring_lead,
+                channels,
             )
             for f in range(len(channels.axes)):
                 inputs = np.zeros(MAX_INPUTS)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.model import FuzzySystem
 from pipeline.guidance import MIN_PROJECTION_M
+from pipeline.physics.clohessy_wiltshire import closest_approach
 from pipeline.physics.vectors import norm, times
 
 Floats = NDArray[np.float64]
@@ -37,6 +38,8 @@ SIGNALS = (
     "target_cross_track",
     "sun_alignment",
     "sun_ahead",
+    "predicted_centre_along_track",
+    "closest_approach",
 )
 
 #: what a fuzzy system can command, along the axes of body or Hill
@@ -62,6 +65,10 @@ class Channels(NamedTuple):
         Height of the ring that follows the Sun, m, and how far the Sun is ahead of the place on it, rad.
     dead_band : array, shape (3,)
         Smallest force along each axis that is fired, N.
+    prediction_time : float
+        How far ahead the predicted centre is, s.
+    senses_approach : bool
+        Whether any system senses the closest approach, which takes long to compute.
     """
 
     axes: Integers
@@ -71,6 +78,8 @@ class Channels(NamedTuple):
     ring_size: float
     ring_lead: float
     dead_band: Floats
+    prediction_time: float
+    senses_approach: bool
 
 
 def channels_of(
@@ -90,9 +99,9 @@ def channels_of(
     plan_h : array, optional
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
     constants : array, optional
-        Ring size (m), ring lead (rad), and three dead bands (N); zero unless given.
+        Ring size (m), ring lead (rad), three dead bands (N), prediction time (s); zero unless given.
     """
-    ring_size, ring_lead, *dead_band = np.zeros(5) if constants is None else constants
+    ring_size, ring_lead, *dead_band, prediction_time = np.zeros(6) if constants is None else constants
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
         signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
@@ -104,6 +113,8 @@ def channels_of(
         ring_size=float(ring_size),
         ring_lead=float(ring_lead),
         dead_band=np.array(dead_band, dtype=np.float64),
+        prediction_time=float(prediction_time),
+        senses_approach=bool((signals == SIGNALS.index("closest_approach")).any()),
     )
 
 
@@ -156,8 +167,7 @@ def measure(
     target_h: Floats,
     mean_motion: float,
     sun_angle: float,
-    ring_size: float,
-    ring_lead: float,
+    channels: Channels,
 ) -> Floats:
     """Return every signal, in the order of `SIGNALS`, in m, m/s, rad and pure numbers.
 
@@ -171,8 +181,10 @@ def measure(
         Relative angles, rad.
     target_h : array, shape (3,)
         The target, m, Hill axes; zeros without one.
-    mean_motion, sun_angle, ring_size, ring_lead : float
-        rad/s, rad, m and rad.
+    mean_motion, sun_angle : float
+        rad/s and rad.
+    channels : Channels
+        The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
     velocity_b = times(dcm, velocity_h)
     known = np.array(
@@ -191,5 +203,11 @@ def measure(
             velocity_h[2],
         ]
     )
-    motion = natural_motion(position_h, velocity_h, mean_motion, sun_angle, ring_size, ring_lead)
-    return np.concatenate((known, motion, direction(target_h), sun_bearing(position_h, sun_angle)))
+    motion = natural_motion(
+        position_h, velocity_h, mean_motion, sun_angle, channels.ring_size, channels.ring_lead
+    )
+    # the centre drifts at -1.5 n times its height
+    predicted = motion[1] - 1.5 * mean_motion * motion[0] * channels.prediction_time
+    approach = closest_approach(position_h, velocity_h, mean_motion) if channels.senses_approach else 0.0
+    bearing = sun_bearing(position_h, sun_angle)
+    return np.concatenate((known, motion, direction(target_h), bearing, np.array([predicted, approach])))

@@ -144,6 +144,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
         signals=np.zeros(NUM_SIGNALS * LANES),
+        passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
         scratch=scratch_for(numbers) if has_systems else np.zeros(0),

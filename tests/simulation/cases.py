@@ -122,6 +122,22 @@ ORBITAL = controller(
     dead_band_force_y_n=0.004,
     dead_band_force_z_n=0.001,
 )
+#: senses where its drift takes it
+LOOKING_AHEAD = controller(
+    (
+        leaning_system(
+            "force_x",
+            0.02,
+            ("predicted_centre_along_track", "m", 120.0),
+            ("closest_approach", "m", 60.0),
+            ("velocity_radial", "m/s", 0.1),
+        ),
+        leaning_system("force_y", 0.03, ("centre_radial", "m", 60.0), ("closest_approach", "m", 40.0)),
+    ),
+    "hill",
+    prediction_time_s=800.0,
+    dead_band_force_x_n=0.001,
+)
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))

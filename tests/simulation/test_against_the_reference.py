@@ -17,6 +17,7 @@ from pipeline.settings import Mission
 from pipeline.simulation import fly_logged
 from tests.simulation.cases import (
     COMPLETED,
+    LOOKING_AHEAD,
     MIXED,
     ORBITAL,
     OVER_POLES,
@@ -71,6 +72,7 @@ FLOWN = {
     "systems of one, two and three inputs": (mission(), MIXED, [*STARTS, COMPLETED]),
     "a controller that is often silent": (mission(), SPARSE, STARTS),
     "free motion, target and Sun": (mission(), ORBITAL, STARTS),
+    "where drift leads": (mission(), LOOKING_AHEAD, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,
@@ -87,6 +89,7 @@ POINTED = {
     "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
     "free motion, target and Sun": (mission(attitude=IDEAL), ORBITAL, [*STARTS, *OVER_POLES]),
+    "where drift leads": (mission(attitude=IDEAL), LOOKING_AHEAD, [*STARTS, *OVER_POLES]),
     "another camera": (mission(attitude=IDEAL, sensor={"boresight": (-0.8, 0.6, 0.0)}), STEERING, STARTS),
 }
 

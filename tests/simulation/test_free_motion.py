@@ -9,7 +9,15 @@ from fis_tools.model import FuzzyController
 from pipeline.controllers import ControllerError, constants_of, from_fuzzy
 from pipeline.flight import FlightLog, Scenario
 from pipeline.simulation import fly_logged
-from tests.simulation.cases import ORBITAL, STARTS, controller, leaning_system, mission
+from tests.simulation.cases import (
+    LOOKING_AHEAD,
+    ORBITAL,
+    STARTS,
+    controller,
+    drifting_through,
+    leaning_system,
+    mission,
+)
 from tests.truth.missions import MEAN_MOTION
 
 SIZE_M, LEAD_RAD, SUN_RAD = 35.0, 0.7, 2.0
@@ -61,6 +69,34 @@ def test_a_deputy_on_the_ring_stays_on_it_and_away_from_it_the_error_turns_with_
     np.testing.assert_allclose(sensed(log, 0, 1), -SIZE_M * np.sin(turned), rtol=0, atol=1e-9)
 
 
+def test_the_predicted_centre_is_where_the_centre_comes_to() -> None:
+    systems = silent(
+        ("force_x", 0.01, ("predicted_centre_along_track", "m", 60.0), ("centre_along_track", "m", 60.0))
+    )
+    constants = {"prediction_time_s": 700.0, "dead_band_force_x_n": 1.0}
+    log = fly_logged(mission(), controller(tuple(systems), "hill", **constants), STARTS[0])
+    predicted, along = sensed(log, 0, 0), sensed(log, 0, 1)
+    np.testing.assert_allclose(predicted[:-70], along[70:], rtol=0, atol=1e-8)
+    assert abs(predicted[0] - along[0]) > 10.0
+
+    now = controller(tuple(systems), "hill", dead_band_force_x_n=1.0)
+    log = fly_logged(mission(), now, STARTS[0])
+    np.testing.assert_array_equal(sensed(log, 0, 0), sensed(log, 0, 1))
+
+
+def test_the_closest_approach_is_what_a_flight_without_force_comes_to() -> None:
+    systems = silent(("force_y", 0.01, ("closest_approach", "m", 60.0)))
+    quiet = controller(tuple(systems), "hill", dead_band_force_y_n=1.0)
+    orbit = round(2.0 * np.pi / MEAN_MOTION / 10.0)
+    log = fly_logged(mission(duration_s=20.0 * orbit), quiet, drifting_through((9.0, 12.0, 8.0), 2000.0))
+    distance, found = np.linalg.norm(log.position_m, axis=1), sensed(log, 0, 0)
+    least = np.array([distance[k : k + orbit + 1].min() for k in range(orbit)])
+    np.testing.assert_allclose(found[:orbit], least, rtol=0, atol=0.004 * distance[: 2 * orbit].max())
+    assert found[0] < 20.0
+    assert distance[0] > 60.0
+    assert np.ptp(found[:orbit]) > 1.0  # what is past counts no more
+
+
 def test_directions_are_those_of_the_log() -> None:
     log = fly_logged(mission(), ORBITAL, STARTS[1])
     has_target = log.num_candidates[:-1] > 0
@@ -75,7 +111,7 @@ def test_directions_are_those_of_the_log() -> None:
 
 def test_forces_below_a_dead_band_are_not_fired() -> None:
     log = fly_logged(mission(), ORBITAL, STARTS[2])
-    bands = constants_of(ORBITAL)[2:]
+    bands = constants_of(ORBITAL)[2:5]
     kept = np.where(np.abs(log.fis_output_n) < bands, 0.0, log.fis_output_n)
     np.testing.assert_array_equal(log.force_hill_n, kept)
     is_dropped = log.fis_output_n != kept
@@ -90,6 +126,7 @@ def test_a_constant_that_is_no_length_is_told(text: str) -> None:
 
 
 def test_constants_go_with_the_controller() -> None:
-    np.testing.assert_array_equal(constants_of(ORBITAL), [31.0, 0.4, 0.002, 0.004, 0.001])
+    np.testing.assert_array_equal(constants_of(ORBITAL), [31.0, 0.4, 0.002, 0.004, 0.001, 0.0])
+    np.testing.assert_array_equal(constants_of(LOOKING_AHEAD), [0.0, 0.0, 0.001, 0.0, 0.0, 800.0])
     plain = replace(ORBITAL, fuzzy=FuzzyController("tried", ORBITAL.systems, (("force_axes", "hill"),)))
     np.testing.assert_array_equal(constants_of(plain), 0.0)
