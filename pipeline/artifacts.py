@@ -32,6 +32,7 @@ CONTROLLER: Final = "controller.json"
 EPISODES: Final = "evaluate/episodes.parquet"
 TRAJECTORIES: Final = "evaluate/trajectories.parquet"
 SUMMARY: Final = "evaluate/summary.json"
+BESIDE_OPTIMUM: Final = "evaluate/optimum.parquet"
 OPTIMUM_CASES: Final = "optimum/cases.parquet"
 OPTIMUM_PLANS: Final = "optimum/plans"
 OPTIMUM_FORCES: Final = "optimum/forces.csv"
@@ -52,6 +53,7 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     EPISODES: "evaluate",
     TRAJECTORIES: "evaluate",
     SUMMARY: "evaluate",
+    BESIDE_OPTIMUM: "evaluate",
     OPTIMUM_CASES: "optimum",
     OPTIMUM_PLANS: "optimum",
     OPTIMUM_FORCES: "optimum",

@@ -8,6 +8,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -267,6 +268,11 @@ def _check_before(experiment: Experiment) -> None:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
 
         check_points(experiment.mission, experiment.optimum.points)
+    if "evaluate" in experiment.stages:
+        from pipeline.optimum.solved import IncomparableError, solved_for  # noqa: PLC0415 - the same
+
+        with suppress(IncomparableError):
+            solved_for(experiment)
     _check_controller(experiment)
 
 

@@ -15,6 +15,7 @@ from pipeline.checks import SettingError
 from pipeline.nearest import did_you_mean
 
 __all__ = [
+    "SHIPPED",
     "STAGES",
     "Attitude",
     "Chief",
@@ -38,6 +39,9 @@ __all__ = [
 
 #: in the order in which they run: each reads what those before it have written
 STAGES = ("scenario", "train", "evaluate", "record", "optimum", "report")
+
+#: the plans of least fuel that come with the program, as a value of ``optimum.reference``
+SHIPPED = "shipped"
 
 #: beyond these a flight fills the memory of any computer
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
@@ -358,6 +362,8 @@ class Optimum:
     kicks: int
     #: threads that solve cases; None is one for each processor
     workers: int | None
+    #: whose cases evaluations are measured by: `SHIPPED`, the folder of a run with solved cases, or None
+    reference: str | None = SHIPPED
 
     def __post_init__(self) -> None:
         """Refuse searches for nothing."""

@@ -16,6 +16,7 @@ Column = NDArray[Any]
 #: starts nearer to one another than this are the same case, m and rad
 SAME_START = 1e-9
 _START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad")
+_VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
 
 
 def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_points: int) -> dict[str, Any]:
@@ -25,6 +26,7 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
     return {
         "case": case,
         **dict(zip(_START, [*scenario.position_m.tolist(), scenario.sun_angle_rad], strict=True)),
+        **dict(zip(_VELOCITY, scenario.velocity_m_s.tolist(), strict=True)),
         "delta_v_m_s": flight.delta_v,
         "inspected_count": flight.num_inspected,
         "inspection_rate_percent": 100.0 * flight.num_inspected / num_points,
@@ -76,6 +78,52 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             "cases_found_more_than_once": int(np.sum(agreeing > 1)),
         }
     return summary
+
+
+def beside_optimum(episodes: Mapping[str, Column], cases: Mapping[str, Column]) -> dict[str, Column]:
+    """Put a controller's flights beside the plans of the same cases.
+
+    Parameters
+    ----------
+    episodes : mapping of (n,) arrays
+        Of `pipeline.monte_carlo.episode_columns`, flown from the starts of the cases, in order.
+    cases : mapping of (n,) arrays
+        Of `pipeline.optimum.solved.Solved`.
+
+    Returns
+    -------
+    dict of (n,) arrays
+        The columns of `evaluate/optimum.parquet`: those of the episodes, under the numbers of the cases, and
+        ``optimum_delta_v_m_s``, ``optimum_bound_m_s``, ``optimum_inspected_count``, ``times_optimum``.
+    """
+    least = np.asarray(cases["delta_v_m_s"], dtype=np.float64)
+    return {
+        **episodes,
+        "case": np.asarray(cases["case"]),
+        "optimum_delta_v_m_s": least,
+        "optimum_bound_m_s": np.asarray(cases["delta_v_bound_m_s"], dtype=np.float64),
+        "optimum_inspected_count": np.asarray(cases["inspected_count"]),
+        "times_optimum": np.asarray(episodes["delta_v_m_s"], dtype=np.float64) / least,
+    }
+
+
+def summarise_times(columns: Mapping[str, Column]) -> dict[str, Any]:
+    """Return what `beside_optimum` comes to: times the optimum, and cases that succeed inside the limits."""
+    times = columns["times_optimum"]
+    worst = int(np.argmax(times))
+    return {
+        "num_cases": len(times),
+        "num_successful": int(np.sum(columns["success"] & ~columns["violated"])),
+        "times_optimum": {
+            "mean": float(times.mean()),
+            "median": float(np.median(times)),
+            "min": float(times.min()),
+            "max": float(times[worst]),
+            "max_case": int(columns["case"][worst]),
+        },
+        "delta_v_m_s": {"mean": float(columns["delta_v_m_s"].mean())},
+        "optimum_delta_v_m_s": {"mean": float(columns["optimum_delta_v_m_s"].mean())},
+    }
 
 
 def ratio_to_optimum(episodes: Mapping[str, Column], optimum: Mapping[str, Column]) -> dict[str, Column]:

@@ -1,16 +1,20 @@
-"""Fly the controller from all evaluation starts: episodes, trajectories, summary."""
+"""Fly the controller from all evaluation starts: episodes, trajectories, summary; and beside the optimum."""
 
 import shlex
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline import artifacts, tables
 from pipeline.champion import controller_of_run
 from pipeline.compile_notice import announce_compilation
+from pipeline.controllers import Controller
 from pipeline.monte_carlo import fly_cases, summarise
+from pipeline.optimum.account import beside_optimum, summarise_times
+from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings import Experiment
 
@@ -42,6 +46,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         "seed": experiment.seed,
         "confidence_percent": confidence,
         **summarise(episodes, confidence),
+        "optimum": _beside_optimum(experiment, controller, folder),
     }
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
     delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
@@ -51,5 +56,32 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary['success']['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
+        f"{_told(summary['optimum'])}"
         f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
+    )
+
+
+def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
+    """Fly the cases whose plans of least fuel are known; return what it comes to, or why it was not done."""
+    path = folder / artifacts.BESIDE_OPTIMUM
+    try:
+        solved = solved_for(experiment)
+    except IncomparableError as reason:
+        path.unlink(missing_ok=True)
+        return {"not_compared": str(reason)}
+    episodes, _ = fly_cases(experiment.mission, controller, solved.scenarios, experiment.monte_carlo.workers)
+    columns = beside_optimum(episodes, solved.cases)
+    tables.write_parquet(path, columns)
+    points = int(solved.summary["points_asked"])
+    return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
+
+
+def _told(beside: dict[str, Any]) -> str:
+    """Say in a line how many times the optimum was burnt; nothing where it was not compared."""
+    if "not_compared" in beside:
+        return ""
+    times = beside["times_optimum"]
+    return (
+        f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
+        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful\n"
     )

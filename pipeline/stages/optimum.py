@@ -17,6 +17,7 @@ from pipeline.controller_source import COLUMNS, read_forces
 from pipeline.flight import Scenario
 from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
+from pipeline.optimum.solved import terms_of
 from pipeline.scenarios import EVALUATION, evaluation_scenarios, given_start
 from pipeline.settings import Experiment
 from pipeline.simulation import inspection_points
@@ -137,6 +138,7 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, Row]) -> No
         "seed": experiment.seed,
         "attitude": experiment.mission.attitude.mode,
         "points_asked": experiment.optimum.points,
+        "mission": terms_of(experiment.mission),
         **summarise([rows[case] for case in sorted(rows)]),
     }
     artifacts.write_json(folder / artifacts.OPTIMUM_SUMMARY, summary)

@@ -1,7 +1,5 @@
 """The plans that ship fly: within all limits, with the points and the delta-v that their table says."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -10,15 +8,14 @@ from pipeline.controllers import open_loop
 from pipeline.flight import Scenario
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
+from pipeline.optimum.solved import SHIPPED_FOLDERS
 from pipeline.simulation import fly_all
 from tests.optimum.cases import composed
-
-SHIPPED = Path(__file__).resolve().parents[2] / "docs" / "data"
 
 
 @pytest.mark.parametrize("sun", ["fixed", "random"])
 def test_every_plan_flies_as_its_table_says(sun):
-    folder = SHIPPED / f"{sun}_sun"
+    folder = SHIPPED_FOLDERS[sun]
     mission = composed().experiment.mission
     assert mission.attitude.mode == "flown"
     cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
@@ -38,7 +35,7 @@ def test_every_plan_flies_as_its_table_says(sun):
 
 
 def test_bounds_in_the_table_are_those_of_the_cases():
-    cases = tables.read_parquet(SHIPPED / "random_sun", artifacts.OPTIMUM_CASES)
+    cases = tables.read_parquet(SHIPPED_FOLDERS["random"], artifacts.OPTIMUM_CASES)
     position = np.array([cases[f"position_{axis}_m"][3] for axis in "xyz"])
     start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][3]))
     problem = problem_of(composed().experiment.mission, start)

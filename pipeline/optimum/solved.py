@@ -1,0 +1,138 @@
+"""Cases whose plans of least fuel are known: those that ship, or those of a run of the stage optimum."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import artifacts, tables
+from pipeline.flight import Scenario
+from pipeline.settings import SHIPPED, Experiment, Mission
+
+Column = NDArray[Any]
+Floats = NDArray[np.float64]
+
+#: the folders that ship, laid out like those of runs
+SHIPPED_FOLDERS = {sun: Path(__file__).parent / "shipped" / f"{sun}_sun" for sun in ("fixed", "random")}
+
+
+class IncomparableError(ValueError):
+    """Why flights cannot be measured by the plans there are; the text completes "not compared: …"."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Cases with the plans of least fuel that were found for them; only such as need fuel.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they lie.
+    cases : mapping of (n,) arrays
+        The columns of ``optimum/cases.parquet``.
+    fired : (m, 5) array
+        Case, time (s) and force (N, Hill axes) of every control period with a force.
+    summary : mapping
+        What ``optimum/summary.json`` holds.
+    """
+
+    folder: Path
+    cases: Mapping[str, Column]
+    fired: Floats
+    summary: Mapping[str, Any]
+
+    @property
+    def scenarios(self) -> list[Scenario]:
+        """The starts of the cases, in order."""
+        positions = np.stack([self.cases[f"position_{axis}_m"] for axis in "xyz"], axis=1)
+        at_rest = np.zeros(len(positions))
+        rates = [self.cases.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"]
+        return [
+            Scenario(position.astype(np.float64), velocity.astype(np.float64), float(angle))
+            for position, velocity, angle in zip(
+                positions, np.stack(rates, axis=1), self.cases["sun_angle_rad"], strict=True
+            )
+        ]
+
+    def plan(self, row: int, mission: Mission) -> Floats:
+        """Return the forces of the case of a row, one for each control period, N, Hill axes."""
+        own = self.fired[self.fired[:, 0] == self.cases["case"][row]]
+        forces = np.zeros((mission.num_controls, 3))
+        forces[np.rint(own[:, 1] / mission.control_period_s).astype(np.int64)] = own[:, 2:]
+        return forces
+
+
+def terms_of(mission: Mission) -> dict[str, Any]:
+    """Return what a plan of least fuel depends on besides its start: keys of the configuration to values.
+
+    What only a controller senses or heeds is left out: guidance, coasting at the end, the share of the points
+    that counts as a success.
+    """
+    terms = {
+        f"{group}.{key}": value
+        for group in ("orbit", "deputy", "chief", "sensor", "attitude")
+        for key, value in asdict(getattr(mission, group)).items()
+    }
+    for key in ("deputy.initial_position_m", "deputy.initial_velocity_m_s"):
+        del terms[key]
+    for key in ("attitude_period_s", "control_period_s", "duration_s"):
+        terms[key] = getattr(mission, key)
+    plain: dict[str, Any] = json.loads(json.dumps(terms))
+    return plain
+
+
+def read_solved(folder: Path) -> Solved:
+    """Read the cases of a folder that have a plan.
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If a file is missing or cannot be read.
+    """
+    columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
+    summary = artifacts.read_json(folder, artifacts.OPTIMUM_SUMMARY)
+    path = artifacts.require(folder, artifacts.OPTIMUM_FORCES)
+    try:
+        fired = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).reshape(-1, 5)
+        is_solved = columns["is_feasible"].astype(np.bool_) & (columns["delta_v_m_s"] > 0.0)
+    except (OSError, ValueError, KeyError) as error:
+        raise artifacts.ArtifactError(
+            f"{folder} has no readable plans of least fuel ({type(error).__name__}: {error}); "
+            "repeat the stage optimum"
+        ) from error
+    return Solved(folder, {name: column[is_solved] for name, column in columns.items()}, fired, summary)
+
+
+def solved_for(experiment: Experiment) -> Solved:
+    """Return the cases that an experiment's controllers are measured by.
+
+    Raises
+    ------
+    IncomparableError
+        If its mission or its Sun is another than that of the plans, or it names none.
+    pipeline.artifacts.ArtifactError
+        If what it names cannot be read.
+    """
+    reference, sun = experiment.optimum.reference, experiment.sun
+    if reference is None:
+        raise IncomparableError("optimum.reference is null")
+    if reference == SHIPPED and sun.mode not in SHIPPED_FOLDERS:
+        raise IncomparableError(f"sun.mode is {sun.mode}; plans ship for sun=fixed and sun=random")
+    solved = read_solved(SHIPPED_FOLDERS[sun.mode] if reference == SHIPPED else Path(reference))
+    theirs, ours = solved.summary.get("mission"), terms_of(experiment.mission)
+    their_sun, angles = solved.summary.get("sun"), solved.cases["sun_angle_rad"]
+    if not isinstance(theirs, dict) or not len(solved.cases["case"]):
+        raise IncomparableError(f"{solved.folder} does not say of which mission its plans are, or has none")
+    differing = [key for key in ours if ours[key] != theirs.get(key)]
+    if differing:
+        key = differing[0]
+        raise IncomparableError(f"{key} is {ours[key]} here, and {theirs.get(key)} where the plans were made")
+    if their_sun != sun.mode:
+        raise IncomparableError(f"sun.mode is {sun.mode} here, and {their_sun} in the plans' cases")
+    if sun.mode == "fixed" and not np.allclose(angles, np.radians(sun.angle_deg), rtol=0.0, atol=1e-9):
+        raise IncomparableError(f"sun.angle_deg is {sun.angle_deg:g} here, and another in the plans' cases")
+    return solved
