@@ -18,6 +18,7 @@ from pipeline.controllers import Controller
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import fly_cases, rank, summarise
 from pipeline.objectives import Fraction, Statistic
+from pipeline.report.optimum import BesideOptimum, read_beside
 from pipeline.scenarios import given_start, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
@@ -75,6 +76,8 @@ class Contents:
     training, evaluation : Flights, optional
     training_round : int, optional
         Whose starts the training flights have, from 1, where each round has its own.
+    beside : BesideOptimum
+        The controller beside the plans of least fuel.
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
@@ -93,6 +96,7 @@ class Contents:
     training: Flights | None
     evaluation: Flights | None
     training_round: int | None
+    beside: BesideOptimum
     shown: Sequence[ShownFlight]
     logbook: Columns | None
     manifest: Mapping[str, Any] | None
@@ -132,6 +136,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         training=fly_training(experiment, controller, starts) if controller and starts else None,
         training_round=training_round,
         evaluation=evaluation,
+        beside=read_beside(folder),
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
         manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,

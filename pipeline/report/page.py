@@ -14,6 +14,7 @@ from pipeline.figures.style import MOST_POINTS
 from pipeline.objectives import points_needed
 from pipeline.report import paper
 from pipeline.report.contents import POSITION, Contents, Flights, ShownFlight
+from pipeline.report.optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.paper import Reported
 from pipeline.report.pictures import Illustration
 from pipeline.settings import Mission
@@ -80,6 +81,9 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         threshold=f"{experiment.mission.inspection_threshold_percent:g}",
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
         cases=case_rows(contents.training),
+        optimum_words=in_words(contents.beside, experiment.mission.inspection_threshold_percent),
+        optimum_reason=contents.beside.reason,
+        optimum_cases=optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
         training=contents.training,
         training_round=contents.training_round,
@@ -169,6 +173,11 @@ def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
             )
             for label, name in shares
         ),
+        *times_tile(contents.beside),
+    ]
+            if times
+            else []
+        ),
     ]
 
 
@@ -250,7 +259,7 @@ def case_rows(training: Flights | None) -> list[list[str]]:
             f"{episodes['inspection_rate_percent'][row]:.2f}",
             f"{episodes['mean_distance_m'][row]:.2f}",
             f"{episodes['min_distance_m'][row]:.1f} to {episodes['max_distance_m'][row]:.1f}",
-            _outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
+            outcome(bool(episodes["success"][row]), bool(episodes["violated"][row])),
         ]
         for row in range(len(episodes["case"]))
     ]
@@ -259,12 +268,6 @@ def case_rows(training: Flights | None) -> list[list[str]]:
 def _signed(value: float, places: int) -> str:
     """Write a number with a true minus sign."""
     return f"{value:.{places}f}".replace("-", "−")
-
-
-def _outcome(is_success: bool, is_violated: bool) -> str:
-    if is_violated:
-        return "outside the limits"
-    return "success" if is_success else "too few points"
 
 
 def _controller_facts(contents: Contents) -> list[tuple[str, str]]:

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
+from pipeline.figures.optimum import beside_optimum
 from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
 from pipeline.objectives import points_needed
@@ -19,7 +20,7 @@ from pipeline.settings import Mission
 from pipeline.simulation import inspection_points
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
-OWN_FILES = re.compile(r"(control|trajectories|distributions|convergence|system)(-[a-z0-9-]+)?\.png")
+OWN_FILES = re.compile(r"(control|trajectories|distributions|convergence|optimum|system)(-[a-z0-9-]+)?\.png")
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
         yield _training_sketch(contents.training, mission)
     if contents.evaluation is not None and contents.evaluation.tracks_m is not None:
         yield _evaluation_sketch(contents.evaluation, mission)
+    if contents.beside.columns is not None:
+        yield _optimum_sketch(contents)
     samples = list(_samples(contents))
     if samples:
         yield _distributions_sketch(samples, mission)
@@ -131,6 +134,19 @@ def _evaluation_sketch(evaluation: Flights, mission: Mission) -> _Sketch:
     )
     figure = trajectories(_tracks_by_outcome(evaluation, mission), mission)
     return _Sketch("trajectories-evaluation", caption, figure)
+
+
+def _optimum_sketch(contents: Contents) -> _Sketch:
+    assert contents.beside.columns is not None  # noqa: S101 - asked before
+    mission = contents.experiment.mission
+    needed = points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+    caption = (
+        "Delta-v and points of the controller (filled) and of the plan of least fuel (open) in the same "
+        "cases, by their ratio; the least, the middle and the greatest stand over their cases. The dotted "
+        f"line is at {needed} points. The plans know the whole flight beforehand, the controller only the "
+        "moment."
+    )
+    return _Sketch("optimum", caption, beside_optimum(contents.beside.columns, needed))
 
 
 def _tracks_by_outcome(flights: Flights, mission: Mission) -> Tracks:

@@ -28,6 +28,7 @@ SECTIONS = (
     "control",
     "training",
     "evaluation",
+    "optimum",
     "distributions",
     "convergence",
     "controller",
