@@ -175,10 +175,6 @@ def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
         ),
         *times_tile(contents.beside),
     ]
-            if times
-            else []
-        ),
-    ]
 
 
 def summary_rows(contents: Contents) -> list[Row]:
