@@ -18,7 +18,7 @@ from pipeline.controllers import Controller
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import fly_cases, rank, summarise
 from pipeline.objectives import Fraction, Statistic
-from pipeline.report.optimum import BesideOptimum, read_beside
+from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.scenarios import given_start, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
@@ -78,6 +78,8 @@ class Contents:
         Whose starts the training flights have, from 1, where each round has its own.
     beside : BesideOptimum
         The controller beside the plans of least fuel.
+    pairs : sequence of Pair
+        Some of these cases, to be drawn.
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
@@ -97,6 +99,7 @@ class Contents:
     evaluation: Flights | None
     training_round: int | None
     beside: BesideOptimum
+    pairs: Sequence[Pair]
     shown: Sequence[ShownFlight]
     logbook: Columns | None
     manifest: Mapping[str, Any] | None
@@ -123,6 +126,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     is_untrained = has_trained and not (folder / artifacts.CHAMPION).exists()
     controller = None if is_untrained else controller_of_run(experiment, folder)
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
+    beside = read_beside(folder)
     starts: list[Scenario] = []
     if controller and (has_trained or has_training_starts(folder)):
         starts = last_training_starts(experiment, logbook)
@@ -136,7 +140,8 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         training=fly_training(experiment, controller, starts) if controller and starts else None,
         training_round=training_round,
         evaluation=evaluation,
-        beside=read_beside(folder),
+        beside=beside,
+        pairs=fly_pairs(experiment, controller, beside) if controller else (),
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
         manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,

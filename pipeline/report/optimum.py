@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline import artifacts, tables
+from pipeline.controllers import Controller, open_loop
+from pipeline.flight import FlightLog
 from pipeline.optimum.account import summarise_times
+from pipeline.optimum.solved import IncomparableError, solved_for
+from pipeline.settings import Experiment
+from pipeline.simulation import fly_logged
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -41,6 +46,17 @@ class BesideOptimum:
     reason: str
 
 
+@dataclass(frozen=True)
+class Pair:
+    """A case flown by the controller, and as its plan of least fuel says."""
+
+    case: int
+    which: str
+    times: float
+    controller: FlightLog
+    plan: FlightLog
+
+
 def read_beside(folder: Path) -> BesideOptimum:
     """Read what the stage evaluate wrote of it.
 
@@ -64,6 +80,28 @@ def read_beside(folder: Path) -> BesideOptimum:
     part = told.get("optimum") if isinstance(told, dict) else None
     reason = part.get("not_compared", "") if isinstance(part, dict) else ""
     return BesideOptimum(None, {}, str(reason))
+
+
+def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOptimum) -> list[Pair]:
+    """Fly the cases of the middle and of the greatest ratio; none where the plans are no longer at hand."""
+    if beside.columns is None:
+        return []
+    try:
+        solved = solved_for(experiment)
+    except (IncomparableError, artifacts.ArtifactError):
+        return []
+    ours, theirs = beside.columns["case"], solved.cases["case"]
+    order = np.argsort(beside.columns["times_optimum"], kind="stable")
+    chosen = {int(order[len(order) // 2]): "the middle", int(order[-1]): "the greatest"}
+    pairs = []
+    for row, which in chosen.items():
+        for place in np.flatnonzero(theirs == ours[row]).tolist():
+            plan = open_loop("plan", solved.plan(place, experiment.mission))
+            start = solved.scenarios[place]
+            flown, planned = (fly_logged(experiment.mission, who, start) for who in (controller, plan))
+            times = float(beside.columns["times_optimum"][row])
+            pairs.append(Pair(int(ours[row]), which, times, flown, planned))
+    return pairs
 
 
 def in_words(beside: BesideOptimum, threshold_percent: float) -> str:

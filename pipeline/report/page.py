@@ -83,6 +83,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         cases=case_rows(contents.training),
         optimum_words=in_words(contents.beside, experiment.mission.inspection_threshold_percent),
         optimum_reason=contents.beside.reason,
+        optimum_pairs=[f"optimum-case-{pair.case}" for pair in contents.pairs],
         optimum_cases=optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
         training=contents.training,

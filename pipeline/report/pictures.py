@@ -10,11 +10,13 @@ from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
 from pipeline.figures.optimum import beside_optimum
+from pipeline.figures.side_by_side import side_by_side
 from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
 from pipeline.objectives import points_needed
 from pipeline.report import paper
 from pipeline.report.contents import Contents, Flights, ShownFlight
+from pipeline.report.optimum import Pair
 from pipeline.report.svg import inline
 from pipeline.settings import Mission
 from pipeline.simulation import inspection_points
@@ -80,6 +82,8 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
         yield _evaluation_sketch(contents.evaluation, mission)
     if contents.beside.columns is not None:
         yield _optimum_sketch(contents)
+    for pair in contents.pairs:
+        yield _pair_sketch(pair, mission)
     samples = list(_samples(contents))
     if samples:
         yield _distributions_sketch(samples, mission)
@@ -147,6 +151,18 @@ def _optimum_sketch(contents: Contents) -> _Sketch:
         "moment."
     )
     return _Sketch("optimum", caption, beside_optimum(contents.beside.columns, needed))
+
+
+def _pair_sketch(pair: Pair, mission: Mission) -> _Sketch:
+    needed = points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+    caption = (
+        f"Case {pair.case}, {pair.which} ratio: {pair.times:.1f} times the optimum. The controller and the "
+        "plan of least fuel from the same start, in the orbit plane and across it: the path, broad where new "
+        "points come into sight (at most two minutes apart); circles are burns, their area the delta-v; the "
+        "arc is the Sun's way. Dotted are the distance limits. Beside them, delta-v and points over time."
+    )
+    figure = side_by_side(pair.controller, pair.plan, mission, needed)
+    return _Sketch(f"optimum-case-{pair.case}", caption, figure)
 
 
 def _tracks_by_outcome(flights: Flights, mission: Mission) -> Tracks:
