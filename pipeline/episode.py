@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 from fis_tools.kernel import LANES, infer
 from pipeline.lane_attitude import aim_plainly, clip, turn_deputies
 from pipeline.lane_orbit import sense_approach, sense_orbit
+from pipeline.lane_safety import assure
 from pipeline.lane_sight import sense
 from pipeline.lanes import (
+    ACTED,
     BEYOND,
     BODY,
     CENTRE,
     CLOSEST_APPROACH,
+    CORRECTED,
     DEAD_BAND,
     DELTA_V,
     ETA_U,
@@ -49,6 +52,8 @@ from pipeline.lanes import (
     RX,
     RY,
     RZ,
+    SAFETY_DELTA_V,
+    SAFETY_PERIODS,
     SPENT,
     SUN_COS,
     SUN_SIN,
@@ -278,6 +283,8 @@ def fly(
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, num_lanes, log, k)
+        if world.guard.is_on:
+            assure(world, work, num_lanes, log, k)
         if is_logged:
             write_force(work, law, log, k, dcm_b_from_h(log.quaternion[k]))
         turn_deputies(world, work, num_lanes, log, k)
@@ -291,6 +298,8 @@ def fly(
         row[MIN_DISTANCE] = lanes[NEAREST + lane]
         row[MAX_DISTANCE] = lanes[FARTHEST + lane]
         row[OUTSIDE] = lanes[BEYOND + lane]
+        row[SAFETY_PERIODS] = lanes[ACTED + lane]
+        row[SAFETY_DELTA_V] = lanes[CORRECTED + lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

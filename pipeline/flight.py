@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: what the safety layer acted for at a sample, see `FlightLog.safety_limit`
+SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -56,6 +59,11 @@ class FlightLog:
     is_inspected : (K+1, P) bool
     delta_v_m_s : (K+1,)
         Spent by the forces 0 … k-1.
+    safety_limit : (K,) int
+        Which limit the safety layer changed the force for: `KEEP_OUT`, `KEEP_IN`, `SPEED` or
+        `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
+    safety_force_hill_n : (K, 3)
+        By which it changed the force, after the clip; part of `force_hill_n`.
     """
 
     position_m: Floats
@@ -78,3 +86,5 @@ class FlightLog:
     sun_angle_rad: Floats
     is_inspected: NDArray[np.bool_]
     delta_v_m_s: Floats
+    safety_limit: NDArray[np.int64]
+    safety_force_hill_n: Floats

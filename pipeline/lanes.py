@@ -24,9 +24,25 @@ PREDICTED_CENTRE, CLOSEST_APPROACH, NUM_SIGNALS = 21, 22, 23
 RING_SIZE, RING_LEAD, DEAD_BAND, PREDICTION_TIME = 0, 1, 2, 5
 
 #: columns of a row of outcomes
-DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE, NUM_OUTCOMES = 0, 1, 2, 3, 4, 5, 6
+DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
+SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
 
 HILL, BODY = 0, 1
+
+
+class Guard(NamedTuple):
+    """What the safety layer keeps to, see `pipeline.lane_safety`; without numbers where it is off."""
+
+    is_on: bool
+    keep_out: float  # m
+    keep_in: float  # m
+    speed_at_chief: float  # v0 - v1 d0, m/s
+    speed_slope: float  # v1, 1/s
+    braking_force: float  # N
+    stop: Floats  # (3, 6) K: from a state to the force that stops it within a control period
+    places: Floats  # (2 + J, 8) a state itself, stopped, and after 1 ... J periods of free drift: positions
+    num_kept_out: int  # rows of places that are kept out of the inner sphere
+    num_kept_in: int  # and in the outer one
 
 
 class World(NamedTuple):
@@ -61,6 +77,7 @@ class World(NamedTuple):
     has_pole_blending: bool
     has_clusters: bool
     coasts_when_complete: bool
+    guard: Guard
 
 
 class Law(NamedTuple):
@@ -98,15 +115,19 @@ class Workspace(NamedTuple):
     labels: Integers  # (2, P)
     distances: Floats  # (P,)
     sums: Floats  # (C, 4)
+    cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with
 
 
 # Rows of `Workspace.lanes`, as offsets: position, velocity, attitude, inertial rate, force as commanded,
-# force as applied, what has been spent and seen so far, the Sun at the start.
+# force as applied, what has been spent and seen so far, the Sun at the start, what the safety layer did and
+# where it sees the forces lead: the next state, the square of the least and the greatest distance, haste.
 RX, RY, RZ, VX, VY, VZ, Q1, Q2, Q3, Q4, WX, WY, WZ = (LANES * row for row in range(13))
 GX, GY, GZ, FX, FY, FZ = (LANES * row for row in range(13, 19))
 SPENT, TRAVELLED, NEAREST, FARTHEST, LEFT, POLES, BEYOND = (LANES * row for row in range(19, 26))
 SUN_COS, SUN_SIN = (LANES * row for row in range(26, 28))
-NUM_ROWS = 28
+ACTED, CORRECTED, AHEAD = (LANES * row for row in range(28, 31))
+CLOSEST, REACH, HASTE = (LANES * row for row in range(36, 39))
+NUM_ROWS = 39
 
 
 class Log(NamedTuple):
@@ -131,3 +152,5 @@ class Log(NamedTuple):
     sun_angle: Floats
     is_inspected: NDArray[np.bool_]
     delta_v: Floats
+    safety_limit: Integers
+    safety_force: Floats

@@ -30,6 +30,7 @@ __all__ = [
     "Orbit",
     "Penalty",
     "Report",
+    "Safety",
     "Sensor",
     "SettingError",
     "Starts",
@@ -45,6 +46,8 @@ SHIPPED = "shipped"
 
 #: beyond these a flight fills the memory of any computer
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
+#: beyond so many control periods of free drift the safety layer takes longer than the flight
+MOST_HORIZONS = 10_000
 
 #: the keys of a controller that is not written out, by its kind
 CONTROLLER_KEYS = {"file": {"path"}, "open_loop": {"kind", "path"}, "coast": {"kind"}}
@@ -173,6 +176,53 @@ class Guidance:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Safety:
+    """Run-time assurance around any controller: the least change of force that keeps the deputy safe."""
+
+    kind: Literal["none", "filter"]
+    #: by which the keep-out sphere is greater than `Deputy.min_distance_m`
+    keep_out_margin_m: float
+    #: by which the keep-in sphere is less than `Deputy.max_distance_m`
+    keep_in_margin_m: float
+    #: greatest speed at `speed_distance_m`, and by how much it grows with each metre beyond
+    speed_limit_m_s: float
+    speed_slope_per_s: float
+    speed_distance_m: float
+    #: greatest force along each Hill axis that stopping within one control period may need
+    braking_force_n: float
+    #: free drift for so long stays outside the keep-out sphere (passive safety); 0 for off
+    passive_horizon_s: float
+    #: free drift for so long stays inside the keep-in sphere; 0 for off
+    keep_in_horizon_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse what would guard nothing."""
+        # the least margin is beyond what rounding adds up to in a flight
+        for name in ("keep_out_margin_m", "keep_in_margin_m"):
+            checks.within(f"safety.{name}", getattr(self, name), 0.001, math.inf, "m")
+        checks.within("safety.speed_limit_m_s", self.speed_limit_m_s, 0.0, math.inf, "m/s")
+        checks.within("safety.speed_slope_per_s", self.speed_slope_per_s, 0.0, math.inf, "1/s")
+        checks.within("safety.speed_distance_m", self.speed_distance_m, 0.0, math.inf, "m")
+        checks.positive("safety.braking_force_n", self.braking_force_n, "N")
+        checks.within("safety.passive_horizon_s", self.passive_horizon_s, 0.0, math.inf, "s")
+        checks.within("safety.keep_in_horizon_s", self.keep_in_horizon_s, 0.0, math.inf, "s")
+
+
+#: no layer: forces are applied as a controller asks for them
+UNGUARDED = Safety(
+    kind="none",
+    keep_out_margin_m=1.0,
+    keep_in_margin_m=1.0,
+    speed_limit_m_s=0.2,
+    speed_slope_per_s=0.0,
+    speed_distance_m=0.0,
+    braking_force_n=1.0,
+    passive_horizon_s=0.0,
+    keep_in_horizon_s=0.0,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Mission:
     """One inspection flight: everything the simulation depends on but the start and the controller."""
 
@@ -187,6 +237,7 @@ class Mission:
     duration_s: float
     coast_when_complete: bool
     inspection_threshold_percent: float
+    safety: Safety = UNGUARDED
 
     def __post_init__(self) -> None:
         """Refuse clocks that do not fit into one another."""
@@ -208,6 +259,49 @@ class Mission:
                 f"period turns an error in rate into one {abs(1.0 - damping):.3g} times as great: lower one "
                 "of them"
             )
+        if self.safety.kind == "filter":
+            self._check_safety()
+
+    def _check_safety(self) -> None:
+        """Refuse spheres without room between them, and stops that the deputy has not the force for."""
+        safety, deputy = self.safety, self.deputy
+        checks.ascending(
+            "deputy.min_distance_m plus safety.keep_out_margin_m",
+            self.keep_out_m,
+            "deputy.max_distance_m less safety.keep_in_margin_m",
+            self.keep_in_m,
+            "m",
+        )
+        checks.within("safety.braking_force_n", safety.braking_force_n, 0.0, deputy.max_force_n, "N")
+        standing = 3.0 * self.orbit.mean_motion_rad_s**2 * self.keep_in_m * deputy.mass_kg
+        if not standing <= safety.braking_force_n:
+            raise SettingError(
+                f"safety.braking_force_n is {safety.braking_force_n:g}, but to stand still {self.keep_in_m:g} m "
+                f"above the chief takes {standing:.3g} N; raise it, or lower deputy.max_distance_m"
+            )
+        slowest = safety.speed_limit_m_s + safety.speed_slope_per_s * (
+            self.keep_out_m - safety.speed_distance_m
+        )
+        if not slowest >= 0.0:
+            raise SettingError(
+                f"safety.speed_limit_m_s and safety.speed_slope_per_s allow {slowest:.3g} m/s at the keep-out "
+                f"sphere ({self.keep_out_m:g} m); it must be at least 0: raise the first, or lower the second "
+                "or safety.speed_distance_m"
+            )
+        for name in ("passive_horizon_s", "keep_in_horizon_s"):
+            horizon = getattr(safety, name)
+            most = MOST_HORIZONS * self.control_period_s
+            checks.within(f"safety.{name}", horizon, 0.0, most, "s")
+
+    @property
+    def keep_out_m(self) -> float:
+        """Radius of the sphere that the safety layer keeps the deputy out of."""
+        return self.deputy.min_distance_m + self.safety.keep_out_margin_m
+
+    @property
+    def keep_in_m(self) -> float:
+        """Radius of the sphere that the safety layer keeps the deputy in."""
+        return self.deputy.max_distance_m - self.safety.keep_in_margin_m
 
     @property
     def num_controls(self) -> int:

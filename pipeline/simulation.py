@@ -13,6 +13,7 @@ from pipeline.controllers import Controller, constants_of, law_of, packed
 from pipeline.episode import fly_many
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import num_clusters
+from pipeline.lane_safety import MOST_CUTS, guard_of
 from pipeline.lanes import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
@@ -36,6 +37,11 @@ class Outcomes:
         Over samples 0 … K.
     outside_m : array of float
         How far samples 1 … K were outside the distance limits at worst; zero inside.
+    safety_periods : array of int
+        In how many control periods the safety layer changed the force; zero where it is off.
+    safety_delta_v_m_s : array of float
+        Delta-v of its changes, ``sum |applied - asked| T/m`` over Hill components; what they add to
+        `delta_v_m_s` may be less, or below zero.
     """
 
     delta_v_m_s: Floats
@@ -44,6 +50,8 @@ class Outcomes:
     min_distance_m: Floats
     max_distance_m: Floats
     outside_m: Floats
+    safety_periods: NDArray[np.int64]
+    safety_delta_v_m_s: Floats
 
     @property
     def is_violated(self) -> NDArray[np.bool_]:
@@ -130,6 +138,7 @@ def pack_world(mission: Mission) -> World:
         has_pole_blending=mission.attitude.pole_blending,
         has_clusters=mission.guidance.kind == "clusters",
         coasts_when_complete=mission.coast_when_complete,
+        guard=guard_of(mission),
     )
 
 
@@ -158,6 +167,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         labels=np.zeros((2, points), dtype=np.int64),
         distances=np.zeros(points),
         sums=np.zeros((clusters, 4)),
+        cuts=np.zeros((MOST_CUTS, 4)),
     )
 
 
@@ -183,6 +193,8 @@ def _make_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         sun_angle=np.zeros(samples),
         is_inspected=np.zeros((samples, num_points), dtype=np.bool_),
         delta_v=np.zeros(samples),
+        safety_limit=np.zeros(num_controls, dtype=np.int64),
+        safety_force=np.zeros((num_controls, 3)),
     )
 
 
@@ -264,6 +276,8 @@ def _outcomes(rows: Floats) -> Outcomes:
         min_distance_m=rows[..., lanes.MIN_DISTANCE],
         max_distance_m=rows[..., lanes.MAX_DISTANCE],
         outside_m=rows[..., lanes.OUTSIDE],
+        safety_periods=np.rint(rows[..., lanes.SAFETY_PERIODS]).astype(np.int64),
+        safety_delta_v_m_s=rows[..., lanes.SAFETY_DELTA_V],
     )
 
 
@@ -326,6 +340,9 @@ def _outcomes_of_logs(
         rows[case, lanes.MIN_DISTANCE] = distance.min()
         rows[case, lanes.MAX_DISTANCE] = distance.max()
         rows[case, lanes.OUTSIDE] = max(0.0, float(outside.max()))
+        rows[case, lanes.SAFETY_PERIODS] = np.count_nonzero(log.safety_limit)
+        per_force = mission.control_period_s / limits.mass_kg
+        rows[case, lanes.SAFETY_DELTA_V] = np.abs(log.safety_force_hill_n).sum() * per_force
     return _outcomes(rows)
 
 
@@ -372,4 +389,6 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         sun_angle_rad=log.sun_angle,
         is_inspected=log.is_inspected,
         delta_v_m_s=log.delta_v,
+        safety_limit=log.safety_limit,
+        safety_force_hill_n=log.safety_force,
     )
