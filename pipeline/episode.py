@@ -283,8 +283,7 @@ def fly(
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, num_lanes, log, k)
-        if world.guard.is_on:
-            assure(world, work, num_lanes, log, k)
+        assure(world, work, num_lanes, log, k)
         if is_logged:
             write_force(work, law, log, k, dcm_b_from_h(log.quaternion[k]))
         turn_deputies(world, work, num_lanes, log, k)

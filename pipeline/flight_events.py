@@ -1,4 +1,4 @@
-"""What happened in a flight, in words: points reached, limits approached and left, how it ended."""
+"""What happened in a flight, in words: points, limits, what the safety layer did, how it ended."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,12 +7,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight import FlightLog
+from pipeline.flight import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, FlightLog
 from pipeline.objectives import points_needed
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
 Level = Literal["info", "warning", "error"]
+
+#: what the safety layer acts for, in words
+SAFETY_WORDS = {
+    KEEP_OUT: "keep-out",
+    KEEP_IN: "keep-in",
+    SPEED: "speed",
+    PASSIVE_SAFETY: "passive safety",
+}
+#: the safety layer has ceased to act once it has left the force alone for so many periods
+REST_PERIODS = 6
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,8 @@ def events(mission: Mission, log: FlightLog, near_limit_m: float) -> list[Event]
     list of Event
         The last one sums the flight up.
     """
-    found = [*_progress(mission, log), *_limits(mission, log, near_limit_m), _summary(mission, log)]
+    found = [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    found.append(_summary(mission, log))
     return sorted(found, key=lambda event: event.sample)
 
 
@@ -88,6 +99,26 @@ def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[E
             is_warned = True
 
 
+def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Say when the safety layer begins and ceases to change the force, for which limits and by how much."""
+    acted = np.flatnonzero(log.safety_limit)
+    for spell in np.split(acted, np.flatnonzero(np.diff(acted) > REST_PERIODS) + 1) if acted.size else ():
+        first, last = int(spell[0]), int(spell[-1])
+        limits = [SAFETY_WORDS[limit] for limit in dict.fromkeys(log.safety_limit[spell].tolist())]
+        yield Event(first, "warning", f"safety layer acts: {limits[0]}")
+        changed = _delta_v(mission, log.safety_force_hill_n[spell])
+        yield Event(
+            last + 1,
+            "info",
+            f"safety layer ceases to act: {', '.join(limits)}; it changed the force in {len(spell)} of "
+            f"{last + 1 - first} periods, by {changed:.4f} m/s",
+        )
+
+
+def _delta_v(mission: Mission, force_h: Floats) -> float:
+    return float(np.abs(force_h).sum()) * mission.control_period_s / mission.deputy.mass_kg
+
+
 def _summary(mission: Mission, log: FlightLog) -> Event:
     """Sum the flight up."""
     distance = _distances(log)
@@ -99,6 +130,10 @@ def _summary(mission: Mission, log: FlightLog) -> Event:
         inside = f"outside the limits at {num_outside} of {len(distance) - 1} samples"
     reach = f"{distance.min():.1f} to {distance.max():.1f} m from the chief"
     count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
+    acted = np.count_nonzero(log.safety_limit)
+    if acted:
+        changed = _delta_v(mission, log.safety_force_hill_n)
+        inside += f", safety layer acted in {acted} periods ({changed:.4f} m/s)"
     is_success = count >= points_needed(num_points, mission.inspection_threshold_percent)
     return Event(
         len(distance) - 1,

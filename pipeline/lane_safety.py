@@ -63,8 +63,8 @@ Floats = NDArray[np.float64]
 
 #: rows of `Guard.places` whose limits are never given up: at the next sample, and stopped from there
 STANDING = 2
-#: by how much corrections stay clear of a limit, m
-SLACK = 1e-4
+#: by how much corrections stay clear of a limit, m, and of one that acts early, lest the next has to follow
+SLACK, EARLY_SLACK = 1e-4, 0.1
 #: what rounding may exceed a limit by, m
 TOLERANCE = 1e-6
 #: most half-spaces that the exceeded limits are replaced by, one after the other
@@ -95,10 +95,10 @@ def look_ahead(world: World, lanes: Floats) -> None:
         lanes[AHEAD + 5 * LANES + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
         z, w = lanes[AHEAD + 2 * LANES + i], lanes[AHEAD + 5 * LANES + i]
         speed, distance = sqrt(u * u + v * v + w * w), sqrt(x * x + y * y + z * z)
-        braking = max(
-            abs(stop[0, 0] * x + stop[0, 3] * u + stop[0, 4] * v),
-            max(abs(stop[1, 0] * x + stop[1, 3] * u + stop[1, 4] * v), abs(stop[2, 2] * z + stop[2, 5] * w)),
+        across = max(
+            abs(stop[0, 0] * x + stop[0, 3] * u + stop[0, 4] * v), abs(stop[2, 2] * z + stop[2, 5] * w)
         )
+        braking = max(across, abs(stop[1, 0] * x + stop[1, 3] * u + stop[1, 4] * v))
         lanes[HASTE + i] = max(
             speed - guard.speed_at_chief - guard.speed_slope * distance, braking - guard.braking_force
         )
@@ -156,7 +156,11 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
         x, y, z = position(guard.places, row, ahead)
         distance = length(x, y, z)
         if row < guard.num_kept_out and guard.keep_out - distance > excess:
-            limit, place, excess = (KEEP_OUT if row < STANDING else PASSIVE_SAFETY), row, guard.keep_out - distance
+            limit, place, excess = (
+                (KEEP_OUT if row < STANDING else PASSIVE_SAFETY),
+                row,
+                guard.keep_out - distance,
+            )
         if row < guard.num_kept_in and distance - guard.keep_in > excess:
             limit, place, excess = KEEP_IN, row, distance - guard.keep_in
     fastest = guard.speed_at_chief + guard.speed_slope * length(ahead[0], ahead[1], ahead[2])
@@ -205,7 +209,8 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
         l[3] = guard.places[place, 1] * x + guard.places[place, 4] * y
         l[4] = guard.places[place, 2] * x + guard.places[place, 5] * y
         l[5] = guard.places[place, 7] * z
-        level = SLACK + (-guard.keep_in if limit == KEEP_IN else guard.keep_out)
+        level = SLACK if place < STANDING else EARLY_SLACK
+        level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
     half_space[3] = level
     for i in range(6):
         half_space[3] -= l[i] * free[i]
@@ -277,12 +282,39 @@ def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
+def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
+    """Bring a force that is not safe as far towards the stop as it takes, by bisection.
+
+    Outside the safe states, from where the stop is none, the force stays: it was found to exceed least.
+    """
+    stop, trial = np.zeros(3), np.zeros(3)
+    for j in range(3):
+        for i in range(6):
+            stop[j] += world.guard.stop[j, i] * state[i]
+        stop[j] = min(max(stop[j], -world.max_force), world.max_force)
+    if not is_safe(world, free, stop, 2.0 * TOLERANCE):
+        return
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        for j in range(3):
+            trial[j] = stop[j] + share * (force[j] - stop[j])
+        if is_safe(world, free, trial, TOLERANCE):
+            low = share
+        else:
+            high = share
+    for j in range(3):
+        force[j] = stop[j] + low * (force[j] - stop[j])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Floats) -> int:
     """Write the force that is applied instead of one that is not safe; return the limit it is for.
 
-    In this order: all limits; those alone that are never given up; as far from the stop as is safe.
+    In this order: one that keeps all limits; those alone that are never given up; as far from the stop as
+    is safe.
     """
-    free, ahead, stop, trial = np.zeros(6), np.zeros(6), np.zeros(3), np.zeros(3)
+    free, ahead = np.zeros(6), np.zeros(6)
     for i in range(6):
         for j in range(6):
             free[i] += world.transition[i, j] * state[j]
@@ -296,29 +328,15 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
     search(world, free, asked, STANDING, cuts, force)
     if is_safe(world, free, force, TOLERANCE):
         return limit
-    for j in range(3):
-        for i in range(6):
-            stop[j] += world.guard.stop[j, i] * state[i]
-        stop[j] = min(max(stop[j], -world.max_force), world.max_force)
-    if not is_safe(world, free, stop, 2.0 * TOLERANCE):
-        return limit  # not from a safe state: what brings it nearest to one
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        share = 0.5 * (low + high)
-        for j in range(3):
-            trial[j] = stop[j] + share * (force[j] - stop[j])
-        if is_safe(world, free, trial, TOLERANCE):
-            low = share
-        else:
-            high = share
-    for j in range(3):
-        force[j] = stop[j] + low * (force[j] - stop[j])
+    retreat(world, state, free, force)
     return limit
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def assure(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
+    if not world.guard.is_on:
+        return
     lanes = work.lanes
     look_ahead(world, lanes)
     nearest, farthest = world.guard.keep_out**2, world.guard.keep_in**2

@@ -52,18 +52,22 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "max_distance_m": outcomes.max_distance_m,
         "success": outcomes.inspected_count >= needed,
         "violated": outcomes.is_violated,
+        "safety_periods": outcomes.safety_periods,
+        "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,
     }
 
 
 def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, Any]:
     """Return means with standard deviations and intervals, and shares of cases with Wilson intervals."""
-    summary: dict[str, Any] = {
-        name: asdict(statistic(episodes[name], confidence_percent))
-        for name in ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m")
-    }
+    names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
     success, violated = episodes["success"], episodes["violated"]
     shares = {"success": success, "violated": violated, "success_and_within_limits": success & ~violated}
-    return summary | {name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()}
+    if "safety_periods" in episodes:  # not in those of earlier versions
+        names += ["safety_periods", "safety_delta_v_m_s"]
+        shares["safety_acted"] = episodes["safety_periods"] > 0
+    return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {
+        name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()
+    }
 
 
 def rank(episodes: Mapping[str, Column]) -> NDArray[np.int64]:

@@ -34,6 +34,7 @@ from pipeline.physics.visibility import is_in_view
 from pipeline.reference_channels import MAX_INPUTS, Channels, measure
 from pipeline.reference_engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.reference_inference import PackedSystems
+from pipeline.reference_safety import SafetyWorld, assured, safety_world_of
 from pipeline.reference_world import World, world_of
 from pipeline.settings import Mission
 
@@ -65,6 +66,8 @@ class _Log(NamedTuple):
     sun_angle_rad: Floats
     is_inspected: Booleans
     delta_v_m_s: Floats
+    safety_limit: Integers
+    safety_force_hill_n: Floats
 
 
 @njit(cache=True)
@@ -206,6 +209,7 @@ def clipped(force_h: Floats, max_force: float) -> Floats:
 
 def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     world: World,
+    safety: SafetyWorld,
     channels: Channels,
     start: Floats,
     initial_sun_angle: float,
@@ -299,6 +303,10 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         else:
             wanted_h = transposed_times(dcm, commanded)
         force_h = clipped(wanted_h, world.max_force)
+        if safety.is_on:
+            asked_h = force_h
+            force_h, log.safety_limit[k] = assured(safety, state, asked_h)
+            log.safety_force_hill_n[k] = force_h - asked_h
         log.is_decided[k] = is_decided
         log.force_body_n[k] = times(dcm, wanted_h)
         log.force_hill_n[k] = force_h
@@ -379,11 +387,11 @@ def _fly(
     inference: Any,
     guidance: Any,
 ) -> FlightLog:
-    world = world_of(mission)
+    world, safety = world_of(mission), safety_world_of(mission)
     log = _empty_log(world, len(channels.axes))
     memory = cluster_memory(len(world.points_c))
     start = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
-    episode(world, channels, start, float(scenario.sun_angle_rad), inference, guidance, memory, log)
+    episode(world, safety, channels, start, float(scenario.sun_angle_rad), inference, guidance, memory, log)
     return FlightLog(*log)
 
 
@@ -411,4 +419,6 @@ def _empty_log(world: World, num_systems: int) -> _Log:
         sun_angle_rad=np.zeros(num_samples),
         is_inspected=np.zeros((num_samples, len(world.points_c)), dtype=np.bool_),
         delta_v_m_s=np.zeros(num_samples),
+        safety_limit=np.zeros(world.num_controls, dtype=np.int64),
+        safety_force_hill_n=np.zeros((world.num_controls, 3)),
     )

@@ -276,17 +276,17 @@ class Mission:
         standing = 3.0 * self.orbit.mean_motion_rad_s**2 * self.keep_in_m * deputy.mass_kg
         if not standing <= safety.braking_force_n:
             raise SettingError(
-                f"safety.braking_force_n is {safety.braking_force_n:g}, but to stand still {self.keep_in_m:g} m "
-                f"above the chief takes {standing:.3g} N; raise it, or lower deputy.max_distance_m"
+                f"safety.braking_force_n is {safety.braking_force_n:g}, but to stand still "
+                f"{self.keep_in_m:g} m above the chief takes {standing:.3g} N; raise it, or lower "
+                "deputy.max_distance_m"
             )
-        slowest = safety.speed_limit_m_s + safety.speed_slope_per_s * (
-            self.keep_out_m - safety.speed_distance_m
-        )
+        beyond = self.keep_out_m - safety.speed_distance_m
+        slowest = safety.speed_limit_m_s + safety.speed_slope_per_s * beyond
         if not slowest >= 0.0:
             raise SettingError(
-                f"safety.speed_limit_m_s and safety.speed_slope_per_s allow {slowest:.3g} m/s at the keep-out "
-                f"sphere ({self.keep_out_m:g} m); it must be at least 0: raise the first, or lower the second "
-                "or safety.speed_distance_m"
+                f"safety.speed_limit_m_s and safety.speed_slope_per_s allow {slowest:.3g} m/s at the "
+                f"keep-out sphere ({self.keep_out_m:g} m); it must be at least 0: raise the first, or lower "
+                "the second or safety.speed_distance_m"
             )
         for name in ("passive_horizon_s", "keep_in_horizon_s"):
             horizon = getattr(safety, name)

@@ -74,6 +74,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         controller=controller,
         controller_facts=_controller_facts(contents),
         lead=lead(contents),
+        safety=safety(contents),
         tiles=tiles(contents),
         rows=summary_rows(contents),
         confidence=f"{experiment.monte_carlo.confidence_percent:g}",
@@ -129,6 +130,28 @@ def lead(contents: Contents) -> str:
         count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
         return f"{who} inspects {count} of {num_points} points for {log.delta_v_m_s[-1]:.3f} m/s."
     return "This run has no flights yet."
+
+
+def safety(contents: Contents) -> list[str]:
+    """Say, a sentence for each set of flights, what the safety layer did; nothing where it is off."""
+    if contents.experiment.mission.safety.kind == "none":
+        return []
+    found = []
+    for flights, word in ((contents.evaluation, "evaluation"), (contents.training, "training")):
+        # a summary of an earlier version does not tell
+        if flights is None or "safety_acted" not in flights.summary:
+            continue
+        acted, num_cases = flights.summary["safety_acted"], flights.summary["num_cases"]
+        periods, changed = flights.summary["safety_periods"], flights.summary["safety_delta_v_m_s"]
+        text = f"In the {word} it acted in {acted['count']:,} of {num_cases:,} flights "
+        text += f"({100 * acted['fraction']:.1f} %, {_share_cell(acted).note})"
+        if acted["count"]:
+            each = num_cases / acted["count"]
+            text += f", in these for {each * periods['mean']:.1f} control periods and by "
+            text += f"{each * changed['mean']:.4f} m/s in the mean; over all flights its changes come to "
+            text += f"{changed['mean']:.4f} m/s a flight, at most {changed['maximum']:.4f} m/s in one"
+        found.append(text + ".")
+    return found
 
 
 def _sun_words(told: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 import shlex
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary['success']['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
+        f"{_safety_line(experiment, summary)}"
         f"{_told(summary['optimum'])}"
         f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
     )
@@ -84,4 +86,16 @@ def _told(beside: dict[str, Any]) -> str:
     return (
         f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
         f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful\n"
+    )
+
+
+def _safety_line(experiment: Experiment, summary: Mapping[str, Any]) -> str:
+    """Say what the safety layer did, where it is on."""
+    if experiment.mission.safety.kind == "none":
+        return ""
+    acted = summary["safety_acted"]
+    return (
+        f"  safety layer: acted in {acted['count']} of {summary['num_cases']} flights, in "
+        f"{summary['safety_periods']['mean']:.2f} periods a flight, changed the force by "
+        f"{summary['safety_delta_v_m_s']['mean']:.4f} m/s a flight\n"
     )

@@ -21,6 +21,8 @@ def four_cases() -> tuple[list[Scenario], Outcomes]:
         min_distance_m=np.array([50.0, 60.0, 70.0, 14.0]),
         max_distance_m=np.array([70.0, 80.0, 90.0, 100.0]),
         outside_m=np.array([0.0, 0.0, 0.0, 1.0]),
+        safety_periods=np.array([0, 2, 0, 6]),
+        safety_delta_v_m_s=np.array([0.0, 0.01, 0.0, 0.03]),
     )
     return scenarios, found
 
@@ -30,7 +32,7 @@ def test_a_row_a_case() -> None:
     assert list(columns) == [
         "case", "position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "delta_v_m_s",
         "inspected_count", "inspection_rate_percent", "mean_distance_m", "min_distance_m", "max_distance_m",
-        "success", "violated",
+        "success", "violated", "safety_periods", "safety_delta_v_m_s",
     ]  # fmt: skip
     assert columns["case"].tolist() == [0, 1, 2, 3]
     assert columns["position_x_m"].tolist() == [0.0, 10.0, 20.0, 30.0]
@@ -50,6 +52,9 @@ def test_a_summary_by_hand() -> None:
     assert summary["inspection_rate_percent"]["mean"] == pytest.approx(100.0 * 385 / 396)
     shares = {name: summary[name]["count"] for name in ("success", "violated", "success_and_within_limits")}
     assert shares == {"success": 3, "violated": 1, "success_and_within_limits": 2}
+    assert summary["safety_periods"]["mean"] == 2.0
+    assert summary["safety_delta_v_m_s"]["mean"] == pytest.approx(0.01)
+    assert summary["safety_acted"]["count"] == 2
     # Wilson, 2 of 4 at z = 1.96: the middle stays 1/2, the reach is z sqrt(1/16 + z^2/64)/(1 + z^2/4)
     z = 1.959963984540054
     reach = z * np.sqrt(1 / 16 + z * z / 64) / (1 + z * z / 4)

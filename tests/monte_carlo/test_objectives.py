@@ -21,6 +21,8 @@ def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> O
         min_distance_m=distances,
         max_distance_m=distances,
         outside_m=np.array([outside]),
+        safety_periods=np.zeros((1, len(points)), dtype=np.int64),
+        safety_delta_v_m_s=np.zeros((1, len(points))),
     )
 
 

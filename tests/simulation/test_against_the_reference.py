@@ -15,6 +15,7 @@ from pipeline.reference_channels import channels_of
 from pipeline.reference_inference import pack
 from pipeline.settings import Mission
 from pipeline.simulation import fly_logged
+from tests.safety.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
 from tests.simulation.cases import (
     COMPLETED,
     LOOKING_AHEAD,
@@ -90,6 +91,9 @@ POINTED = {
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
     "free motion, target and Sun": (mission(attitude=IDEAL), ORBITAL, [*STARTS, *OVER_POLES]),
     "where drift leads": (mission(attitude=IDEAL), LOOKING_AHEAD, [*STARTS, *OVER_POLES]),
+    "safety layer, a few forces changed": (guarded(PASSIVE), STEERING, [*STARTS, *starts_at_rest(3, 47)]),
+    "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),
+    "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS),
     "another camera": (mission(attitude=IDEAL, sensor={"boresight": (-0.8, 0.6, 0.0)}), STEERING, STARTS),
 }
 

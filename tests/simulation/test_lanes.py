@@ -8,6 +8,7 @@ from pipeline.controllers import Controller, open_loop
 from pipeline.flight import Scenario
 from pipeline.settings import Mission
 from pipeline.simulation import fly_all, fly_logged
+from tests.safety.guarded import EARLY
 from tests.simulation.cases import (
     COMPLETED,
     MIXED,
@@ -22,6 +23,8 @@ from tests.truth.missions import FULL_INERTIA
 
 TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
 PLAN = open_loop("plan", np.random.default_rng(2).normal(0.0, 0.02, (90, 3)))
+
+WILD = open_loop("wild", np.random.default_rng(3).normal(0.0, 0.3, (360, 3)))
 
 #: more than fill two rows of lanes; some pass poles, one inspects everything and coasts
 STARTS = [*random_starts(LANES, 11), *OVER_POLES, COMPLETED, *random_starts(LANES, 12)]
@@ -38,13 +41,14 @@ CASES = {
     "pole blending": (mission(attitude={"pole_blending": True}), STEERING),
     "Hill axes": (mission(), RESTORING),
     "plan": (mission(duration_s=900.0), PLAN),
+    "safety layer": (mission(safety=EARLY), WILD),
 }
 
 
 def fly(
     what: Mission, controller: Controller, starts: list[Scenario], workers: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Outcomes as rows of shape (n, 6), and tracks."""
+    """Outcomes as rows of shape (n, 8), and tracks."""
     tracks = np.full((len(starts), what.num_controls + 1, 3), np.nan, dtype=np.float32)
     outcomes = fly_all(what, controller, starts, workers, tracks)
     return np.column_stack([values.astype(np.float64) for values in vars(outcomes).values()]), tracks
@@ -86,6 +90,9 @@ def test_logged_or_not(name: str) -> None:
         assert row[0] == log.delta_v_m_s[-1]
         assert row[1] == log.is_inspected[-1].sum()
         distance = np.linalg.norm(log.position_m, axis=1)
+        assert row[6] == np.count_nonzero(log.safety_limit)
+        changed = np.abs(log.safety_force_hill_n).sum() * what.control_period_s / what.deputy.mass_kg
+        np.testing.assert_allclose(row[7], changed, rtol=1e-12)
         np.testing.assert_allclose(row[2:5], [distance.mean(), distance.min(), distance.max()], rtol=1e-13)
 
 
@@ -97,5 +104,5 @@ def test_the_same_flight_in_every_lane_is_the_same() -> None:
 
 
 def test_without_starts_there_are_no_outcomes() -> None:
-    assert fly(*CASES["paper"], [])[0].shape == (0, 6)
-    assert fly(*CASES["paper"], [], workers=3)[0].shape == (0, 6)
+    assert fly(*CASES["paper"], [])[0].shape == (0, 8)
+    assert fly(*CASES["paper"], [], workers=3)[0].shape == (0, 8)

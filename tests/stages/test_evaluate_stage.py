@@ -48,6 +48,8 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Co
         "max_distance_m": number,
         "success": pa.bool_(),
         "violated": pa.bool_(),
+        "safety_periods": pa.int64(),
+        "safety_delta_v_m_s": number,
     }
     assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
     assert all(column.null_count == 0 for column in table.columns)
@@ -92,8 +94,8 @@ def test_the_summary_tells_what_flew_and_how_well(
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
     assert list(summary) == [
         "controller", "sun", "num_cases", "seed", "confidence_percent",
-        "delta_v_m_s", "inspection_rate_percent", "mean_distance_m",
-        "success", "violated", "success_and_within_limits", "optimum",
+        "delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_periods", "safety_delta_v_m_s",
+        "success", "violated", "success_and_within_limits", "safety_acted", "optimum",
     ]  # fmt: skip
     assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
     assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)
@@ -104,6 +106,28 @@ def test_the_summary_tells_what_flew_and_how_well(
     assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in told
     assert "5 cases in" in told
     assert "Sun random" in told
+    assert "safety layer" not in told
+
+
+def test_with_the_safety_layer_it_tells_what_that_did(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    away = tmp_path / "away.csv"
+    away.write_text(
+        "time_s,force_x_n,force_y_n,force_z_n\n" + "".join(f"{10 * k},1,1,1\n" for k in range(30))
+    )
+    run = prepared(
+        tmp_path, "safety=filter", "controller=open_loop", f"controller.path={away}", experiment="evaluate"
+    )
+    evaluate.run(run.experiment, tmp_path)
+    episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
+    assert not episodes["violated"].any()
+    assert episodes["safety_periods"].min() > 0
+    periods, changed = episodes["safety_periods"].mean(), episodes["safety_delta_v_m_s"].mean()
+    assert (
+        f"safety layer: acted in 5 of 5 flights, in {periods:.2f} periods a flight, changed the force by "
+        f"{changed:.4f} m/s a flight" in capsys.readouterr().err
+    )
 
 
 def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path: Path) -> None:
