@@ -457,7 +457,7 @@ class Optimum:
     #: threads that solve cases; None is one for each processor
     workers: int | None
     #: whose cases evaluations are measured by: `SHIPPED`, the folder of a run with solved cases, or None
-    reference: str | None = SHIPPED
+    reference: str | None
 
     def __post_init__(self) -> None:
         """Refuse searches for nothing."""
