@@ -104,7 +104,11 @@ def test_flights_without_any_burn_can_be_drawn():
 
 def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     run = compose_experiment(
-        ["+experiment=evaluate", "controller=coast", "report.dots_per_inch=40", "telemetry.record_start=true"]
+        [
+            *("+experiment=evaluate", "controller=coast", "report.dots_per_inch=40"),
+            # a layer that would burn against many a plan, which is flown without it
+            *("telemetry.record_start=true", "safety=filter", "safety.speed_limit_m_s=0.01"),
+        ]
     )
     experiment = run.experiment
     solved = solved_for(experiment)
@@ -118,7 +122,7 @@ def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     assert [(pair.case, pair.which) for pair in pairs] == [(middle, "the middle"), (greatest, "the greatest")]
     for pair in pairs:
         assert pair.plan.delta_v_m_s[-1] == pytest.approx(solved.cases["delta_v_m_s"][pair.case], rel=1e-9)
-        assert pair.controller.delta_v_m_s[-1] == 0.0
+        assert pair.controller.delta_v_m_s[-1] > 0.0
         np.testing.assert_array_equal(pair.plan.position_m[0], pair.controller.position_m[0])
 
     names = {f"optimum-case-{case}" for case in (middle, greatest)}
