@@ -37,6 +37,8 @@ def test_all_stages_finish_and_the_manifest_knows_every_file(finished):
 def test_each_stage_leaves_its_files(finished):
     experiment, folder = finished
     written = {name for name, stage in artifacts.WRITTEN_BY.items() if stage in stages_of(experiment)}
+    # flights of ten minutes are not compared with plans of an hour
+    written.discard(artifacts.BESIDE_OPTIMUM)
     assert written
     for name in written:
         path = folder / name
