@@ -1,4 +1,4 @@
-"""Controllers from the configuration: written out, from a file of ours, or from a table of forces.
+"""Controllers from the configuration: written out, from a file of ours, from a table of forces, or planned.
 
 Reading one executes nothing.
 """
@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools import serialize
-from pipeline.controllers import Controller, ControllerError, coast, from_fuzzy, open_loop
+from pipeline.baselines.planner import planner_of
+from pipeline.controller_settings import PLANNED, planned_settings
+from pipeline.controllers import Controller, ControllerError, coast, from_fuzzy, open_loop, planned
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
@@ -40,13 +42,15 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
 
     Raises
     ------
-    ControllerError, fis_tools.serialize.ControllerFileError
+    ControllerError, pipeline.settings.SettingError, fis_tools.serialize.ControllerFileError
         If it cannot be read or cannot fly.
     """
     if "systems" in source:
         return from_fuzzy(serialize.from_mapping(source))
     if source.get("kind") == "coast":
         return coast()
+    if source.get("kind") in PLANNED:
+        return planned(source["kind"], planner_of(planned_settings(source), mission))
     path = Path(str(source["path"]))
     if source.get("kind") == "open_loop":
         return open_loop(path.stem, read_forces(path, mission))

@@ -5,6 +5,7 @@ it commands; the controller's attribute ``force_axes`` says whether components a
 Hill's.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from fis_tools.kernel import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline import lanes
+from pipeline.flight import Scenario
 from pipeline.lanes import Law
 
 Floats = NDArray[np.float64]
@@ -103,7 +105,7 @@ class ControllerError(ValueError):
 
 @dataclass(frozen=True)
 class Controller:
-    """What decides the force: fuzzy systems, or a plan of forces made beforehand.
+    """What decides the force: fuzzy systems, a plan of forces, or who makes one for each start.
 
     Parameters
     ----------
@@ -114,6 +116,9 @@ class Controller:
         ``body`` or ``hill``, the axes of the systems' outputs.
     plan : (K, 3) array, optional
         Forces in Hill axes, N, one row a control period; periods beyond the last row are flown without force.
+    planner : callable, optional
+        Makes the plan of a start, for laws that depend on position and velocity alone: these move exactly, so
+        that such a law's forces are known beforehand.
     fuzzy : FuzzyController, optional
         What the systems came from, for files and reports.
     """
@@ -122,6 +127,7 @@ class Controller:
     systems: tuple[FuzzySystem, ...]
     force_axes: str = "body"
     plan: Floats | None = None
+    planner: Callable[[Scenario], Floats] | None = None
     fuzzy: FuzzyController | None = None
 
 
@@ -188,6 +194,18 @@ def coast() -> Controller:
 def open_loop(name: str, plan: Floats) -> Controller:
     """Return the controller that plays forces of shape (K, 3), Hill axes, N."""
     return Controller(name, (), "hill", plan=np.asarray(plan, dtype=np.float64))
+
+
+def planned(name: str, planner: Callable[[Scenario], Floats]) -> Controller:
+    """Return the controller that plans the forces of each start."""
+    return Controller(name, (), "hill", planner=planner)
+
+
+def planned_for(controller: Controller, scenario: Scenario) -> Controller:
+    """Return the controller that flies a start: one that plays its plan, where the controller plans."""
+    if controller.planner is None:
+        return controller
+    return replace(controller, plan=controller.planner(scenario), planner=None)
 
 
 def law_of(controller: Controller, num_controls: int) -> Law:

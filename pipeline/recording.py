@@ -230,8 +230,10 @@ def controller_text(controller: Controller) -> str:
 
     A fuzzy one is written whole, as `fis_tools.serialize` reads it. One that plays forces made beforehand
     is only named, ``{"kind": "open_loop", "name": ...}``, for its forces are on the control's topic; one
-    without any force is of kind ``coast``.
+    without any force is of kind ``coast``, and one that plans of the kind that it is named after.
     """
+    if controller.planner is not None:
+        return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
     if controller.plan is None:
         attributes = (("force_axes", controller.force_axes),)
         fuzzy = controller.fuzzy or FuzzyController(controller.name, controller.systems, attributes)

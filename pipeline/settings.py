@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pipeline import checks
 from pipeline.checks import SettingError
+from pipeline.controller_settings import check_controller
 from pipeline.nearest import did_you_mean
 
 __all__ = [
@@ -48,9 +49,6 @@ SHIPPED = "shipped"
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
 #: beyond so many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
-
-#: the keys of a controller that is not written out, by its kind
-CONTROLLER_KEYS = {"file": {"path"}, "open_loop": {"kind", "path"}, "coast": {"kind"}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -519,7 +517,7 @@ class Experiment:
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
-        file, ``{kind: open_loop, path: ...}`` of a force table, or ``{kind: coast}``.
+        file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or of a kind that plans.
     resume : bool
         Whether to go on from a checkpoint in the run's folder; no part of the configuration.
     """
@@ -546,7 +544,7 @@ class Experiment:
                 f"name is {self.name!r}; it names a folder: use letters, digits, '_', '-' and '.' only"
             )
         self._check_stages()
-        self._check_controller()
+        check_controller(self.controller)
         self._check_start()
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
@@ -574,24 +572,6 @@ class Experiment:
                 f"deputy.initial_position_m is {distance:.6g} m from the chief, outside the limits of the "
                 f"flight; it must be from deputy.min_distance_m={deputy.min_distance_m:g} to "
                 f"deputy.max_distance_m={deputy.max_distance_m:g} (m): move the start, or a limit"
-            )
-
-    def _check_controller(self) -> None:
-        keys = set(self.controller)
-        if "systems" in keys:
-            return
-        if "kind" not in keys and "path" not in keys:
-            raise SettingError(
-                "controller is neither written out (systems) nor a file (path) nor of a kind; choose one of "
-                "the group, controller=NAME, or a file, controller=PATH"
-            )
-        kind = self.controller.get("kind", "file")
-        if kind not in CONTROLLER_KEYS:
-            raise SettingError(f"controller.kind is {kind!r}; it must be one of open_loop, coast")
-        if keys != CONTROLLER_KEYS[kind]:
-            raise SettingError(
-                f"controller has the keys {', '.join(sorted(keys))}; one of kind {kind} has "
-                f"{', '.join(sorted(CONTROLLER_KEYS[kind]))}"
             )
 
     def _check_stages(self) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.kernel import LANES, Packed, evaluate, padded, scratch_for
 from pipeline import lanes
-from pipeline.controllers import Controller, constants_of, law_of, packed
+from pipeline.controllers import Controller, constants_of, law_of, packed, planned_for
 from pipeline.episode import fly_many
 from pipeline.flight import FlightLog, Scenario
 from pipeline.guidance import num_clusters
@@ -291,11 +291,37 @@ def fly_all(
     """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest."""
     if is_by_the_reference(mission):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
+    if controller.planner is not None:
+        return _fly_planned(mission, controller, scenarios, workers, tracks)
     starts, sun_angles = stack_starts(scenarios)
     world = pack_world(mission)
     law, numbers = law_of(controller, mission.num_controls), packed(controller)
     many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def _fly_planned(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    tracks: NDArray[np.float32] | None,
+) -> Outcomes:
+    """Plan for every start, and fly its plan from it."""
+    world, numbers = pack_world(mission), packed(controller)
+
+    def fly_one(case: int) -> Outcomes:
+        law = law_of(planned_for(controller, scenarios[case]), mission.num_controls)
+        track = None if tracks is None else tracks[case : case + 1]
+        return fly_population(world, law, numbers, *stack_starts([scenarios[case]]), 1, track)
+
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        try:
+            flown = list(pool.map(fly_one, range(len(scenarios))))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return Outcomes(**{name: np.array([vars(one)[name][0, 0] for one in flown]) for name in vars(flown[0])})
 
 
 def is_by_the_reference(mission: Mission) -> bool:
@@ -307,6 +333,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
     from pipeline import reference  # noqa: PLC0415 - plain Python, and only here
     from pipeline.reference_channels import channels_of  # noqa: PLC0415
 
+    controller = planned_for(controller, scenario)
     numbers = packed(controller)
 
     def infer(system: int, inputs: Floats) -> float:
@@ -351,7 +378,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if is_by_the_reference(mission):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
-    law, numbers = law_of(controller, mission.num_controls), packed(controller)
+    law, numbers = law_of(planned_for(controller, scenario), mission.num_controls), packed(controller)
     log = _make_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     starts, sun_angles = stack_starts([scenario])
     fly_many(

@@ -148,7 +148,12 @@ CASES = [
     ("stages", ["train"], "a controller of kind coast has nothing to train"),
     ("stages", "train", "stages is 'train'; it must be a list"),
     ("controller", {}, "controller is neither written out (systems) nor a file (path) nor of a kind"),
-    ("controller", {"kind": "cost"}, "controller.kind is 'cost'; it must be one of open_loop, coast"),
+    (
+        "controller",
+        {"kind": "cost"},
+        "controller.kind is 'cost'; it must be one of open_loop, coast, natural_motion, lqr, "
+        "receding_horizon; did you mean coast?",
+    ),
     ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
     ("controller", {"path": "x", "name": "y"}, "one of kind file has path"),
     ("deputy", 3, "deputy is 3; it must be a group of keys: mass_kg"),
