@@ -1,7 +1,8 @@
 """The receding-horizon controller: the least fuel to a place on the ring, solved for again and again.
 
-Motion is linear, so are the sum of force magnitudes and, by tangent planes at the last solution, the distance
-limits: what is solved is a linear program (by HiGHS, in SciPy) over the forces of the horizon,
+Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, which are
+set where a solution would break them: what is solved is a linear program (HiGHS, in SciPy) over the forces of
+the horizon,
 
 ``min sum |f| T/m  +  price of what is missed``, with ``|f| <= f_max``,
 
@@ -28,11 +29,11 @@ Floats = NDArray[np.float64]
 
 #: m/s for a metre by which a demand is missed: many times what a metre costs
 PRICE_OF_SLACK = 0.05
-#: tangent planes are set where the last path is nearer than this to a limit, m
+#: tangent planes are set where a solution comes nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 30.0, 40.0
-#: how often planes are set anew about the solution, at most
+#: how often planes are set about a solution that leaves the limits, at most
 ROUNDS = 3
-#: by which a path may miss its margin before planes are set anew, m
+#: by which a path may miss its margin before planes are set, m
 ROUGHNESS = 0.5
 #: forces below this are rounding, N
 LEAST_FORCE = 1e-9
@@ -140,17 +141,17 @@ class RecedingHorizonPlanner:
         """
         off = wanted - horizon.free_end @ state
         free = horizon.free @ state
-        forces, path = np.zeros(horizon.end.shape[1]), free
-        if np.all(np.abs(off) <= self.tolerances) and self._is_inside(path, 0.0):
-            return forces.reshape(-1, 3)
+        if np.all(np.abs(off) <= self.tolerances) and self._is_inside(free, 0.0):
+            return np.zeros((len(horizon.periods), 3))
         ends = np.concatenate([horizon.end, -horizon.end])
         most = np.concatenate([off + self.tolerances, self.tolerances - off])
+        forces = self._least(ends, most)
         for _ in range(ROUNDS):
-            planes, beyond = self._planes(horizon, path, free)
-            forces = self._least(np.concatenate([ends, planes]), np.concatenate([most, beyond]))
             path = free + horizon.path @ forces
             if self._is_inside(path, ROUGHNESS):
                 break
+            planes, beyond = self._planes(horizon, path, free)
+            forces = self._least(np.concatenate([ends, planes]), np.concatenate([most, beyond]))
         return forces.reshape(-1, 3)
 
     def _is_inside(self, path: Floats, roughness: float) -> bool:

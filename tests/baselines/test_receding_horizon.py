@@ -79,7 +79,7 @@ def test_a_solution_ends_on_the_ring_unless_the_limits_forbid(plans):
             # of least fuel: nothing is spent on the middle of the tolerances
             assert np.isclose(off, plan_for.tolerances, atol=1e-5).sum() >= 3
         else:
-            assert distances.min() < plan_for.limits[0] + 30.0
+            assert distances.min() < plan_for.limits[0] + 1.0 or distances.max() > 190.0
     assert num_there >= 6
 
 
@@ -122,7 +122,7 @@ def test_it_burns_less_than_the_regulator(plans):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"solution_period_s": 500.0}, "no solution may be flown beyond its horizon, and the first"),
+        ({"solution_period_s": 500.0}, "no solution may be flown beyond its horizon, and the first is"),
         ({"first_horizon_s": 300.0}, "controller.first_horizon_s 300; no solution"),
         ({"horizon_s": 0.0}, "controller.horizon_s is 0.0; it must be greater than 0"),
         ({"margin_m": -1.0}, "controller.margin_m is -1.0; it must be at least 0"),
