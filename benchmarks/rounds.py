@@ -1,18 +1,17 @@
 """What each round of a training bought: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pipeline import artifacts, controller_source, tables
 from pipeline.controllers import from_fuzzy
+from pipeline.genome import genome_of
 from pipeline.monte_carlo import fly_cases, summarise
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.schema import experiment_from
 from pipeline.settings import Sun
-from pipeline.stages.train import encoding_of
 
 
 def main() -> None:
@@ -26,13 +25,12 @@ def main() -> None:
     experiment = experiment_from(artifacts.read_config(options.folder))
     history = tables.read_parquet(options.folder, artifacts.HISTORY)
     template = controller_source.load(experiment.controller, experiment.mission)
-    assert template.fuzzy is not None
-    encoding = encoding_of(experiment, template)
+    tuned = genome_of(template, experiment.optimizer.encoding)
     print("| round | Sun | delta-v (m/s) | inspection rate (%) | cases at 95 % or more | outside |")
     print("|---|---|---|---|---|---|")
     for number in np.unique(history["round"]):
         genome = history["genome"][np.flatnonzero(history["round"] == number)[-1]]
-        controller = from_fuzzy(replace(template.fuzzy, systems=encoding.decode(np.asarray(genome))))
+        controller = from_fuzzy(tuned.decode(np.asarray(genome)))
         for mode in ("fixed", "random"):
             sun = Sun(mode=mode, angle_deg=experiment.sun.angle_deg)
             scenarios = evaluation_scenarios(experiment.monte_carlo, sun, options.seed)

@@ -51,6 +51,16 @@ class Bounds:
 
 
 @dataclass(frozen=True)
+class Places:
+    """Where the genes of one system lie: of each variable, inputs first, the reach and the rules."""
+
+    means: tuple[slice, ...]
+    widths: tuple[slice, ...]
+    reach: int
+    rules: slice
+
+
+@dataclass(frozen=True)
 class Encoding:
     """Which gene tunes what in the systems of one controller.
 
@@ -98,6 +108,21 @@ class Encoding:
             names.append(f"{system.name}.{system.outputs[0].name}.reach")
             names += [f"{system.name}.rule_{index}" for index in range(len(system.rules))]
         return names
+
+    def places(self) -> "list[Places]":
+        """Say for each system where its genes lie."""
+        places, at = [], 0
+        for system in self.systems:
+            means, widths = [], []
+            for variable in (*system.inputs, *system.outputs):
+                terms = len(variable.terms)
+                means.append(slice(at, at + terms - 2))
+                widths.append(slice(at + terms - 2, at + 2 * terms - 2))
+                at += 2 * terms - 2
+            rules = slice(at + 1, at + 1 + len(system.rules))
+            places.append(Places(tuple(means), tuple(widths), at, rules))
+            at = rules.stop
+        return places
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
         """Build the systems that one genome of shape (num_genes,) stands for."""

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.parameters import Encoding
 from pipeline.checkpoint import Generation
-from pipeline.controllers import Controller, law_of
+from pipeline.controllers import law_of
+from pipeline.genome import Genome
 from pipeline.scenarios import given_start
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_population, pack_world, stack_starts
@@ -21,19 +21,17 @@ class ChampionFlights:
     Parameters
     ----------
     experiment : Experiment
-    template : Controller
-        Whose structure the champions share.
-    encoding : Encoding
-        Of their genomes.
+    genome : Genome
+        What their genes are.
     """
 
-    def __init__(self, experiment: Experiment, template: Controller, encoding: Encoding):
+    def __init__(self, experiment: Experiment, genome: Genome):
         mission = experiment.mission
-        self._world, self._law = pack_world(mission), law_of(template, mission.num_controls)
-        self._encoding = encoding
+        self._world, self._law = pack_world(mission), law_of(genome.template, mission.num_controls)
+        self._genome = genome
         self._start = stack_starts([given_start(mission.deputy, experiment.sun, experiment.seed)])
         self._num_seen = 0
-        self._genome: Floats | None = None
+        self._last: Floats | None = None
         self._moments: list[tuple[int, int]] = []
         self._tracks: list[NDArray[np.float32]] = []
 
@@ -41,8 +39,8 @@ class ChampionFlights:
         """Fly the champions that are new since the last call; tell whether there was one."""
         num_flown = len(self._tracks)
         for generation in history[self._num_seen :]:
-            if self._genome is None or not np.array_equal(generation.champion, self._genome):
-                self._genome = generation.champion
+            if self._last is None or not np.array_equal(generation.champion, self._last):
+                self._last = generation.champion
                 self._moments.append((generation.round, generation.generation))
                 self._tracks.append(self._fly(generation.champion))
         self._num_seen = len(history)
@@ -50,7 +48,7 @@ class ChampionFlights:
 
     def _fly(self, genome: Floats) -> NDArray[np.float32]:
         tracks = np.empty((1, self._world.num_controls + 1, 3), dtype=np.float32)
-        numbers = self._encoding.pack(genome[np.newaxis])
+        numbers = self._genome.pack(genome[np.newaxis])
         fly_population(self._world, self._law, numbers, *self._start, workers=1, tracks=tracks)
         track: NDArray[np.float32] = tracks[0]
         return track

@@ -17,9 +17,11 @@ from pipeline.artifacts import write_atomically
 
 Floats = NDArray[np.float64]
 
-VERSION = 1
+VERSION = 2
 
 _ARRAYS = ("genomes", "fitness", "parts", "champions")
+#: begins the names of arrays of what CMA-ES has learnt
+_STRATEGY = "strategy_"
 _AFRESH = "delete it to start the training afresh"
 
 
@@ -82,6 +84,8 @@ class State:
         Of Python's random generator, as `random.getstate` gives it.
     generator : numpy Generator
         PCG64.
+    strategy : dict of str to array
+        What CMA-ES has learnt; empty for the other algorithms.
     history : list of Generation
         All generations so far.
     """
@@ -95,6 +99,7 @@ class State:
     parts: dict[str, Floats]
     python_state: tuple[Any, ...]
     generator: np.random.Generator
+    strategy: dict[str, Floats] = field(default_factory=dict)
     history: list[Generation] = field(default_factory=list)
 
 
@@ -116,19 +121,21 @@ def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
         "evaluations": state.evaluations,
         "step_size": state.step_size,
         "parts": list(state.parts),
+        "strategy": list(state.strategy),
         "python_state": state.python_state,
         "numpy_state": state.generator.bit_generator.state,
         "history": [{**g.row(), "parts": dict(g.parts)} for g in state.history],
     }
     stream = io.BytesIO()
-    np.savez(
-        stream,
-        note=np.frombuffer(json.dumps(note).encode(), dtype=np.uint8),
-        genomes=state.genomes,
-        fitness=state.fitness,
-        parts=np.array(list(state.parts.values())).reshape(len(state.parts), len(state.fitness)),
-        champions=np.array([g.champion for g in state.history]),
-    )
+    arrays: dict[str, Any] = {
+        "note": np.frombuffer(json.dumps(note).encode(), dtype=np.uint8),
+        "genomes": state.genomes,
+        "fitness": state.fitness,
+        "parts": np.array(list(state.parts.values())).reshape(len(state.parts), len(state.fitness)),
+        "champions": np.array([g.champion for g in state.history]),
+        **{_STRATEGY + name: values for name, values in state.strategy.items()},
+    }
+    np.savez(stream, **arrays)
     write_atomically(path, stream.getvalue())
 
 
@@ -175,7 +182,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             note = json.loads(archive["note"].tobytes())
-            arrays = {name: archive[name] for name in _ARRAYS}
+            learnt = [name for name in archive.files if name.startswith(_STRATEGY)]
+            arrays = {name: archive[name] for name in (*_ARRAYS, *learnt)}
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise _damaged(path) from error
     if not isinstance(note, dict):
@@ -201,5 +209,6 @@ def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
         parts=dict(zip(note["parts"], arrays["parts"], strict=True)),
         python_state=python_state,
         generator=generator,
+        strategy={name: arrays[_STRATEGY + name] for name in note["strategy"]},
         history=[Generation(champion=champion, **row) for row, champion in rows],
     )

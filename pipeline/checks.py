@@ -63,6 +63,15 @@ def bounds(key: str, pair: Sequence[float], least: float, greatest: float, unit:
             )
 
 
+def interval(key: str, pair: Sequence[float], least: float, greatest: float, unit: str = "") -> None:
+    """Refuse what is not a lower and a greater upper bound, both in [least, greatest]."""
+    if len(pair) != 2:
+        raise SettingError(f"{key} is {list(pair)}; it must be a lower and an upper bound, [low, high]")
+    ascending(f"{key}[0]", pair[0], f"{key}[1]", pair[1], unit)
+    for index, value in enumerate(pair):
+        within(f"{key}[{index}]", value, least, greatest, unit)
+
+
 def vector(key: str, values: Sequence[float], unit: str = "") -> None:
     """Refuse what is not three finite numbers."""
     if len(values) != 3:

@@ -83,6 +83,18 @@ SIGNALS = {
         "",
         "sine of the same angle; above zero the Sun has yet to come to the deputy",
     ),
+    "target_setting": Signal(
+        lanes.TARGET_SETTING,
+        "",
+        "direction of the target across the Sun's, in the orbit plane; above zero where it soon goes dark",
+    ),
+    "missed": Signal(lanes.MISSED, "", "how many points coasting to the flight's end would leave unseen"),
+    "coasting_nearest": Signal(
+        lanes.COASTING_NEAREST,
+        "m",
+        "least distance from the chief while coasting to the flight's end",
+    ),
+    "coasting_farthest": Signal(lanes.COASTING_FARTHEST, "m", "greatest distance on the way"),
 }
 
 #: numbers that a controller may set besides its systems, as attributes, each with what it means
@@ -93,6 +105,9 @@ CONSTANTS = {
     "dead_band_force_y_n": "the same for force_y",
     "dead_band_force_z_n": "the same for force_z",
     "prediction_time_s": "how far ahead predicted_centre_along_track looks, s",
+    "ring_hold_rad": "how far the place on the ring stays back for a target that is about to set, rad",
+    "coast_below_points": "with fewer points than this missed by coasting to the end, coast",
+    "coast_margin_m": "unless that would come nearer than this to a distance limit, m",
 }
 
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fis_tools.kernel import LANES, infer
 from pipeline.lane_attitude import aim_plainly, clip, turn_deputies
 from pipeline.lane_orbit import sense_approach, sense_orbit
+from pipeline.lane_preview import preview
 from pipeline.lane_safety import assure
 from pipeline.lane_sight import sense
 from pipeline.lanes import (
@@ -25,6 +26,10 @@ from pipeline.lanes import (
     BODY,
     CENTRE,
     CLOSEST_APPROACH,
+    COAST_BELOW,
+    COAST_MARGIN,
+    COASTING_FARTHEST,
+    COASTING_NEAREST,
     CORRECTED,
     DEAD_BAND,
     DELTA_V,
@@ -43,6 +48,7 @@ from pipeline.lanes import (
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
+    MISSED,
     NEAREST,
     OUTSIDE,
     Q1,
@@ -110,6 +116,8 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
             for i in range(LANES):
                 lanes[GX + LANES * axis + i] = law.plan[k, axis]
     else:
+        coast_below = values[law.constants + COAST_BELOW] if law.constants >= 0 else 0.0
+        coast_margin = values[law.constants + COAST_MARGIN] if law.constants >= 0 else 0.0
         for system in range(len(law.axes)):
             for place in range(3):
                 signal = LANES * law.signals[system, place]
@@ -129,6 +137,11 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
             dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
             for i in range(num_lanes):
                 coasts = world.coasts_when_complete and lanes[LEFT + i] == 0.0
+                coasts |= (
+                    signals[LANES * MISSED + i] < coast_below
+                    and signals[LANES * COASTING_NEAREST + i] >= world.min_distance + coast_margin
+                    and signals[LANES * COASTING_FARTHEST + i] <= world.max_distance - coast_margin
+                )
                 lanes[force + i] += 0.0 if coasts or abs(outputs[i]) < dead_band else outputs[i]
             if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
                 log.is_decided[k] = True
@@ -214,20 +227,22 @@ def start_lanes(
 
 
 @njit(cache=True, error_model="numpy")
-def needs_of(law: Law) -> tuple[bool, bool, bool]:
-    """Tell whether a law senses the relative angles; free motion, target or Sun; the closest approach."""
+def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool]:
+    """Tell what a law senses: relative angles; free motion, target or Sun; closest approach; coasting."""
     needs_angles, needs_orbit, needs_approach = False, False, False
+    needs_preview = law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
     for system in range(len(law.axes)):
         for place in range(3):
             signal = law.signals[system, place]
             needs_angles |= signal in (LAMBDA_U, ETA_U)
             needs_orbit |= signal >= CENTRE
             needs_approach |= signal == CLOSEST_APPROACH
-    return needs_angles, needs_orbit, needs_approach
+            needs_preview |= MISSED <= signal <= COASTING_FARTHEST
+    return needs_angles, needs_orbit, needs_approach, needs_preview
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def fly(
+def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
     law: Law,
     values: Floats,
@@ -258,7 +273,7 @@ def fly(
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
     is_logged = len(log.position) > 0
-    needs_angles, needs_orbit, needs_approach = needs_of(law)
+    needs_angles, needs_orbit, needs_approach, needs_preview = needs_of(law, values)
     needs_angles |= is_logged
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
     lanes = work.lanes
@@ -275,6 +290,8 @@ def fly(
             sense_orbit(world, law, values, work, k)
         if needs_approach:
             sense_approach(world, work)
+        if needs_preview:
+            preview(world, work, num_lanes, k)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]

@@ -21,6 +21,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.settings import Mission
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -31,8 +33,15 @@ MAX_ITERATIONS = 50
 CENTRE_SHIFT_M = 0.5
 #: squared distances this close are equal, so that rounding does not choose between mirrored points, m^2
 TIE_M2 = 1e-9
+#: seconds between the places at which a deputy foresees what coasting would show it; the Sun turns by 8 deg
+PREVIEW_PERIOD_S = 120.0
 #: projections shorter than this have no angle, m
 MIN_PROJECTION_M = 1e-9
+
+
+def preview_stride(mission: Mission) -> int:
+    """Return the control periods between the places at which coasting is foreseen."""
+    return max(1, round(PREVIEW_PERIOD_S / mission.control_period_s))
 
 
 class ClusterMemory(NamedTuple):

@@ -18,10 +18,11 @@ Integers = NDArray[np.int64]
 #: positions of the signals that a controller may sense, see `pipeline.controllers.SIGNALS`
 DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL = 0, 1, 4, 5, 6, 9
 CENTRE, RING_ERROR, TARGET_DIRECTION, SUN_BEARING = 12, 14, 16, 19
-PREDICTED_CENTRE, CLOSEST_APPROACH, NUM_SIGNALS = 21, 22, 23
+PREDICTED_CENTRE, CLOSEST_APPROACH, TARGET_SETTING = 21, 22, 23
+MISSED, COASTING_NEAREST, COASTING_FARTHEST, NUM_SIGNALS = 24, 25, 26, 27
 
 #: positions of the constants that a controller may set, see `pipeline.controllers.CONSTANTS`
-RING_SIZE, RING_LEAD, DEAD_BAND, PREDICTION_TIME = 0, 1, 2, 5
+RING_SIZE, RING_LEAD, DEAD_BAND, PREDICTION_TIME, RING_HOLD, COAST_BELOW, COAST_MARGIN = 0, 1, 2, 5, 6, 7, 8
 
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
@@ -56,6 +57,8 @@ class World(NamedTuple):
     acceleration_per_force: float
     transition: Floats  # (6, 6) over a control period
     control: Floats  # (6, 3)
+    preview_stride: int  # control periods between the samples of a preview
+    preview_transition: Floats  # (stride + 1, 6, 6) over 0, 1, … control periods
     instant_transition: Floats  # (6, 6, S): over 0, 1, … attitude periods
     instant_control: Floats  # (6, 3, S)
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
@@ -100,6 +103,7 @@ class Workspace(NamedTuple):
     aims: Floats  # (S * 4 * LANES,) desired attitudes at the instants of a control period
     unseen: Floats  # (LANES, P padded) 1 where a point is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
+    ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
     signals: Floats  # (NUM_SIGNALS * LANES,)
     passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)

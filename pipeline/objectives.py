@@ -4,7 +4,8 @@ Pure functions of outcomes. The fitness of a controller is the mean over its fli
 
 ``zeta = c_d [outside] (1 + metres outside) + c_95 max(0, needed - points) + c_99 (all - points)``
 
-with `needed` the points that make a success: 95 of 99 at a threshold of 95 %
+with `needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the
+distance limits drawn in by the penalty's margins, so that a champion keeps clear of them
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
 """
 
@@ -27,7 +28,11 @@ def points_needed(num_points: int, threshold_percent: float) -> int:
 
 
 def fitness_parts(
-    outcomes: Outcomes, penalty: Penalty, num_points: int, threshold_percent: float
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
 ) -> dict[str, Floats]:
     """Judge a population.
 
@@ -36,6 +41,8 @@ def fitness_parts(
     outcomes : Outcomes
         Arrays of shape (n, m): n controllers, m flights each.
     penalty : Penalty
+    limits_m : (float, float)
+        Least and greatest distance.
     num_points : int
         All points.
     threshold_percent : float
@@ -48,19 +55,36 @@ def fitness_parts(
     """
     needed = points_needed(num_points, threshold_percent)
     points = outcomes.inspected_count
-    zeta = (
-        penalty.c_d * outcomes.is_violated * (1.0 + outcomes.outside_m)
-        + penalty.c_95 * np.maximum(0, needed - points)
-        + penalty.c_99 * (num_points - points)
-    )
     return {
-        "fitness": (outcomes.delta_v_m_s + zeta).mean(axis=-1),
+        "fitness": costs(outcomes, penalty, limits_m, num_points, threshold_percent).mean(axis=-1),
         "delta_v_m_s": outcomes.delta_v_m_s.mean(axis=-1),
         "points": points.mean(axis=-1),
         "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
         "outside_m": outcomes.outside_m.mean(axis=-1),
         "short": (points < needed).sum(axis=-1).astype(np.float64),
     }
+
+
+def costs(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> Floats:
+    """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
+    points = outcomes.inspected_count
+    outside_m = outcomes.outside_m
+    if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:
+        too_near = limits_m[0] + penalty.near_margin_m - outcomes.min_distance_m
+        too_far = outcomes.max_distance_m - (limits_m[1] - penalty.far_margin_m)
+        outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
+    zeta = (
+        penalty.c_d * (outside_m > 0.0) * (1.0 + outside_m)
+        + penalty.c_95 * np.maximum(0, points_needed(num_points, threshold_percent) - points)
+        + penalty.c_99 * (num_points - points)
+    )
+    return np.asarray(outcomes.delta_v_m_s + zeta)
 
 
 @dataclass(frozen=True)

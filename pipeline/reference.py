@@ -28,14 +28,15 @@ from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque
 from pipeline.physics.clohessy_wiltshire import propagate
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
-from pipeline.physics.rigid_body import relative_attitude_step, tumbling_step
+from pipeline.physics.rigid_body import relative_attitude_step
 from pipeline.physics.vectors import times, transposed_times
 from pipeline.physics.visibility import is_in_view
 from pipeline.reference_channels import MAX_INPUTS, Channels, measure
 from pipeline.reference_engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.reference_inference import PackedSystems
+from pipeline.reference_preview import preview
 from pipeline.reference_safety import SafetyWorld, assured, safety_world_of
-from pipeline.reference_world import World, world_of
+from pipeline.reference_world import World, turn_chief, world_of
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
@@ -135,22 +136,6 @@ def turn_for_a_tick(
             world.attitude_period / world.num_substeps,
         )
     return quaternion_b_from_h, angular_velocity_b
-
-
-@njit(cache=True)
-def turn_chief(world: World, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
-    """Turn a tumbling chief for a control period; one that is aligned with Hill stays so."""
-    if world.is_chief_tumbling:
-        for _ in range(world.num_ticks * world.num_substeps):
-            quaternion_c_from_h, chief_rate_c = tumbling_step(
-                quaternion_c_from_h,
-                chief_rate_c,
-                world.chief_inertia,
-                world.chief_inverse_inertia,
-                world.mean_motion,
-                world.attitude_period / world.num_substeps,
-            )
-    return quaternion_c_from_h, chief_rate_c
 
 
 @njit(cache=True)
@@ -275,6 +260,14 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         is_decided = not has_plan and not (is_complete and world.coasts_when_complete)
         commanded = np.zeros(3)
         if is_decided:
+            foreseen = np.zeros(3)
+            if channels.senses_preview:
+                foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
+            is_coasting = (
+                foreseen[0] < channels.coast_below
+                and foreseen[1] >= world.min_distance + channels.coast_margin
+                and foreseen[2] <= world.max_distance - channels.coast_margin
+            )
             signals = measure(
                 position,
                 velocity,
@@ -284,6 +277,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                 target,
                 world.mean_motion,
                 angle,
+                foreseen,
                 channels,
             )
             for f in range(len(channels.axes)):
@@ -292,7 +286,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                     if channels.signals[f, i] >= 0:
                         inputs[i] = signals[channels.signals[f, i]]
                 output = infer(inference, f, inputs)
-                if abs(output) >= channels.dead_band[channels.axes[f]]:
+                if abs(output) >= channels.dead_band[channels.axes[f]] and not is_coasting:
                     commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = output

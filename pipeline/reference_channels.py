@@ -40,6 +40,10 @@ SIGNALS = (
     "sun_ahead",
     "predicted_centre_along_track",
     "closest_approach",
+    "target_setting",
+    "missed",
+    "coasting_nearest",
+    "coasting_farthest",
 )
 
 #: what a fuzzy system can command, along the axes of body or Hill
@@ -67,8 +71,12 @@ class Channels(NamedTuple):
         Smallest force along each axis that is fired, N.
     prediction_time : float
         How far ahead the predicted centre is, s.
-    senses_approach : bool
-        Whether any system senses the closest approach, which takes long to compute.
+    ring_hold : float
+        How far the place on the ring stays back for a target that is about to set, rad.
+    coast_below, coast_margin : float
+        With fewer points missed by coasting it coasts, unless that comes nearer to a distance limit, m.
+    senses_approach, senses_preview : bool
+        Whether the closest approach is sensed, or what coasting comes to, which take long to compute.
     """
 
     axes: Integers
@@ -79,7 +87,11 @@ class Channels(NamedTuple):
     ring_lead: float
     dead_band: Floats
     prediction_time: float
+    ring_hold: float
+    coast_below: float
+    coast_margin: float
     senses_approach: bool
+    senses_preview: bool
 
 
 def channels_of(
@@ -99,9 +111,12 @@ def channels_of(
     plan_h : array, optional
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
     constants : array, optional
-        Ring size (m), ring lead (rad), three dead bands (N), prediction time (s); zero unless given.
+        Ring size (m), ring lead (rad), three dead bands (N), prediction time (s), ring hold (rad), points
+        below which it coasts, margin of coasting (m); zero unless given.
     """
-    ring_size, ring_lead, *dead_band, prediction_time = np.zeros(6) if constants is None else constants
+    constants = np.zeros(9) if constants is None else constants
+    ring_size, ring_lead, dead_band = constants[0], constants[1], constants[2:5]
+    prediction_time, ring_hold, coast_below, coast_margin = constants[5:]
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
         signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
@@ -114,6 +129,10 @@ def channels_of(
         ring_lead=float(ring_lead),
         dead_band=np.array(dead_band, dtype=np.float64),
         prediction_time=float(prediction_time),
+        ring_hold=float(ring_hold),
+        coast_below=float(coast_below),
+        coast_margin=float(coast_margin),
+        senses_preview=bool(coast_below > 0.0 or (signals >= SIGNALS.index("missed")).any()),
         senses_approach=bool((signals == SIGNALS.index("closest_approach")).any()),
     )
 
@@ -167,6 +186,7 @@ def measure(
     target_h: Floats,
     mean_motion: float,
     sun_angle: float,
+    foreseen: Floats,
     channels: Channels,
 ) -> Floats:
     """Return every signal, in the order of `SIGNALS`, in m, m/s, rad and pure numbers.
@@ -183,6 +203,8 @@ def measure(
         The target, m, Hill axes; zeros without one.
     mean_motion, sun_angle : float
         rad/s and rad.
+    foreseen : array, shape (3,)
+        What `pipeline.reference_preview.preview` gives; zeros where it is not sensed.
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
@@ -203,11 +225,14 @@ def measure(
             velocity_h[2],
         ]
     )
-    motion = natural_motion(
-        position_h, velocity_h, mean_motion, sun_angle, channels.ring_size, channels.ring_lead
-    )
+    towards = direction(target_h)
+    setting = np.cos(sun_angle) * towards[1] - np.sin(sun_angle) * towards[0]
+    # the place on the ring goes back towards the limb where the Sun sets
+    lead = channels.ring_lead - channels.ring_hold * setting
+    motion = natural_motion(position_h, velocity_h, mean_motion, sun_angle, channels.ring_size, lead)
     # the centre drifts at -1.5 n times its height
     predicted = motion[1] - 1.5 * mean_motion * motion[0] * channels.prediction_time
     approach = closest_approach(position_h, velocity_h, mean_motion) if channels.senses_approach else 0.0
     bearing = sun_bearing(position_h, sun_angle)
-    return np.concatenate((known, motion, direction(target_h), bearing, np.array([predicted, approach])))
+    others = np.array([predicted, approach, setting])
+    return np.concatenate((known, motion, towards, bearing, others, foreseen))

@@ -4,10 +4,13 @@ from math import ceil, cos, radians
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.guidance import preview_stride
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.physics.rigid_body import tumbling_step
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
@@ -56,6 +59,11 @@ class World(NamedTuple):
     boresight_b: Floats
     cos_half_angle: float
     coasts_when_complete: bool
+    #: m
+    min_distance: float
+    max_distance: float
+    #: control periods between the places that a preview looks at
+    preview_stride: int
 
 
 def world_of(mission: Mission) -> World:
@@ -101,4 +109,23 @@ def world_of(mission: Mission) -> World:
         boresight_b=np.array(mission.sensor.boresight, dtype=np.float64),
         cos_half_angle=cos(radians(mission.sensor.half_angle_deg)),
         coasts_when_complete=mission.coast_when_complete,
+        min_distance=deputy.min_distance_m,
+        max_distance=deputy.max_distance_m,
+        preview_stride=preview_stride(mission),
     )
+
+
+@njit(cache=True)
+def turn_chief(world: World, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
+    """Turn a tumbling chief for a control period; one that is aligned with Hill stays so."""
+    if world.is_chief_tumbling:
+        for _ in range(world.num_ticks * world.num_substeps):
+            quaternion_c_from_h, chief_rate_c = tumbling_step(
+                quaternion_c_from_h,
+                chief_rate_c,
+                world.chief_inertia,
+                world.chief_inverse_inertia,
+                world.mean_motion,
+                world.attitude_period / world.num_substeps,
+            )
+    return quaternion_c_from_h, chief_rate_c

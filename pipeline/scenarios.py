@@ -12,8 +12,9 @@ import numpy as np
 from pipeline.flight import Scenario
 from pipeline.settings import Deputy, MonteCarlo, Optimizer, Starts, Sun
 
-#: first part of the spawn key: evaluation, and training round r as ``TRAINING + r``
-EVALUATION, TRAINING = 0, 1
+#: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
+#: starts are sought, ``HARD + r``; and those on which the champion is chosen
+EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
 
 OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 
@@ -52,6 +53,18 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
         Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad)
         for direction, case in zip(OCTANTS, drawn, strict=True)
     ]
+
+
+def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
+    """Return the starts among which the hard ones of a round of training are sought."""
+    shell = (starts.min_distance_m, starts.max_distance_m)
+    return [draw(seed, HARD + round_index, case, shell, sun) for case in range(starts.hard_from)]
+
+
+def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
+    """Return the starts on which the champion is chosen: of training's kind, flown by no training."""
+    shell = (starts.min_distance_m, starts.max_distance_m)
+    return [draw(seed, VALIDATION, case, shell, sun) for case in range(num_cases)]
 
 
 def last_training_scenarios(starts: Starts, sun: Sun, seed: int, optimizer: Optimizer) -> list[Scenario]:

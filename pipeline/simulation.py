@@ -12,7 +12,7 @@ from pipeline import lanes
 from pipeline.controllers import Controller, constants_of, law_of, packed, planned_for
 from pipeline.episode import fly_many
 from pipeline.flight import FlightLog, Scenario
-from pipeline.guidance import num_clusters
+from pipeline.guidance import num_clusters, preview_stride
 from pipeline.lane_safety import MOST_CUTS, guard_of
 from pipeline.lanes import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
@@ -106,6 +106,7 @@ def pack_world(mission: Mission) -> World:
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
     inertia = np.array(mission.deputy.inertia_kg_m2, dtype=np.float64)
     radius = mission.chief.inspection_radius_m
+    stride = preview_stride(mission)
     return World(
         num_controls=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,
@@ -115,6 +116,10 @@ def pack_world(mission: Mission) -> World:
         acceleration_per_force=1.0 / mass,
         transition=state_transition(n, mission.control_period_s),
         control=input_matrix(n, mission.control_period_s, mass),
+        preview_stride=stride,
+        preview_transition=np.stack(
+            [state_transition(n, count * mission.control_period_s) for count in range(stride + 1)]
+        ),
         instant_transition=np.ascontiguousarray(
             np.stack([state_transition(n, t) for t in instants], axis=-1)
         ),
@@ -152,6 +157,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         aims=np.zeros(world.num_attitude_steps * 4 * LANES),
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
+        ahead=np.zeros(width),
         signals=np.zeros(NUM_SIGNALS * LANES),
         passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),

@@ -119,7 +119,7 @@ def test_initial_genomes_that_do_not_fit_are_refused(initial):
 def test_rounds_start_afresh_from_the_last_champion():
     spheres = [Sphere(0.3), Sphere(0.6), Sphere(0.6)]
     result = evolve_rounds(
-        lambda index: spheres[index], NUM_GENES, optimizer(rounds=3, generations=10), seed=1
+        lambda index, _: spheres[index], NUM_GENES, optimizer(rounds=3, generations=10), seed=1
     )
     assert result.logbook.select("round") == 11 * [0] + 11 * [1] + 11 * [2]
     assert result.round_champions.shape == (3, NUM_GENES)
@@ -148,10 +148,10 @@ class StoppedError(Exception):
 def test_resumed_run_equals_an_uninterrupted_one(tmp_path, calls):
     settings = optimizer(rounds=2, generations=14)
     spheres = [Sphere(0.3), Sphere(0.7)]
-    whole = evolve_rounds(lambda index: spheres[index], NUM_GENES, settings, seed=7)
+    whole = evolve_rounds(lambda index, _: spheres[index], NUM_GENES, settings, seed=7)
     countdown = calls
 
-    def failing(index):
+    def failing(index, _):
         def evaluate(genomes):
             nonlocal countdown
             if countdown == 0:
@@ -167,7 +167,7 @@ def test_resumed_run_equals_an_uninterrupted_one(tmp_path, calls):
     assert [path.name for path in checkpoint.parent.iterdir()] == ["checkpoint.npz"]
     lengths: list[int] = []
     resumed = evolve_rounds(
-        lambda index: spheres[index],
+        lambda index, _: spheres[index],
         NUM_GENES,
         settings,
         seed=7,
@@ -231,7 +231,7 @@ def test_other_files_are_refused_in_our_own_words(content, tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("version", "has checkpoint version None, this program reads 1; delete it"),
+        ("version", "has checkpoint version None, this program reads 2; delete it"),
         *((name, "is not a readable checkpoint") for name in ("fingerprint", "round", "parts", "history")),
         *((name, "is not a readable checkpoint") for name in ("python_state", "numpy_state", "step_size")),
     ],

@@ -9,8 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.evolution import Individual, scattered_crossover, select_parents, split_population
-from pipeline.mutation import (
+from pipeline.evolution.genetic import (
+    Individual,
+    scattered_crossover,
+    select_parents,
+    split_population,
+)
+from pipeline.evolution.mutation import (
     SMALLEST_STEP,
     adapt_step_size,
     adaptive_feasible_mutation,

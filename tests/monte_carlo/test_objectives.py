@@ -8,6 +8,7 @@ from pipeline.objectives import fitness_parts, fraction, points_needed, statisti
 from pipeline.settings import Penalty
 from pipeline.simulation import Outcomes
 
+LIMITS_M = (15.0, 200.0)
 PENALTY = Penalty(c_d=1000.0, c_95=10.0, c_99=0.5)
 
 
@@ -57,12 +58,12 @@ def test_the_least_number_of_points_that_reaches_the_threshold(
     ],
 )
 def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
-    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, 99, 95.0)
+    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, LIMITS_M, 99, 95.0)
     assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
 
 
 def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
-    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, 99, 95.0)
+    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, LIMITS_M, 99, 95.0)
     assert {name: values.tolist() for name, values in parts.items()} == {
         "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
         "delta_v_m_s": [2.0],
@@ -79,9 +80,9 @@ def test_each_controller_of_a_population_is_judged_for_itself() -> None:
     both = Outcomes(
         **{name: np.concatenate([getattr(one, name) for one in alone]) for name in vars(alone[0])}
     )
-    together = fitness_parts(both, PENALTY, 99, 95.0)
+    together = fitness_parts(both, PENALTY, LIMITS_M, 99, 95.0)
     for index, one in enumerate(alone):
-        for name, values in fitness_parts(one, PENALTY, 99, 95.0).items():
+        for name, values in fitness_parts(one, PENALTY, LIMITS_M, 99, 95.0).items():
             assert together[name][index] == values[0]
 
 
@@ -93,7 +94,9 @@ def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_tha
     inside = outcomes([most] * 8, [0] * 8, [0.0] * 8)
     short = outcomes([0.0] * 8, [99] * 7 + [94], [0.0] * 8)
     dear = outcomes([most] * 8, [95] * 8, [0.0] * 8)
-    fitness = [fitness_parts(one, paper, 99, 95.0)["fitness"][0] for one in (dear, short, inside, outside)]
+    fitness = [
+        fitness_parts(one, paper, LIMITS_M, 99, 95.0)["fitness"][0] for one in (dear, short, inside, outside)
+    ]
     assert fitness == sorted(fitness)
     assert len(set(fitness)) == 4
 

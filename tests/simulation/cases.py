@@ -138,6 +138,25 @@ LOOKING_AHEAD = controller(
     prediction_time_s=800.0,
     dead_band_force_x_n=0.001,
 )
+#: senses what coasting comes to, and coasts where that is enough
+FORESEEING = controller(
+    (
+        leaning_system(
+            "force_x",
+            0.02,
+            ("missed", "", 20.0),
+            ("coasting_nearest", "m", 60.0),
+            ("target_setting", "", 1.0),
+        ),
+        leaning_system("force_y", 0.03, ("ring_error_radial", "m", 60.0), ("coasting_farthest", "m", 90.0)),
+        leaning_system("force_z", 0.02, ("target_cross_track", "", 1.0)),
+    ),
+    "hill",
+    ring_size_m=20.0,
+    ring_hold_rad=0.8,
+    coast_below_points=30.0,
+    coast_margin_m=7.0,
+)
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))

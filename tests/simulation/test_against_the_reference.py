@@ -18,6 +18,7 @@ from pipeline.simulation import fly_logged
 from tests.safety.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
 from tests.simulation.cases import (
     COMPLETED,
+    FORESEEING,
     LOOKING_AHEAD,
     MIXED,
     ORBITAL,
@@ -74,6 +75,7 @@ FLOWN = {
     "a controller that is often silent": (mission(), SPARSE, STARTS),
     "free motion, target and Sun": (mission(), ORBITAL, STARTS),
     "where drift leads": (mission(), LOOKING_AHEAD, STARTS),
+    "what coasting shows": (mission(), FORESEEING, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,
@@ -91,6 +93,8 @@ POINTED = {
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
     "free motion, target and Sun": (mission(attitude=IDEAL), ORBITAL, [*STARTS, *OVER_POLES]),
     "where drift leads": (mission(attitude=IDEAL), LOOKING_AHEAD, [*STARTS, *OVER_POLES]),
+    "what coasting shows": (mission(attitude=IDEAL), FORESEEING, [*STARTS, *OVER_POLES]),
+    "what coasting shows of a tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), FORESEEING, STARTS),
     "safety layer, a few forces changed": (guarded(PASSIVE), STEERING, [*STARTS, *starts_at_rest(3, 47)]),
     "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),
     "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS),

@@ -8,7 +8,7 @@ import pytest
 from pipeline import controller_source
 from pipeline.champion_flights import ChampionFlights
 from pipeline.checkpoint import Generation
-from pipeline.stages.train import encoding_of
+from pipeline.genome import genome_of
 from tests.stages.cases import prepared
 
 
@@ -30,7 +30,7 @@ def generation(round_index: int, number: int, champion: np.ndarray) -> Generatio
 def flights(tmp_path: Path) -> ChampionFlights:
     experiment = prepared(tmp_path).experiment
     template = controller_source.load(experiment.controller, experiment.mission)
-    return ChampionFlights(experiment, template, encoding_of(experiment, template))
+    return ChampionFlights(experiment, genome_of(template, experiment.optimizer.encoding))
 
 
 def history() -> list[Generation]:
@@ -59,7 +59,7 @@ def test_a_history_at_once_gives_what_one_gives_that_grows(tmp_path: Path, fligh
         flights.add(grown[:count])
     experiment = prepared(tmp_path).experiment
     template = controller_source.load(experiment.controller, experiment.mission)
-    resumed = ChampionFlights(experiment, template, encoding_of(experiment, template))
+    resumed = ChampionFlights(experiment, genome_of(template, experiment.optimizer.encoding))
     assert resumed.add(grown)
     for name, column in flights.columns().items():
         np.testing.assert_array_equal(column, resumed.columns()[name])

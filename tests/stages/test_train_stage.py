@@ -15,6 +15,7 @@ from pipeline import artifacts, controller_source
 from pipeline.checkpoint import CheckpointError, Generation
 from pipeline.config import Composed
 from pipeline.controllers import ControllerError
+from pipeline.genome import genome_of
 from pipeline.progress import TrainingProgress
 from pipeline.scenarios import given_start
 from pipeline.simulation import fly_logged
@@ -68,7 +69,7 @@ def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Co
     run, folder = trained
     experiment = run.experiment
     template = controller_source.load(experiment.controller, experiment.mission)
-    evaluate = train.fitness_of_round(experiment, template, train.encoding_of(experiment, template), 0)
+    evaluate = train.fitness_of_round(experiment, genome_of(template, experiment.optimizer.encoding), 0)
     found = evaluate(genomes(folder))
     for index, row in enumerate(logbook(folder)):
         assert row["best"] == found["fitness"][index]
@@ -80,9 +81,9 @@ def test_the_first_population_holds_the_configured_controller(trained: tuple[Com
     run, folder = trained
     experiment = run.experiment
     template = controller_source.load(experiment.controller, experiment.mission)
-    encoding = train.encoding_of(experiment, template)
-    evaluate = train.fitness_of_round(experiment, template, encoding, 0)
-    configured = evaluate(encoding.encode(template.systems)[np.newaxis])["fitness"][0]
+    encoding = genome_of(template, experiment.optimizer.encoding)
+    evaluate = train.fitness_of_round(experiment, encoding, 0)
+    configured = evaluate(encoding.encode(template.fuzzy)[np.newaxis])["fitness"][0]
     assert logbook(folder)[0]["best"] <= configured
 
 
@@ -92,7 +93,10 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: t
     template = controller_source.load(experiment.controller, experiment.mission)
     champion = serialize.load(folder / artifacts.CHAMPION)
     assert champion.name == "paper_train"
-    assert champion.systems == train.encoding_of(experiment, template).decode(genomes(folder)[-1])
+    assert (
+        champion.systems
+        == genome_of(template, experiment.optimizer.encoding).decode(genomes(folder)[-1]).systems
+    )
     assert champion.attributes == (("force_axes", "body"),)
     provenance = dict(champion.provenance)
     assert provenance["experiment"] == "train"
@@ -106,7 +110,7 @@ def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Composed
     run, folder = trained
     mission = run.experiment.mission
     template = controller_source.load(run.experiment.controller, mission)
-    encoding = train.encoding_of(run.experiment, template)
+    encoding = genome_of(template, run.experiment.optimizer.encoding)
     table = pq.read_table(folder / artifacts.CHAMPION_TRAJECTORIES)
     assert table.column_names == ["round", "generation", "sample", *(f"position_{axis}_m" for axis in "xyz")]
     assert table.schema.field("position_x_m").type == pa.float32()
@@ -117,7 +121,7 @@ def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Composed
     positions = np.column_stack([table[f"position_{axis}_m"].to_numpy() for axis in "xyz"])
     start = given_start(mission.deputy, run.experiment.sun, run.experiment.seed)
     for generation in np.flatnonzero(is_new):
-        controller = replace(template, systems=encoding.decode(champions[generation]))
+        controller = replace(template, systems=encoding.decode(champions[generation]).systems)
         log = fly_logged(mission, controller, start)
         np.testing.assert_allclose(positions[generations == generation], log.position_m, rtol=1e-6)
     samples = np.arange(mission.num_controls + 1).tolist()
@@ -184,9 +188,9 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path
     rows = logbook(tmp_path)
     assert [(row["round"], row["generation"]) for row in rows] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     template = controller_source.load(run.controller, run.mission)
-    encoding = train.encoding_of(run, template)
+    encoding = genome_of(template, run.optimizer.encoding)
     last = genomes(tmp_path)[1][np.newaxis]
-    judged = [train.fitness_of_round(run, template, encoding, index)(last)["fitness"][0] for index in (0, 1)]
+    judged = [train.fitness_of_round(run, encoding, index)(last)["fitness"][0] for index in (0, 1)]
     assert judged[0] == rows[1]["best"]
     assert judged[1] != judged[0]
     assert rows[2]["best"] <= judged[1]

@@ -1,37 +1,38 @@
-"""A genetic algorithm: a vector of genes in [0, 1] and a fitness function in, a champion out.
+"""Rounds of evolution: populations from their fitness, a champion from each generation.
 
-Smaller fitness is better. Each generation keeps its elite as it is, fills most of the rest with one child of
-each pair of parents (scattered crossover) and the remainder with mutants (adaptive feasible mutation);
-parents are chosen in tournaments. These are the operators and rates of Choi, Kim and Leeghim (AAS 25-727),
-defined as in MATLAB's Global Optimization Toolbox ("Genetic Algorithm Options").
+Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
+with children (`pipeline.evolution.genetic`); CMA-ES draws each generation anew (`pipeline.evolution.cma_es`).
+A round has a fitness function of its own; the next one starts afresh from the champion, or goes on with the
+population as it is, judged anew.
 
-Everything random comes from one seed. DEAP draws from Python's global generator: it is lent a state of ours
-for each generation, and the caller gets his own back.
+Everything random comes from one seed.
 """
 
 import random
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from deap import base, tools
+from deap import tools
 from numpy.typing import NDArray
 
 from pipeline.checkpoint import Generation, State, load, save
-from pipeline.mutation import LARGEST_STEP, adapt_step_size, adaptive_feasible_mutation
+from pipeline.evolution import cma_es
+from pipeline.evolution.genetic import breed, scatter, split_population
+from pipeline.evolution.mutation import adapt_step_size
 from pipeline.settings import Optimizer
 
 Floats = NDArray[np.float64]
 
 #: genomes (n, num_genes) in [0, 1] -> arrays of shape (n,): ``fitness`` and, by any other name, its parts
 Evaluate = Callable[[Floats], Mapping[str, Floats]]
+#: a round's index and the champion of the one before (None in the first) -> the round's fitness function
+EvaluateForRound = Callable[[int, Floats | None], Evaluate]
 #: called after each generation with the history so far; the newest is the last
 OnGeneration = Callable[[Sequence[Generation]], None]
 
-GENE_SWAP_PROBABILITY = 0.5
 #: keeps the draws of the evolution apart from those of scenarios made from the same seed
 SPAWN_KEY = 0xE70
 
@@ -67,86 +68,6 @@ class Evolution:
     interrupted: bool
 
 
-@dataclass(frozen=True)
-class Split:
-    """How many individuals of a generation come from where."""
-
-    elite: int
-    crossover: int
-    mutants: int
-
-
-def split_population(settings: Optimizer) -> Split:
-    """Turn rates into numbers of individuals.
-
-    With `split` = ``whole`` the crossover rate counts the whole population (of 200 at 0.1 and 0.8: 20, 160,
-    20), with ``rest`` all but the elite (20, 144, 36). Mutants fill up.
-    """
-    size = settings.population_size
-    elite = max(1, round(settings.elitism_rate * size))
-    counted = size if settings.split == "whole" else size - elite
-    crossover = min(size - elite, round(settings.crossover_rate * counted))
-    return Split(elite, crossover, size - elite - crossover)
-
-
-class Fitness(base.Fitness):  # type: ignore[misc]
-    """One value, to be made small."""
-
-    weights = (-1.0,)
-
-
-class Individual(list[float]):
-    """A genome with its fitness; a list, because DEAP's operators corrupt views of arrays."""
-
-    def __init__(self, genes: Sequence[float], fitness: float | None = None) -> None:
-        super().__init__(genes)
-        self.fitness = Fitness() if fitness is None else Fitness((fitness,))
-
-
-def select_parents(
-    population: Sequence[Individual], num_parents: int, tournament_size: int
-) -> list[Individual]:
-    """Choose parents, each the best of `tournament_size` drawn with replacement."""
-    return cast(list[Individual], tools.selTournament(population, num_parents, tournament_size))
-
-
-def scattered_crossover(first: Individual, second: Individual) -> Individual:
-    """Make one child that takes each gene from either parent with probability 1/2."""
-    child, _ = tools.cxUniform(Individual(first), Individual(second), GENE_SWAP_PROBABILITY)
-    return cast(Individual, child)
-
-
-@contextmanager
-def _lent_global_random(state: State) -> Iterator[None]:
-    """Let DEAP draw from our state of Python's global generator, and give the caller's back."""
-    callers = random.getstate()
-    random.setstate(state.python_state)
-    try:
-        yield
-    finally:
-        state.python_state = random.getstate()
-        random.setstate(callers)
-
-
-def _breed(state: State, settings: Optimizer) -> Floats:
-    """Make a generation's children, of crossover first, then mutants; shape (children, num_genes)."""
-    split = split_population(settings)
-    num_crossed = 2 * split.crossover
-    with _lent_global_random(state):
-        population = [
-            Individual(genes, fitness)
-            for genes, fitness in zip(state.genomes.tolist(), state.fitness.tolist(), strict=True)
-        ]
-        parents = select_parents(population, num_crossed + split.mutants, settings.tournament_size)
-        pairs = zip(parents[:num_crossed:2], parents[1:num_crossed:2], strict=True)
-        children = [np.array(scattered_crossover(first, second)) for first, second in pairs]
-    mutants = [
-        adaptive_feasible_mutation(np.array(parent), state.step_size, state.generator)
-        for parent in parents[num_crossed:]
-    ]
-    return np.array([*children, *mutants]).reshape(-1, state.genomes.shape[1])
-
-
 def _evaluated(
     evaluate: Evaluate, genomes: Floats, names: Iterable[str] | None
 ) -> tuple[Floats, dict[str, Floats]]:
@@ -170,7 +91,8 @@ def _evaluated(
 
 def _record(state: State) -> None:
     """Note the present generation in the history."""
-    best = int(np.argmin(state.fitness))
+    # the centre of a distribution is better than the luckiest of its samples
+    best = 0 if state.strategy else int(np.argmin(state.fitness))
     state.history.append(
         Generation(
             round=state.round,
@@ -187,42 +109,75 @@ def _record(state: State) -> None:
 
 
 def _begin_round(
-    evaluate: Evaluate, seeds: Floats, settings: Optimizer, seed: int, history: list[Generation]
+    evaluate: Evaluate,
+    seeds: Floats,
+    settings: Optimizer,
+    seed: int,
+    history: list[Generation],
+    before: State | None,
 ) -> State:
-    """Draw and evaluate the first population of the round after those in the history; it holds the seeds."""
+    """Make and evaluate the first population of the round after those in the history."""
     round_index = history[-1].round + 1 if history else 0
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
     python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
-    genomes = generator.random((settings.population_size, seeds.shape[1]))
-    genomes[: len(seeds)] = seeds
-    fitness, parts = _evaluated(evaluate, genomes, history[0].parts if history else None)
-    return State(
+    state = State(
         round=round_index,
         generation=0,
-        evaluations=(history[-1].evaluations if history else 0) + len(genomes),
-        step_size=LARGEST_STEP,
-        genomes=genomes,
-        fitness=fitness,
-        parts=parts,
+        evaluations=history[-1].evaluations if history else 0,
+        step_size=settings.step_of_round(round_index),
+        genomes=np.empty((0, seeds.shape[1])),
+        fitness=np.empty(0),
+        parts={},
         python_state=python_state,
         generator=generator,
         history=history,
     )
+    is_carried = before is not None and settings.next_round == "carried"
+    if settings.algorithm == "cma_es":
+        state.strategy = before.strategy if before and is_carried else cma_es.begin(seeds[-1], settings)
+        _sample_generation(state, evaluate, settings)
+        return state
+    if before and is_carried:
+        genomes = before.genomes
+    elif settings.first_population == "near":
+        genomes = scatter(seeds, settings, state)
+    else:
+        genomes = generator.random((settings.population_size, seeds.shape[1]))
+        genomes[: len(seeds)] = seeds
+    state.genomes = genomes
+    state.fitness, state.parts = _evaluated(evaluate, genomes, history[0].parts if history else None)
+    state.evaluations += len(genomes)
+    return state
 
 
 def _advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Replace a population by the next: the elite unchanged and in front, then the children."""
-    if state.generation > 0:
+    """Replace a population by the next."""
+    state.generation += 1
+    if settings.algorithm == "cma_es":
+        _sample_generation(state, evaluate, settings)
+        return
+    if settings.mutation == "adaptive_feasible" and state.generation > 1:
         has_improved = state.history[-1].best < state.history[-2].best
         state.step_size = adapt_step_size(state.step_size, has_improved)
-    children = _breed(state, settings)
+    children = breed(state, settings)
     fitness, parts = _evaluated(evaluate, children, state.parts)
+    # the elite unchanged and in front, then the children
     elite = np.argsort(state.fitness, kind="stable")[: split_population(settings).elite]
     state.genomes = np.concatenate((state.genomes[elite], children))
     state.fitness = np.concatenate((state.fitness[elite], fitness))
     state.parts = {name: np.concatenate((old[elite], parts[name])) for name, old in state.parts.items()}
-    state.generation += 1
     state.evaluations += len(children)
+
+
+def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
+    """Draw a population from the strategy, judge it, and let the strategy learn from it."""
+    state.step_size = float(state.strategy["sigma"])
+    drawn = cma_es.sample(state, settings)
+    state.genomes = np.clip(drawn, 0.0, 1.0)
+    names = state.history[0].parts if state.history else None
+    state.fitness, state.parts = _evaluated(evaluate, state.genomes, names)
+    state.evaluations += len(drawn)
+    cma_es.learn(state, settings, drawn, state.fitness)
 
 
 def _is_finished(state: State, settings: Optimizer) -> bool:
@@ -267,14 +222,38 @@ def _checked_seeds(initial: Floats | None, num_genes: int, population_size: int)
     return seeds
 
 
+def _check_that_there_is_a_beginning(seeds: Floats, settings: Optimizer) -> None:
+    is_local = settings.algorithm == "cma_es" or settings.first_population == "near"
+    if is_local and not len(seeds):
+        raise ValueError("this search begins near a genome, but there is no initial one; give at least one")
+
+
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
     """Name everything that must be the same for a resumed run to equal an uninterrupted one."""
-    names = ("population_size", "tournament_size", "crossover_rate", "elitism_rate", "split")
+    names = (
+        "algorithm",
+        "population_size",
+        "tournament_size",
+        "crossover_rate",
+        "elitism_rate",
+        "split",
+        "mutation",
+        "first_population",
+        "next_round",
+        "initial_step",
+        "cooling",
+    )
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
 
+def _champion_before(history: Sequence[Generation], round_index: int) -> Floats | None:
+    """Return the champion with which the round before a round ended."""
+    earlier = [generation.champion for generation in history if generation.round < round_index]
+    return earlier[-1] if earlier else None
+
+
 def evolve_rounds(
-    evaluate_for_round: Callable[[int], Evaluate],
+    evaluate_for_round: EvaluateForRound,
     num_genes: int,
     settings: Optimizer,
     seed: int,
@@ -284,15 +263,16 @@ def evolve_rounds(
     resume: bool = False,
     on_generation: OnGeneration | None = None,
 ) -> Evolution:
-    """Evolve for `settings.rounds` rounds, each a fresh population with the last round's champion in it.
+    """Evolve for `settings.rounds` rounds.
 
     Parameters
     ----------
     evaluate_for_round : callable
-        Takes a round's index and returns its fitness function; the same index must give the same function,
-        or a resumed run differs from an uninterrupted one. A fitness function takes genomes of shape
+        Takes a round's index and the champion of the round before, None in the first, and returns the round's
+        fitness function; the same arguments must give the same function, or a resumed run differs from an
+        uninterrupted one. A fitness function takes genomes of shape
         (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be made small, and its parts. It sees
-        a generation's new individuals only: the elite is never evaluated again.
+        a generation's new individuals only: the elite is not evaluated again within a round.
     num_genes : int
         Genes of a genome.
     settings : Optimizer
@@ -300,7 +280,7 @@ def evolve_rounds(
     seed : int
         Of everything random here.
     initial : (k, num_genes) array, optional
-        Genomes that the first round's population starts with.
+        Genomes that the first round's population starts with; CMA-ES starts around the last of them.
     checkpoint : Path, optional
         Where to write the state after every generation (.npz).
     resume : bool
@@ -318,11 +298,13 @@ def evolve_rounds(
     CheckpointError
         If the checkpoint is damaged or belongs to other settings.
     ValueError
-        If the initial genomes or what the fitness function returns are of the wrong shape or not finite.
+        If initial genomes are missing where the search is local, or they or what the fitness function returns
+        are of the wrong shape or not finite.
     KeyboardInterrupt
         If there is no champion yet.
     """
     seeds = _checked_seeds(initial, num_genes, settings.population_size)
+    _check_that_there_is_a_beginning(seeds, settings)
     fingerprint = _fingerprint(settings, seed, num_genes)
     state: State | None = None
     if resume and checkpoint is not None and checkpoint.exists():
@@ -339,9 +321,9 @@ def evolve_rounds(
     interrupted = False
     try:
         for round_index in range(state.round if state else 0, settings.rounds):
-            evaluate = evaluate_for_round(round_index)
+            evaluate = evaluate_for_round(round_index, _champion_before(history, round_index))
             if state is None or state.round < round_index:
-                state = _begin_round(evaluate, seeds, settings, seed, history)
+                state = _begin_round(evaluate, seeds, settings, seed, history, state)
                 finish_generation(state)
             while not _is_finished(state, settings):
                 _advance(state, evaluate, settings)
@@ -367,7 +349,7 @@ def evolve(
 ) -> Evolution:
     """Evolve with one fitness function for all rounds; see `evolve_rounds`."""
     return evolve_rounds(
-        lambda _round: evaluate,
+        lambda _round, _champion: evaluate,
         num_genes,
         settings,
         seed,
