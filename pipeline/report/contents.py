@@ -19,6 +19,7 @@ from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import fly_cases, rank, summarise
 from pipeline.objectives import Fraction, Statistic
 from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
+from pipeline.report.safety import Without, fly_without
 from pipeline.scenarios import given_start, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
@@ -80,6 +81,8 @@ class Contents:
         The controller beside the plans of least fuel.
     pairs : sequence of Pair
         Some of these cases, to be drawn.
+    without_safety : Without, optional
+        What the safety layer acted in, flown without it.
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
@@ -100,6 +103,7 @@ class Contents:
     training_round: int | None
     beside: BesideOptimum
     pairs: Sequence[Pair]
+    without_safety: Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
     manifest: Mapping[str, Any] | None
@@ -142,6 +146,9 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         evaluation=evaluation,
         beside=beside,
         pairs=fly_pairs(experiment, controller, beside) if controller else (),
+        without_safety=(
+            fly_without(experiment, controller, evaluation.episodes) if controller and evaluation else None
+        ),
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
         manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,

@@ -17,6 +17,7 @@ from pipeline.report.contents import POSITION, Contents, Flights, ShownFlight
 from pipeline.report.optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.paper import Reported
 from pipeline.report.pictures import Illustration
+from pipeline.report.safety import safety_words
 from pipeline.settings import Mission
 
 #: metric of a summary: decimals on the page
@@ -133,25 +134,15 @@ def lead(contents: Contents) -> str:
 
 
 def safety(contents: Contents) -> list[str]:
-    """Say, a sentence for each set of flights, what the safety layer did; nothing where it is off."""
+    """Say, a sentence or two for each set of flights, what the safety layer did; nothing where it is off."""
     if contents.experiment.mission.safety.kind == "none":
         return []
-    found = []
-    for flights, word in ((contents.evaluation, "evaluation"), (contents.training, "training")):
-        # a summary of an earlier version does not tell
-        if flights is None or "safety_acted" not in flights.summary:
-            continue
-        acted, num_cases = flights.summary["safety_acted"], flights.summary["num_cases"]
-        periods, changed = flights.summary["safety_periods"], flights.summary["safety_delta_v_m_s"]
-        text = f"In the {word} it acted in {acted['count']:,} of {num_cases:,} flights "
-        text += f"({100 * acted['fraction']:.1f} %, {_share_cell(acted).note})"
-        if acted["count"]:
-            each = num_cases / acted["count"]
-            text += f", in these for {each * periods['mean']:.1f} control periods and by "
-            text += f"{each * changed['mean']:.4f} m/s in the mean; over all flights its changes come to "
-            text += f"{changed['mean']:.4f} m/s a flight, at most {changed['maximum']:.4f} m/s in one"
-        found.append(text + ".")
-    return found
+    told = (
+        (contents.evaluation, "evaluation", contents.without_safety),
+        (contents.training, "training", None),
+    )
+    words = [safety_words(word, flights.summary, off) for flights, word, off in told if flights is not None]
+    return [text for text in words if text]
 
 
 def _sun_words(told: Mapping[str, Any]) -> str:

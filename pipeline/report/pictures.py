@@ -10,6 +10,7 @@ from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
 from pipeline.figures.optimum import beside_optimum
+from pipeline.figures.safety import with_and_without
 from pipeline.figures.side_by_side import side_by_side
 from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
@@ -17,12 +18,15 @@ from pipeline.objectives import points_needed
 from pipeline.report import paper
 from pipeline.report.contents import Contents, Flights, ShownFlight
 from pipeline.report.optimum import Pair
+from pipeline.report.safety import Without
 from pipeline.report.svg import inline
 from pipeline.settings import Mission
 from pipeline.simulation import inspection_points
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
-OWN_FILES = re.compile(r"(control|trajectories|distributions|convergence|optimum|system)(-[a-z0-9-]+)?\.png")
+OWN_FILES = re.compile(
+    r"(control|trajectories|distributions|convergence|optimum|safety|system)(-[a-z0-9-]+)?\.png"
+)
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,8 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
         yield _training_sketch(contents.training, mission)
     if contents.evaluation is not None and contents.evaluation.tracks_m is not None:
         yield _evaluation_sketch(contents.evaluation, mission)
+    if contents.without_safety is not None:
+        yield _safety_sketch(contents.without_safety, mission)
     if contents.beside.columns is not None:
         yield _optimum_sketch(contents)
     for pair in contents.pairs:
@@ -138,6 +144,16 @@ def _evaluation_sketch(evaluation: Flights, mission: Mission) -> _Sketch:
     )
     figure = trajectories(_tracks_by_outcome(evaluation, mission), mission)
     return _Sketch("trajectories-evaluation", caption, figure)
+
+
+def _safety_sketch(without: Without, mission: Mission) -> _Sketch:
+    caption = (
+        f"Case {without.case} with the safety layer and without: the path about the sample at which it is "
+        "farthest outside the limits without it, or nearest to them, in the plane of its position and "
+        "velocity there; the distance over time; and the delta-v by which the layer changed each period's "
+        "force. The limits are dotted."
+    )
+    return _Sketch("safety", caption, with_and_without(without.guarded, without.unguarded, mission))
 
 
 def _optimum_sketch(contents: Contents) -> _Sketch:
