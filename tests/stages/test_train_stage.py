@@ -14,11 +14,12 @@ from fis_tools import serialize
 from pipeline import artifacts, controller_source
 from pipeline.checkpoint import CheckpointError, Generation
 from pipeline.config import Composed
-from pipeline.controllers import ControllerError
+from pipeline.controllers import ControllerError, from_fuzzy
 from pipeline.genome import genome_of
+from pipeline.objectives import costs
 from pipeline.progress import TrainingProgress
-from pipeline.scenarios import given_start
-from pipeline.simulation import fly_logged
+from pipeline.scenarios import given_start, hard_candidates, training_scenarios, validation_scenarios
+from pipeline.simulation import fly_all, fly_logged
 from pipeline.stages import train
 from tests.stages.cases import prepared
 
@@ -228,3 +229,73 @@ def test_progress_tells_best_parts_and_time_left(tmp_path: Path, capsys: pytest.
     assert lines[-1].startswith(f"  generation 2/2, round 1, fitness {row['best']:.4g}: ")
     assert f"delta-v {row['delta_v_m_s']:.3f} m/s, {row['points']:.2f} points, " in lines[-1]
     assert f"{row['short']:.0f} short, {row['outside']:.0f} outside, 0 s left" in lines[-1]
+
+
+def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path: Path) -> None:
+    words = ("starts.num_cases=4", "starts.num_hard=3", "starts.hard_from=40", "duration_s=1200.0")
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    template = controller_source.load(run.controller, run.mission)
+    genome = genome_of(template, run.optimizer.encoding)
+    champion = genome.encode()
+    plain = train.fitness_of_round(run, genome, 1)(champion[np.newaxis])
+    mined = train.fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
+    candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
+    outcomes = fly_all(run.mission, template, candidates)
+    limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
+    each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), limits, 99, 95.0))
+    expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
+    assert mined["fitness"][0] == pytest.approx(expected, rel=1e-9)
+    assert expected > plain["fitness"][0]
+
+
+def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) -> None:
+    words = (
+        "starts.num_cases=4",
+        "optimizer.rounds=3",
+        "optimizer.generations=2",
+        "optimizer.validation_cases=9",
+    )
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    train.run(run, tmp_path)
+    with (tmp_path / artifacts.VALIDATION).open(newline="", encoding="utf-8") as stream:
+        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
+    assert [row["round"] for row in rows] == [0, 1, 2]
+    best = min(rows, key=lambda row: row["validation"])
+    champion = serialize.load(tmp_path / artifacts.CHAMPION)
+    genome = genome_of(controller_source.load(run.controller, run.mission), run.optimizer.encoding)
+    last_of_round = genomes(tmp_path)[[2, 5, 8]]
+    assert champion.systems == genome.decode(last_of_round[int(best["round"])]).systems
+    assert float(dict(champion.provenance)["validation_fitness"]) == best["validation"]
+    starts = validation_scenarios(run.starts, run.sun, run.seed, 9)
+    flown = {
+        tuple(s.position_m)
+        for index in range(3)
+        for s in training_scenarios(run.starts, run.sun, run.seed, index)
+    }
+    assert not flown & {tuple(s.position_m) for s in starts}
+    outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
+    limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
+    found = costs(outcomes, run.optimizer.penalty.of_round(2), limits, 99, 95.0).mean()
+    assert found == pytest.approx(best["validation"], rel=1e-9)
+
+
+def test_a_search_of_planes_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    words = (
+        "starts.num_cases=2",
+        "optimizer.rounds=2",
+        "optimizer.generations=2",
+        "optimizer.population_size=6",
+    )
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    run = prepared(whole, *words, experiment="train_planes").experiment
+    train.run(run, whole)
+
+    prepared(broken, *words, experiment="train_planes")
+    shorter = replace(run, optimizer=replace(run.optimizer, rounds=1))
+    train.run(shorter, broken)
+    train.run(replace(run, resume=True), broken)
+    assert np.array_equal(genomes(whole), genomes(broken))
+    assert (
+        serialize.load(whole / artifacts.CHAMPION).systems
+        == serialize.load(broken / artifacts.CHAMPION).systems
+    )
