@@ -8,10 +8,12 @@ turn at -n, as the Sun does; ``x_c`` stays, and ``y_c`` drifts at ``-1.5 n x_c``
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.flight import Scenario
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.clohessy_wiltshire import input_matrix, propagate, state_transition
+from pipeline.reference_safety import SafetyWorld, assured, safety_world_of
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
@@ -34,12 +36,15 @@ class Motion:
         What 1 N held over it adds.
     num_controls : int
         Periods of a flight.
+    safety : SafetyWorld
+        The safety layer, which corrects what is planned too.
     """
 
     mean_motion: float
     transition: Floats
     control: Floats
     num_controls: int
+    safety: SafetyWorld
 
 
 def motion_of(mission: Mission) -> Motion:
@@ -50,7 +55,15 @@ def motion_of(mission: Mission) -> Motion:
         transition=state_transition(mean_motion, period),
         control=input_matrix(mean_motion, period, mission.deputy.mass_kg),
         num_controls=mission.num_controls,
+        safety=safety_world_of(mission),
     )
+
+
+@njit(cache=True, nogil=True)
+def advance(safety: SafetyWorld, state: Floats, asked: Floats) -> Floats:
+    """Move a state by a period, by the force that the safety layer makes of the one that is asked for."""
+    force = assured(safety, state, asked)[0] if safety.is_on else asked
+    return propagate(state, force, safety.transition, safety.control)
 
 
 def start_of(scenario: Scenario) -> Floats:

@@ -11,12 +11,13 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from pipeline.baselines.free_motion import elements_matrix, motion_of, start_of
+from pipeline.baselines.free_motion import advance, elements_matrix, motion_of, start_of
 from pipeline.baselines.ring import check_within_limits, ring_elements
 from pipeline.checks import SettingError
 from pipeline.controller_settings import Lqr
 from pipeline.flight import Scenario
 from pipeline.physics.clohessy_wiltshire import propagate
+from pipeline.reference_safety import SafetyWorld
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
@@ -69,8 +70,7 @@ class LqrPlanner:
         regulate(
             start_of(scenario),
             self.to_states @ elements,
-            self.motion.transition,
-            self.motion.control,
+            self.motion.safety,
             self.gain,
             self.settings.dead_band_n,
             self.max_force,
@@ -83,8 +83,7 @@ class LqrPlanner:
 def regulate(
     state: Floats,
     wanted: Floats,
-    transition: Floats,
-    control: Floats,
+    safety: SafetyWorld,
     gain: Floats,
     dead_band: float,
     max_force: float,
@@ -99,5 +98,5 @@ def regulate(
             for place in range(6):
                 force -= gain[axis, place] * error[place]
             forces[k, axis] = min(max(force, -max_force), max_force) if abs(force) >= dead_band else 0.0
-        state = propagate(state, forces[k], transition, control)
-        wanted = propagate(wanted, no_force, transition, control)
+        state = advance(safety, state, forces[k])
+        wanted = propagate(wanted, no_force, safety.transition, safety.control)

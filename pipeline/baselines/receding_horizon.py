@@ -1,8 +1,8 @@
 """The receding-horizon controller: the least fuel to a place on the ring, solved for again and again.
 
-Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, which are
-set where a solution would break them: what is solved is a linear program (HiGHS, in SciPy) over the forces of
-the horizon,
+Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, set
+where a solution would break them. What is solved is a linear program (HiGHS, in SciPy) over the forces of the
+horizon,
 
 ``min sum |f| T/m  +  price of what is missed``, with ``|f| <= f_max``,
 
@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from pipeline.baselines.free_motion import Motion, elements_matrix, motion_of, start_of
+from pipeline.baselines.free_motion import Motion, advance, elements_matrix, motion_of, start_of
 from pipeline.baselines.ring import check_within_limits, ring_elements
 from pipeline.controller_settings import RecedingHorizon
 from pipeline.flight import Scenario
-from pipeline.physics.clohessy_wiltshire import propagate
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
@@ -125,7 +124,7 @@ class RecedingHorizonPlanner:
                 if period < self.solution_period and k + period < len(forces):
                     forces[k + period] = force
             for force in forces[k : k + self.solution_period]:
-                state = propagate(state, force, self.motion.transition, self.motion.control)
+                state = advance(self.motion.safety, state, force)
         return forces
 
     def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:

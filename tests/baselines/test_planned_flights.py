@@ -5,12 +5,15 @@ import json
 import numpy as np
 import pytest
 
+from pipeline.baselines.free_motion import elements_matrix
+from pipeline.baselines.ring import ring_elements
+from pipeline.controller_settings import planned_settings
 from pipeline.controller_source import load
 from pipeline.controllers import open_loop, planned_for
 from pipeline.recording import controller_text
 from pipeline.settings import SettingError
 from pipeline.simulation import fly_all, fly_logged
-from tests.baselines.cases import KINDS, composed, flown, starts
+from tests.baselines.cases import KINDS, MEAN_MOTION, PERIOD, composed, flown, planner, starts
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -59,3 +62,22 @@ def test_values_that_cannot_be_are_refused_with_the_configuration(kind):
         composed(kind, f"controller.{key}=0")
     with pytest.raises(SettingError, match=f"one of kind {kind} has .*kind"):
         composed(kind, "+controller.colour=red")
+
+
+def test_under_the_safety_layer_the_law_answers_to_where_it_led():
+    overrides = ("sun=random", "safety=filter", "monte_carlo.num_cases=30")
+    mission, scenarios = starts("lqr", *overrides)
+    controller = load(composed("lqr", *overrides).experiment.controller, mission)
+    outcomes = fly_all(mission, controller, scenarios, 1)
+    assert not outcomes.is_violated.any()
+    case = int(np.argmax(outcomes.safety_periods))
+    assert outcomes.safety_periods[case] > 3
+    log = fly_logged(mission, controller, scenarios[case])
+    settings = planned_settings(composed("lqr").experiment.controller)
+    plan_for = planner("lqr", *overrides)
+    ring = ring_elements(settings, scenarios[case], MEAN_MOTION * PERIOD * np.arange(361))
+    states = np.hstack([log.position_m, log.velocity_m_s])
+    error = states - ring @ np.linalg.inv(elements_matrix(MEAN_MOTION)).T
+    asked = -(error[:-1] @ plan_for.gain.T)
+    asked[np.abs(asked) < settings.dead_band_n] = 0.0
+    np.testing.assert_allclose(log.force_hill_n - log.safety_force_hill_n, np.clip(asked, -1, 1), atol=1e-6)
