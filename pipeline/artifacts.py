@@ -38,6 +38,9 @@ OPTIMUM_CASES: Final = "optimum/cases.parquet"
 OPTIMUM_PLANS: Final = "optimum/plans"
 OPTIMUM_FORCES: Final = "optimum/forces.csv"
 OPTIMUM_SUMMARY: Final = "optimum/summary.json"
+COMPARISON_TABLE: Final = "compare/table.csv"
+COMPARISON_EPISODES: Final = "compare/episodes.parquet"
+COMPARISON: Final = "compare/summary.json"
 RECORDINGS: Final = "episodes"
 FIGURES: Final = "figures"
 REPORT: Final = "report.html"
@@ -59,6 +62,9 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     OPTIMUM_PLANS: "optimum",
     OPTIMUM_FORCES: "optimum",
     OPTIMUM_SUMMARY: "optimum",
+    COMPARISON_TABLE: "compare",
+    COMPARISON_EPISODES: "compare",
+    COMPARISON: "compare",
     RECORDINGS: "record",
     FIGURES: "report",
     REPORT: "report",

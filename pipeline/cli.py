@@ -274,6 +274,16 @@ def _check_before(experiment: Experiment) -> None:
         with suppress(IncomparableError):
             solved_for(experiment)
     _check_controller(experiment)
+    if "compare" in experiment.stages:
+        _check_compared(experiment)
+
+
+def _check_compared(experiment: Experiment) -> None:
+    """Read the controllers that are compared."""
+    from pipeline.controller_source import named  # noqa: PLC0415 - compiled code, as above
+
+    for name in experiment.compare.controllers:
+        named(name, experiment.mission)
 
 
 def _check_controller(experiment: Experiment) -> None:

@@ -21,6 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from pipeline.nearest import did_you_mean, nearest
+from pipeline.places import conf_folder
 from pipeline.schema import FREE, all_keys, experiment_from, is_key
 from pipeline.settings import Experiment
 
@@ -44,13 +45,6 @@ class Composed:
 
     config: dict[str, Any]
     experiment: Experiment
-
-
-def conf_folder() -> Path:
-    """Return the folder of configurations: inside the package where it is installed, else beside it."""
-    package = Path(__file__).resolve().parent
-    inside = package / "conf"
-    return inside if inside.is_dir() else package.parent / "conf"
 
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:

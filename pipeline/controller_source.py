@@ -11,15 +11,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from fis_tools import serialize
 from pipeline.baselines.planner import planner_of
-from pipeline.controller_settings import PLANNED, planned_settings
+from pipeline.controller_settings import PLANNED, check_controller, planned_settings
 from pipeline.controllers import Controller, ControllerError, coast, from_fuzzy, open_loop, planned
+from pipeline.nearest import did_you_mean
+from pipeline.places import conf_folder
 from pipeline.settings import Mission
 
 Floats = NDArray[np.float64]
+
+CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
+#: options of the group ``controller`` that are complete with a path alone
+WITH_PATHS = ("file", "open_loop")
 
 COLUMNS = ("time_s", "force_x_n", "force_y_n", "force_z_n")
 
@@ -55,6 +62,36 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     if source.get("kind") == "open_loop":
         return open_loop(path.stem, read_forces(path, mission))
     return from_fuzzy(serialize.load(path))
+
+
+def named(name: str, mission: Mission) -> Controller:
+    """Return the controller of a name as in ``controller=NAME``, or of a path.
+
+    Raises
+    ------
+    ControllerError, pipeline.settings.SettingError, fis_tools.serialize.ControllerFileError
+        If there is none, or it cannot be read or cannot fly.
+    """
+    suffix = Path(name).suffix.lower()
+    if suffix == ".csv":
+        return load({"kind": "open_loop", "path": name}, mission)
+    if suffix in CONTROLLER_SUFFIXES:
+        return load({"path": name}, mission)
+    known = sorted(path.stem for path in (conf_folder() / "controller").glob("*.yaml"))
+    known = [other for other in known if other not in WITH_PATHS]
+    if name not in known:
+        guess = did_you_mean(name, known)
+        raise ControllerError(
+            f"there is no controller {name}"
+            + (f"{guess} The" if guess else "; the")
+            + f" controllers are {', '.join(known)}; of another give the path of its .json, .yaml or .csv file"
+        )
+    path = conf_folder() / "controller" / f"{name}.yaml"
+    source = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if "kind" not in source:
+        return load({"path": str(path)}, mission)
+    check_controller(source)
+    return load(source, mission)
 
 
 def read_forces(path: Path, mission: Mission) -> Floats:

@@ -21,6 +21,7 @@ STAGE_MODULES: Mapping[str, str] = {
     "evaluate": "pipeline.stages.evaluate",
     "record": "pipeline.stages.record",
     "optimum": "pipeline.stages.optimum",
+    "compare": "pipeline.stages.compare",
     "report": "pipeline.stages.report",
 }
 

@@ -20,6 +20,7 @@ __all__ = [
     "STAGES",
     "Attitude",
     "Chief",
+    "Compare",
     "Deputy",
     "Encoding",
     "Experiment",
@@ -40,7 +41,7 @@ __all__ = [
 ]
 
 #: in the order in which they run: each reads what those before it have written
-STAGES = ("scenario", "train", "evaluate", "record", "optimum", "report")
+STAGES = ("scenario", "train", "evaluate", "record", "optimum", "compare", "report")
 
 #: the plans of least fuel that come with the program, as a value of ``optimum.reference``
 SHIPPED = "shipped"
@@ -528,6 +529,34 @@ class Optimum:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Compare:
+    """Controllers side by side: who flies, and under what."""
+
+    #: names as in ``controller=NAME``, or paths
+    controllers: tuple[str, ...]
+    #: each of fixed, random, mixed
+    suns: tuple[str, ...]
+    #: each of none, filter
+    safety: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse tables without rows, and rows that nobody could tell apart."""
+        known = {"suns": ("fixed", "random", "mixed"), "safety": ("none", "filter")}
+        for name in ("controllers", "suns", "safety"):
+            values = getattr(self, name)
+            if not values or len(set(values)) != len(values):
+                raise SettingError(
+                    f"compare.{name} is [{', '.join(values)}]; name at least one, and each once"
+                )
+            for value in values:
+                if name in known and value not in known[name]:
+                    raise SettingError(
+                        f"compare.{name} has {value!r}; it must be one of {', '.join(known[name])}"
+                        + did_you_mean(value, known[name])
+                    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Telemetry:
     """Which flights are recorded, and what the log calls near."""
 
@@ -573,7 +602,7 @@ class Experiment:
         Of everything random.
     stages : tuple of str
         What is done, in order.
-    mission, sun, starts, optimizer, monte_carlo, optimum, telemetry, report
+    mission, sun, starts, optimizer, monte_carlo, optimum, compare, telemetry, report
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -591,6 +620,7 @@ class Experiment:
     optimizer: Optimizer
     monte_carlo: MonteCarlo
     optimum: Optimum
+    compare: Compare
     telemetry: Telemetry
     report: Report
     controller: Mapping[str, Any] = field(hash=False)

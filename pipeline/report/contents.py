@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from pipeline import artifacts, tables
 from pipeline.champion import controller_of_run
+from pipeline.comparison import Row
 from pipeline.controllers import Controller
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import fly_cases, rank, summarise
 from pipeline.objectives import Fraction, Statistic
+from pipeline.report.comparison import read_comparison
 from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.safety import Without, fly_without
 from pipeline.scenarios import given_start, training_scenarios
@@ -77,6 +79,7 @@ class Contents:
     training, evaluation : Flights, optional
     training_round : int, optional
         Whose starts the training flights have, from 1, where each round has its own.
+    comparison : sequence of Row
     beside : BesideOptimum
         The controller beside the plans of least fuel.
     pairs : sequence of Pair
@@ -101,6 +104,7 @@ class Contents:
     training: Flights | None
     evaluation: Flights | None
     training_round: int | None
+    comparison: Sequence[Row]
     beside: BesideOptimum
     pairs: Sequence[Pair]
     without_safety: Without | None
@@ -144,6 +148,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         training=fly_training(experiment, controller, starts) if controller and starts else None,
         training_round=training_round,
         evaluation=evaluation,
+        comparison=read_comparison(folder),
         beside=beside,
         pairs=fly_pairs(experiment, controller, beside) if controller else (),
         without_safety=(

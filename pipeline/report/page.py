@@ -10,9 +10,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fis_tools.formats.text import summary
 from pipeline import artifacts
+from pipeline.comparison import FLOWN
 from pipeline.figures.style import MOST_POINTS
 from pipeline.objectives import points_needed
 from pipeline.report import paper
+from pipeline.report.comparison import headings, tables_of
 from pipeline.report.contents import POSITION, Contents, Flights, ShownFlight
 from pipeline.report.optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.paper import Reported
@@ -83,6 +85,8 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         threshold=f"{experiment.mission.inspection_threshold_percent:g}",
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
         cases=case_rows(contents.training),
+        comparison=tables_of(contents.comparison),
+        comparison_headings=headings(),
         optimum_words=in_words(contents.beside, experiment.mission.inspection_threshold_percent),
         optimum_reason=contents.beside.reason,
         optimum_pairs=[f"optimum-case-{pair.case}" for pair in contents.pairs],
@@ -130,6 +134,12 @@ def lead(contents: Contents) -> str:
         log = contents.shown[0].log
         count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
         return f"{who} inspects {count} of {num_points} points for {log.delta_v_m_s[-1]:.3f} m/s."
+    if contents.comparison:
+        flown = [row for row in contents.comparison if row.source == FLOWN]
+        return (
+            f"{len({row.controller for row in flown})} controllers, flown side by side from "
+            f"{flown[0].num_cases:,} random starts each."
+        )
     return "This run has no flights yet."
 
 

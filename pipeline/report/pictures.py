@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.figures.comparison import LINEAR, compared
 from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
@@ -16,6 +17,7 @@ from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
 from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
 from pipeline.objectives import points_needed
 from pipeline.report import paper
+from pipeline.report.comparison import marks_of
 from pipeline.report.contents import Contents, Flights, ShownFlight
 from pipeline.report.optimum import Pair
 from pipeline.report.safety import Without
@@ -25,7 +27,7 @@ from pipeline.simulation import inspection_points
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(
-    r"(control|trajectories|distributions|convergence|optimum|safety|system)(-[a-z0-9-]+)?\.png"
+    r"(control|trajectories|distributions|convergence|optimum|comparison|safety|system)(-[a-z0-9-]+)?\.png"
 )
 
 
@@ -78,6 +80,8 @@ def draw(contents: Contents) -> dict[str, Illustration]:
 
 def _sketches(contents: Contents) -> Iterator[_Sketch]:
     mission = contents.experiment.mission
+    if contents.comparison:
+        yield _comparison_sketch(contents, mission)
     for flight in contents.shown:
         yield from _flight_sketches(flight, mission)
     if contents.training is not None:
@@ -102,6 +106,16 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
         )
         figure = convergence(contents.logbook, num_points, needed)
         yield _Sketch("convergence", caption, figure)
+
+
+def _comparison_sketch(contents: Contents, mission: Mission) -> _Sketch:
+    caption = (
+        "Delta-v against inspection rate, without the safety layer: mean and standard deviation of each "
+        f"controller. The dotted line is at {mission.inspection_threshold_percent:g} %, which makes a "
+        f"success. Delta-v is linear up to {LINEAR:g} m/s and logarithmic beyond."
+    )
+    figure = compared(marks_of(contents.comparison), mission.inspection_threshold_percent)
+    return _Sketch("comparison", caption, figure)
 
 
 def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[_Sketch]:

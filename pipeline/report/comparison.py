@@ -1,0 +1,68 @@
+"""What a report tells of controllers side by side: read, as lines of a table, as marks of a figure."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pipeline import artifacts
+from pipeline.comparison import COLUMNS, PUBLISHED, Row, in_words, lines_of, row_of
+from pipeline.figures.comparison import Mark
+
+
+def read_comparison(folder: Path) -> list[Row]:
+    """Read what the stage compare wrote; nothing where it has not run.
+
+    Raises
+    ------
+    pipeline.artifacts.ArtifactError
+        If the file is there and cannot be read.
+    """
+    if not (folder / artifacts.COMPARISON).exists():
+        return []
+    told = artifacts.read_json(folder, artifacts.COMPARISON)
+    try:
+        rows = [row_of(row) for row in told["rows"]]
+        in_words(rows)  # which needs every number that is shown
+    except (KeyError, TypeError, ValueError) as error:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.COMPARISON} is no comparison ({type(error).__name__}: {error}); repeat the "
+            "stage compare"
+        ) from error
+    return rows
+
+
+def tables_of(rows: Sequence[Row]) -> list[tuple[str, list[list[str]]]]:
+    """Return the table of each Sun setting: its name and its lines, each of `headings` cells."""
+    return [(sun, lines_of(rows, sun)) for sun in suns_of(rows)]
+
+
+def headings() -> list[str]:
+    """Return the headings of the tables."""
+    return [heading for heading, _ in COLUMNS]
+
+
+def suns_of(rows: Sequence[Row]) -> list[str]:
+    """Return the Sun settings of some rows, in order."""
+    return list(dict.fromkeys(row.sun for row in rows if row.sun))
+
+
+def marks_of(rows: Sequence[Row]) -> list[tuple[str, list[Mark]]]:
+    """Return the panels of the figure: each controller under the first layer that it flew with."""
+    panels = []
+    for sun in suns_of(rows):
+        marks: dict[str, Mark] = {}
+        for row in rows:
+            if row.sun in (sun, ""):
+                name = f"{row.controller} (published)" if row.source == PUBLISHED else row.controller
+                marks.setdefault(
+                    name,
+                    Mark(
+                        name, _pair(row.summary["delta_v_m_s"]), _pair(row.summary["inspection_rate_percent"])
+                    ),
+                )
+        panels.append((f"Sun {sun}", list(marks.values())))
+    return panels
+
+
+def _pair(told: Mapping[str, Any]) -> tuple[float, float]:
+    return float(told["mean"]), float(told["standard_deviation"])

@@ -1,0 +1,157 @@
+"""Fly several controllers from the same starts, under several Suns and safety layers: compare/."""
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from pipeline import artifacts, tables
+from pipeline.comparison import (
+    FLOWN,
+    HEADER,
+    Column,
+    Row,
+    as_cells,
+    as_mapping,
+    in_words,
+    joined,
+    planned_row,
+    published_row,
+    rules_of,
+)
+from pipeline.compile_notice import announce_compilation
+from pipeline.controller_source import named
+from pipeline.controllers import Controller
+from pipeline.flight import Scenario
+from pipeline.monte_carlo import episode_columns, fly_cases, summarise
+from pipeline.optimum.account import beside_optimum, summarise_times
+from pipeline.optimum.solved import IncomparableError, Solved, solved_for
+from pipeline.report import paper
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings import UNGUARDED, Experiment, Mission
+from pipeline.simulation import Outcomes, fly_all, inspection_points
+
+SECONDS_BETWEEN_LINES = 5.0
+#: flights between two looks at the clock
+PART = 100
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Fly all, and write the table."""
+    announce_compilation()
+    name = "the paper"
+    reported = paper.TEST
+    rows = [published_row(name, reported.num_cases, reported.means, reported.standard_deviations)]
+    flown: list[tuple[Row, dict[str, Column]]] = []
+    for sun in experiment.compare.suns:
+        under = replace(experiment, sun=replace(experiment.sun, mode=cast(Any, sun)))
+        scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
+        solved = _solved(under)
+        for controller in experiment.compare.controllers:
+            for layer in experiment.compare.safety:
+                row, episodes = _row(under, controller, layer, scenarios, solved)
+                flown.append((row, episodes))
+                rows.append(row)
+        if solved is not None:
+            rows.append(_planned(under, solved))
+    tables.write_csv(folder / artifacts.COMPARISON_TABLE, HEADER, [as_cells(row) for row in rows])
+    tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, joined(flown))
+    summary = {
+        "seed": experiment.seed,
+        "num_cases": experiment.monte_carlo.num_cases,
+        "confidence_percent": experiment.monte_carlo.confidence_percent,
+        "rows": [as_mapping(row) for row in rows],
+    }
+    artifacts.write_json(folder / artifacts.COMPARISON, summary)
+    sys.stderr.write(_told(experiment, rows))
+
+
+def _solved(experiment: Experiment) -> Solved | None:
+    """Return the plans of least fuel for a Sun setting; without them say why, once."""
+    try:
+        return solved_for(experiment)
+    except IncomparableError as reason:
+        sys.stderr.write(f"  Sun {experiment.sun.mode}: not beside plans of least fuel: {reason}\n")
+        return None
+
+
+def _row(
+    experiment: Experiment, name: str, layer: str, scenarios: list[Scenario], solved: Solved | None
+) -> tuple[Row, dict[str, Column]]:
+    """Fly one controller under one layer."""
+    mission, workers = guarded(experiment.mission, layer), experiment.monte_carlo.workers
+    controller = named(name, mission)
+    label = f"{name}, Sun {experiment.sun.mode}, safety {layer}"
+    episodes = _fly(mission, controller, scenarios, workers, label)
+    times = None
+    if solved is not None:
+        beside, _ = fly_cases(mission, controller, solved.scenarios, workers)
+        times = summarise_times(beside_optimum(beside, solved.cases))
+    summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
+    row = Row(
+        Path(name).stem,
+        FLOWN,
+        experiment.sun.mode,
+        layer,
+        len(scenarios),
+        rules_of(controller),
+        summary,
+        times,
+    )
+    return row, episodes
+
+
+def guarded(mission: Mission, layer: str) -> Mission:
+    """Return a mission under a safety layer; the filter has the mission's own numbers."""
+    return replace(mission, safety=UNGUARDED if layer == "none" else replace(mission.safety, kind="filter"))
+
+
+def _fly(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None, label: str
+) -> dict[str, Column]:
+    """Fly all starts part by part, with a line now and then and one at the end."""
+    started = last_line = time.perf_counter()
+    parts: list[Outcomes] = []
+    for first in range(0, len(scenarios), PART):
+        parts.append(fly_all(mission, controller, scenarios[first : first + PART], workers))
+        now, done = time.perf_counter(), min(first + PART, len(scenarios))
+        if now - last_line > SECONDS_BETWEEN_LINES and done < len(scenarios):
+            last_line = now
+            left = (now - started) / done * (len(scenarios) - done)
+            sys.stderr.write(f"  {label}: {done}/{len(scenarios)}, {left:.0f} s left\n")
+    outcomes = Outcomes(
+        **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
+    )
+    episodes = episode_columns(mission, scenarios, outcomes)
+    spent, seconds = episodes["delta_v_m_s"].mean(), time.perf_counter() - started
+    sys.stderr.write(f"  {label}: {len(scenarios)} cases in {seconds:.1f} s, {spent:.3f} m/s\n")
+    return episodes
+
+
+def _planned(experiment: Experiment, solved: Solved) -> Row:
+    mission = experiment.mission
+    return planned_row(
+        solved,
+        experiment.sun.mode,
+        len(inspection_points(mission)),
+        mission.inspection_threshold_percent,
+        experiment.monte_carlo.confidence_percent,
+    )
+
+
+def _told(experiment: Experiment, rows: list[Row]) -> str:
+    """Write the table and what its columns mean."""
+    threshold = experiment.mission.inspection_threshold_percent
+    confidence = experiment.monte_carlo.confidence_percent
+    deputy = experiment.mission.deputy
+    return (
+        f"\n{in_words(rows)}\n\n"
+        f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
+        f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points; "
+        f"outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
+        f"  *published ({paper.SOURCE}), its Sun and its distance limits not stated; the optimum knows the whole "
+        "flight beforehand, and is of other cases.\n"
+    )
