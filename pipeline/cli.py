@@ -27,7 +27,6 @@ from pipeline.config import (
     ConfigError,
     check_overrides,
     compose_experiment,
-    conf_folder,
     differences,
     options,
     parse,
@@ -35,6 +34,7 @@ from pipeline.config import (
     single_runs,
 )
 from pipeline.nearest import did_you_mean
+from pipeline.places import conf_folder
 from pipeline.run import Interrupted, finished_stages, run_stages
 from pipeline.schema import experiment_from
 from pipeline.settings import Experiment

@@ -71,8 +71,7 @@ def planned_row(solved: Solved, sun: str, num_points: int, threshold: float, con
         "success": cases["inspected_count"] >= points_needed(num_points, threshold),
         "violated": cases["outside_m"] > 0.0,
     }
-    name = "optimum (clairvoyant)"
-    return Row(name, PLANNED, sun, "none", len(cases["case"]), None, summarise(episodes, confidence))
+    return Row("optimum", PLANNED, sun, "none", len(cases["case"]), None, summarise(episodes, confidence))
 
 
 def published_row(name: str, num_cases: int, means: Mapping[str, float], spreads: Mapping[str, float]) -> Row:
@@ -142,7 +141,7 @@ COLUMNS = (
 
 def cells_in_words(row: Row, guarded: Row | None) -> list[str]:
     """Return a line of the table: a row without the safety layer, and the same with it where it was flown."""
-    mark = "*" if row.source == PUBLISHED else f" ({row.num_cases} cases)" if row.source == PLANNED else ""
+    mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
     layer = ["", "", ""]
     if guarded is not None:
         layer = [share(guarded, "violated"), mean(guarded, "delta_v_m_s", 3), share(guarded, "safety_acted")]
@@ -169,7 +168,7 @@ def share(row: Row, name: str) -> str:
     told = row.summary.get(name)
     if told is None:
         return ""
-    return f"{100 * told['fraction']:.1f} ({100 * told['low']:.1f} to {100 * told['high']:.1f})"
+    return f"{100 * told['fraction']:.1f} ({100 * told['low']:.1f}-{100 * told['high']:.1f})"
 
 
 def lines_of(rows: Sequence[Row], sun: str) -> list[list[str]]:

@@ -84,7 +84,8 @@ def named(name: str, mission: Mission) -> Controller:
         raise ControllerError(
             f"there is no controller {name}"
             + (f"{guess} The" if guess else "; the")
-            + f" controllers are {', '.join(known)}; of another give the path of its .json, .yaml or .csv file"
+            + f" controllers are {', '.join(known)}; another is named by the path of its file, .json, .yaml "
+            "or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
     source = yaml.safe_load(path.read_text(encoding="utf-8"))

@@ -23,6 +23,13 @@ from pipeline.settings import Mission
 Floats = NDArray[np.float64]
 
 
+UNSOLVED = (
+    "the Riccati equation of controller=lqr has no solution in floating point ({}); bring "
+    "controller.position_tolerance_m, controller.height_tolerance_m and controller.force_tolerance_n nearer "
+    "to 10 m, 20 m and 0.002 N"
+)
+
+
 def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
     """Return K of shape (3, 6), N/m and N s/m.
 
@@ -44,12 +51,11 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
     try:
         solution = solve_discrete_are(transition, control, state_cost, force_cost)
     except ValueError as error:  # of which LinAlgError is one
-        raise SettingError(
-            f"the Riccati equation of controller=lqr has no solution in floating point ({error}); bring "
-            "controller.position_tolerance_m and controller.force_tolerance_n nearer to 10 m and 0.002 N"
-        ) from error
+        raise SettingError(UNSOLVED.format(error)) from error
     weighted = control.T @ solution
     solved = np.linalg.solve(force_cost + weighted @ control, weighted @ transition)
+    if not np.abs(np.linalg.eigvals(transition - control @ solved)).max() < 1.0:
+        raise SettingError(UNSOLVED.format("what is found does not come to rest"))
     return np.asarray(solved, dtype=np.float64)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import artifacts
-from pipeline.comparison import COLUMNS, PUBLISHED, Row, in_words, lines_of, row_of
+from pipeline.comparison import COLUMNS, FLOWN, Row, in_words, lines_of, row_of
 from pipeline.figures.comparison import Mark
 
 
@@ -53,7 +53,7 @@ def marks_of(rows: Sequence[Row]) -> list[tuple[str, list[Mark]]]:
         marks: dict[str, Mark] = {}
         for row in rows:
             if row.sun in (sun, ""):
-                name = f"{row.controller} (published)" if row.source == PUBLISHED else row.controller
+                name = row.controller if row.source == FLOWN else f"{row.controller} ({row.source})"
                 marks.setdefault(
                     name,
                     Mark(
