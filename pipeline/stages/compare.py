@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -92,7 +93,7 @@ def _row(
         times = summarise_times(beside_optimum(beside, solved.cases))
     summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
     row = Row(
-        Path(name).stem,
+        label_of(name, experiment.compare.controllers),
         FLOWN,
         experiment.sun.mode,
         layer,
@@ -102,6 +103,12 @@ def _row(
         times,
     )
     return row, episodes
+
+
+def label_of(name: str, names: Sequence[str]) -> str:
+    """Return what a controller is called in the table: its file's name, where that is no other's too."""
+    stem = Path(name).stem
+    return stem if [Path(other).stem for other in names].count(stem) == 1 else name
 
 
 def guarded(mission: Mission, layer: str) -> Mission:
