@@ -7,6 +7,10 @@ Pure functions of outcomes. The fitness of a controller is the mean over its fli
 with `needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the
 distance limits drawn in by the penalty's margins, so that a champion keeps clear of them
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
+
+For a front the fitness falls into two objectives of which it is the sum, so that its champion is on the
+front: what is spent and what is missed. Faults, to leave the limits or to fall short of the points that make
+a success, are paid for half and half, so that no controller buys one objective with them.
 """
 
 import math
@@ -73,18 +77,53 @@ def costs(
     threshold_percent: float,
 ) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
+    outside, short, missed = _prices(outcomes, penalty, limits_m, num_points, threshold_percent)
+    return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
+
+
+def objectives(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> dict[str, Floats]:
+    """Part the fitness of a population in two; see `fitness_parts`.
+
+    Returns
+    -------
+    dict of (n,) arrays
+        ``spent``, delta-v and half the price of faults, and ``missed``, the price of all points missed and
+        the other half; means over the flights, m/s.
+    """
+    outside, short, missed = _prices(outcomes, penalty, limits_m, num_points, threshold_percent)
+    faults = 0.5 * (outside + short)
+    return {
+        "spent": (outcomes.delta_v_m_s + faults).mean(axis=-1),
+        "missed": (missed + faults).mean(axis=-1),
+    }
+
+
+def _prices(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> tuple[Floats, Floats, Floats]:
+    """Return what each flight pays for being outside, for falling short and for missing points, m/s."""
     points = outcomes.inspected_count
     outside_m = outcomes.outside_m
     if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:
         too_near = limits_m[0] + penalty.near_margin_m - outcomes.min_distance_m
         too_far = outcomes.max_distance_m - (limits_m[1] - penalty.far_margin_m)
         outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
-    zeta = (
-        penalty.c_d * (outside_m > 0.0) * (1.0 + outside_m)
-        + penalty.c_95 * np.maximum(0, points_needed(num_points, threshold_percent) - points)
-        + penalty.c_99 * (num_points - points)
+    short = np.maximum(0, points_needed(num_points, threshold_percent) - points)
+    return (
+        penalty.c_d * (outside_m > 0.0) * (1.0 + outside_m),
+        penalty.c_95 * short,
+        np.asarray(penalty.c_99 * (num_points - points)),
     )
-    return np.asarray(outcomes.delta_v_m_s + zeta)
 
 
 @dataclass(frozen=True)

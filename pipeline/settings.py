@@ -433,8 +433,8 @@ class Optimizer:
     penalty: Penalty
     #: threads that fly episodes; None is one for each processor
     workers: int | None
-    #: the genetic algorithm, or a normal distribution that adapts its covariance
-    algorithm: Literal["genetic", "cma_es"] = "genetic"
+    #: the genetic algorithm, a normal distribution that adapts its covariance, or a front of two objectives
+    algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
     #: of the genetic algorithm: MATLAB's, or few genes by small steps
     mutation: Literal["adaptive_feasible", "local"] = "adaptive_feasible"
     #: besides the controller that training starts from: drawn anywhere, or local mutants of it
@@ -469,11 +469,23 @@ class Optimizer:
         checks.count("optimizer.validation_cases", self.validation_cases, 0)
         if self.algorithm == "cma_es":
             checks.within("optimizer.population_size", self.population_size, 5, math.inf)
+        if self.algorithm == "nsga2":
+            self._check_front()
         if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
                 f"{self.elitism_rate}, together more than the whole population; lower one of them, or choose "
                 "optimizer.split=rest"
+            )
+
+    def _check_front(self) -> None:
+        """Refuse populations in which no tournament is held, and fronts that nobody could judge."""
+        checks.within("optimizer.population_size", self.population_size, 4, math.inf)
+        checks.count("optimizer.validation_cases", self.validation_cases, 1, "; a front is judged on them")
+        if self.mutation != "local":
+            raise SettingError(
+                f"optimizer.mutation is {self.mutation}, which follows a single fitness; with "
+                "optimizer.algorithm=nsga2 it must be local"
             )
 
 

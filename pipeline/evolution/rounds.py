@@ -1,9 +1,10 @@
 """Rounds of evolution: populations from their fitness, a champion from each generation.
 
 Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
-with children (`pipeline.evolution.genetic`); CMA-ES draws each generation anew (`pipeline.evolution.cma_es`).
-A round has a fitness function of its own; the next one starts afresh from the champion, or goes on with the
-population as it is, judged anew.
+with children (`pipeline.evolution.genetic`); CMA-ES draws each generation anew (`pipeline.evolution.cma_es`);
+NSGA-II keeps the best of parents and children by two objectives (`pipeline.evolution.nsga2`). A round has a
+fitness function of its own; the next one starts afresh from the champion, or goes on with the population as
+it is, judged anew.
 
 Everything random comes from one seed.
 """
@@ -19,7 +20,7 @@ from deap import tools
 from numpy.typing import NDArray
 
 from pipeline.checkpoint import Generation, State, load, save
-from pipeline.evolution import cma_es
+from pipeline.evolution import cma_es, nsga2
 from pipeline.evolution.genetic import breed, scatter, split_population
 from pipeline.evolution.mutation import adapt_step_size
 from pipeline.settings import Optimizer
@@ -55,6 +56,8 @@ class Evolution:
         One for each generation of each round.
     logbook : deap.tools.Logbook
         The same as rows of plain numbers.
+    front : Front, optional
+        Of the last population, where there are two objectives (NSGA-II).
     interrupted : bool
         Whether it was stopped from the keyboard before its end.
     """
@@ -65,6 +68,7 @@ class Evolution:
     round_champions: Floats
     history: tuple[Generation, ...]
     logbook: Any
+    front: nsga2.Front | None
     interrupted: bool
 
 
@@ -156,6 +160,9 @@ def _advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     if settings.algorithm == "cma_es":
         _sample_generation(state, evaluate, settings)
         return
+    if settings.algorithm == "nsga2":
+        _select_generation(state, evaluate, settings)
+        return
     if settings.mutation == "adaptive_feasible" and state.generation > 1:
         has_improved = state.history[-1].best < state.history[-2].best
         state.step_size = adapt_step_size(state.step_size, has_improved)
@@ -166,6 +173,18 @@ def _advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     state.genomes = np.concatenate((state.genomes[elite], children))
     state.fitness = np.concatenate((state.fitness[elite], fitness))
     state.parts = {name: np.concatenate((old[elite], parts[name])) for name, old in state.parts.items()}
+    state.evaluations += len(children)
+
+
+def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
+    """Judge as many children as there are parents, and keep the best of both by their objectives."""
+    children = nsga2.breed(state, settings)
+    fitness, parts = _evaluated(evaluate, children, state.parts)
+    fitness = np.concatenate((state.fitness, fitness))
+    parts = {name: np.concatenate((old, parts[name])) for name, old in state.parts.items()}
+    kept = nsga2.survivors(nsga2.objectives_of(parts), fitness, settings.population_size)
+    state.genomes = np.concatenate((state.genomes, children))[kept]
+    state.fitness, state.parts = fitness[kept], {name: values[kept] for name, values in parts.items()}
     state.evaluations += len(children)
 
 
@@ -190,7 +209,7 @@ def _is_finished(state: State, settings: Optimizer) -> bool:
     return state.history[-1].best >= state.history[-1 - patience].best
 
 
-def _outcome(history: Sequence[Generation], interrupted: bool) -> Evolution:
+def _outcome(history: Sequence[Generation], front: nsga2.Front | None, interrupted: bool) -> Evolution:
     """Sum up an evolution from its history."""
     logbook = tools.Logbook()
     for generation in history:
@@ -204,6 +223,7 @@ def _outcome(history: Sequence[Generation], interrupted: bool) -> Evolution:
         round_champions=np.array([last_of_round[index] for index in sorted(last_of_round)]),
         history=tuple(history),
         logbook=logbook,
+        front=front,
         interrupted=interrupted,
     )
 
@@ -333,7 +353,8 @@ def evolve_rounds(
         if not history:
             raise
         interrupted = True
-    return _outcome(history, interrupted)
+    front = nsga2.front_of(state) if state and settings.algorithm == "nsga2" else None
+    return _outcome(history, front, interrupted)
 
 
 def evolve(

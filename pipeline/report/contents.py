@@ -89,6 +89,8 @@ class Contents:
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
+    front : mapping of str to (n,) array, optional
+        The columns of ``train/front.parquet``.
     manifest : mapping, optional
     config_text : str
         The resolved configuration, YAML.
@@ -110,6 +112,7 @@ class Contents:
     without_safety: Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
+    front: Columns | None
     manifest: Mapping[str, Any] | None
     config_text: str
     command: str
@@ -156,6 +159,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         ),
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
+        front=read_front(folder),
         manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
         command=command_of(folder),
@@ -306,6 +310,13 @@ def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
             f"{path} cannot be read ({type(error).__name__}: {error}); repeat the stage train"
         ) from error
     return columns if rows else None
+
+
+def read_front(folder: Path) -> Columns | None:
+    """Read the front of the training, if it has one."""
+    if not (folder / artifacts.FRONT_GENOMES).exists():
+        return None
+    return tables.read_parquet(folder, artifacts.FRONT_GENOMES)
 
 
 def command_of(folder: Path) -> str:

@@ -15,7 +15,7 @@ from pipeline.figures.style import MOST_POINTS
 from pipeline.objectives import points_needed
 from pipeline.report import paper
 from pipeline.report.comparison import headings, tables_of
-from pipeline.report.contents import POSITION, Contents, Flights, ShownFlight
+from pipeline.report.contents import POSITION, Columns, Contents, Flights, ShownFlight
 from pipeline.report.optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.paper import Reported
 from pipeline.report.pictures import Illustration
@@ -92,6 +92,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         optimum_pairs=[f"optimum-case-{pair.case}" for pair in contents.pairs],
         optimum_cases=optimum_rows(contents.beside),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
+        front=front_rows(contents.front),
         training=contents.training,
         training_round=contents.training_round,
         evaluation=contents.evaluation,
@@ -284,6 +285,29 @@ def case_rows(training: Flights | None) -> list[list[str]]:
         ]
         for row in range(len(episodes["case"]))
     ]
+
+
+def front_rows(front: Columns | None) -> list[list[str]]:
+    """Return one row of words for each controller of a front."""
+    if front is None:
+        return []
+    return [
+        [
+            f"{int(front['controller'][row]):02d}",
+            f"{front['validation_delta_v_m_s'][row]:.3f}",
+            f"{front['validation_inspection_rate_percent'][row]:.2f}",
+            f"{front['validation_success_percent'][row]:.1f}",
+            f"{front['validation_outside_percent'][row]:.2f}",
+            f"{front['training_delta_v_m_s'][row]:.3f}",
+            f"{front['training_inspection_rate_percent'][row]:.2f}",
+            _standing(bool(front["champion"][row]), bool(front["stands"][row])),
+        ]
+        for row in range(len(front["controller"]))
+    ]
+
+
+def _standing(is_champion: bool, stands: bool) -> str:
+    return "champion" if is_champion else "" if stands else "dominated"
 
 
 def _signed(value: float, places: int) -> str:

@@ -10,6 +10,7 @@ from pipeline.figures.comparison import LINEAR, compared
 from pipeline.figures.control import controls
 from pipeline.figures.convergence import convergence
 from pipeline.figures.distributions import METRICS, Sample, distributions
+from pipeline.figures.front import front_of_training
 from pipeline.figures.optimum import beside_optimum
 from pipeline.figures.safety import with_and_without
 from pipeline.figures.side_by_side import side_by_side
@@ -27,7 +28,8 @@ from pipeline.simulation import inspection_points
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(
-    r"(control|trajectories|distributions|convergence|optimum|comparison|safety|system)(-[a-z0-9-]+)?\.png"
+    r"(control|trajectories|distributions|convergence|front|optimum|comparison|safety|system)"
+    r"(-[a-z0-9-]+)?\.png"
 )
 
 
@@ -106,6 +108,23 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
         )
         figure = convergence(contents.logbook, num_points, needed)
         yield _Sketch("convergence", caption, figure)
+    if contents.front is not None:
+        yield _front_sketch(contents)
+
+
+def _front_sketch(contents: Contents) -> _Sketch:
+    assert contents.front is not None  # noqa: S101 - asked before
+    experiment = contents.experiment
+    threshold = experiment.mission.inspection_threshold_percent
+    caption = (
+        "The front: delta-v and inspection rate of its controllers, means over "
+        f"{experiment.optimizer.validation_cases:,} starts that no training has flown, and how many of these "
+        f"flights reach {threshold:g} % or leave the distance limits. Open circles are dominated there by "
+        "others of the front. Numbers are those of the controller files. The paper's "
+        f"{paper.TEST.means['delta_v_m_s']:g} m/s for {paper.TEST.means['inspection_rate_percent']:g} % "
+        "are not drawn."
+    )
+    return _Sketch("front", caption, front_of_training(contents.front, threshold))
 
 
 def _comparison_sketch(contents: Contents, mission: Mission) -> _Sketch:

@@ -1,4 +1,4 @@
-"""Evolve the controller's numbers: logbook, history, checkpoint and champion."""
+"""Evolve the controller's numbers: logbook, history, checkpoint, champion, and the front if there is one."""
 
 import shlex
 import sys
@@ -16,14 +16,21 @@ from pipeline.champion_flights import ChampionFlights
 from pipeline.checkpoint import Generation
 from pipeline.compile_notice import announce_compilation
 from pipeline.controllers import ControllerError, law_of
-from pipeline.evolution import Evaluate, evolve_rounds
+from pipeline.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
 from pipeline.flight import Scenario
+from pipeline.front import judged_front, write_front
 from pipeline.genome import Genome, genome_of
-from pipeline.objectives import costs, fitness_parts
+from pipeline.objectives import costs, fitness_parts, objectives
 from pipeline.progress import TrainingProgress
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.settings import Experiment, Mission
-from pipeline.simulation import fly_population, is_by_the_reference, pack_world, stack_starts
+from pipeline.simulation import (
+    fly_population,
+    inspection_points,
+    is_by_the_reference,
+    pack_world,
+    stack_starts,
+)
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +75,12 @@ def run(experiment: Experiment, folder: Path) -> None:
             if not kept:
                 raise
             raise _stopped(error, folder, experiment, genome, kept) from error
-    write_champion(folder, experiment, genome, result.history, interrupted=result.interrupted)
+    provenance = _provenance(folder, experiment, result.history, result.interrupted)
+    if result.front is None:
+        choice = choose(experiment, genome, result.history)
+    else:
+        choice = _keep_front(folder, experiment, genome, result.front, result.history[-1].round, provenance)
+    write_champion(folder, experiment, genome, choice, provenance)
     if result.interrupted:
         raise KeyboardInterrupt
 
@@ -83,7 +95,8 @@ def _stopped(
     """Keep the champion of a training that the disk has stopped; say where it is and how to go on."""
     place = artifacts.CHAMPION
     try:
-        write_champion(folder, experiment, genome, history, interrupted=True)
+        choice = choose(experiment, genome, history)
+        write_champion(folder, experiment, genome, choice, _provenance(folder, experiment, history, True))
     except artifacts.WriteError:
         # the checkpoint of the last generation that found room stands
         place = artifacts.CHECKPOINT
@@ -114,16 +127,25 @@ def fitness_of_round(
         candidates = hard_candidates(starts, experiment.sun, experiment.seed, round_index)
         worst = np.argsort(-_costs(experiment, genome, champion, candidates, round_index), kind="stable")
         scenarios += [candidates[index] for index in worst[: starts.num_hard]]
+    return _fitness_from(experiment, genome, scenarios, round_index)
+
+
+def _fitness_from(
+    experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int
+) -> Evaluate:
+    """Return the function that flies genomes from some starts and judges them by the weights of a round."""
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
     world, law = pack_world(mission), law_of(genome.template, mission.num_controls)
     places, sun_angles = stack_starts(scenarios)
+    weighed = (penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent)
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
         outcomes = fly_population(world, law, genome.pack(genomes), places, sun_angles, optimizer.workers)
-        return fitness_parts(
-            outcomes, penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent
-        )
+        parts = fitness_parts(outcomes, *weighed)
+        if optimizer.algorithm == "nsga2":
+            parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
+        return parts
 
     return evaluate
 
@@ -151,36 +173,61 @@ class Choice:
 
     Parameters
     ----------
-    champion : Generation
-        The last of its round.
-    validation : tuple of float
-        Fitness of each round's champion on the validation starts, by the weights of the last round; empty
-        where the last champion was taken as it is.
-    training : tuple of float
-        The same on the starts that its own round trained on.
+    champion : (num_genes,) array
+    fitness : float
+        In training.
+    validation_fitness : float, optional
+        On the validation starts, by the weights of the last round; None where it was not chosen there.
+    rounds : tuple of (int, float, float)
+        Index of each round, and what its champion's fitness is, by the weights of the last round, on the
+        starts that it trained on and on the validation starts; empty where they were not compared.
     """
 
-    champion: Generation
-    validation: tuple[float, ...] = ()
-    training: tuple[float, ...] = ()
+    champion: Floats
+    fitness: float
+    validation_fitness: float | None = None
+    rounds: tuple[tuple[int, float, float], ...] = ()
 
 
 def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]) -> Choice:
     """Choose the best of the rounds' champions on starts that no training has flown."""
     num_cases = experiment.optimizer.validation_cases
     if num_cases == 0:
-        return Choice(history[-1])
+        return Choice(history[-1].champion, history[-1].best)
     scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, num_cases)
     last_of_round = list({generation.round: generation for generation in history}.values())
-    validation = [
-        float(_costs(experiment, genome, g.champion, scenarios, history[-1].round).mean())
-        for g in last_of_round
-    ]
-    training = []
-    for generation in last_of_round:
+    rounds = []
+    for index, generation in enumerate(last_of_round):
         own = training_scenarios(experiment.starts, experiment.sun, experiment.seed, generation.round)
-        training.append(float(_costs(experiment, genome, generation.champion, own, history[-1].round).mean()))
-    return Choice(last_of_round[int(np.argmin(validation))], tuple(validation), tuple(training))
+        training, validation = (
+            float(_costs(experiment, genome, generation.champion, starts, history[-1].round).mean())
+            for starts in (own, scenarios)
+        )
+        rounds.append((index, training, validation))
+    best, _, validation = min(rounds, key=lambda row: row[2])
+    return Choice(last_of_round[best].champion, last_of_round[best].best, validation, tuple(rounds))
+
+
+def _keep_front(
+    folder: Path,
+    experiment: Experiment,
+    genome: Genome,
+    front: Front,
+    round_index: int,
+    provenance: Mapping[str, str],
+) -> Choice:
+    """Fly a front from the validation starts and write it; its best there is the champion."""
+    num_cases = experiment.optimizer.validation_cases
+    sys.stderr.write(f"  flying the front's {len(front.genomes)} controllers from {num_cases} more starts\n")
+    scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, num_cases)
+    validation = _fitness_from(experiment, genome, scenarios, round_index)(front.genomes)
+    num_points = len(inspection_points(experiment.mission))
+    columns, genomes = judged_front(front, validation, num_points, num_cases)
+    controllers = [replace(genome.decode(g), name=_name(experiment, genome)) for g in genomes]
+    write_front(folder, columns, genomes, controllers, provenance)
+    best = int(np.argmax(columns["champion"]))
+    training, there = (columns[f"{starts}_fitness_m_s"][best] for starts in ("training", "validation"))
+    return Choice(genomes[best], float(training), float(there))
 
 
 def write_history(folder: Path, history: Sequence[Generation]) -> None:
@@ -203,33 +250,36 @@ def write_history(folder: Path, history: Sequence[Generation]) -> None:
 
 
 def write_champion(
-    folder: Path,
-    experiment: Experiment,
-    genome: Genome,
-    history: Sequence[Generation],
-    *,
-    interrupted: bool,
+    folder: Path, experiment: Experiment, genome: Genome, choice: Choice, provenance: Mapping[str, str]
 ) -> None:
-    """Write the last champion as a controller file that says where it comes from."""
-    choice = choose(experiment, genome, history)
-    chosen = choice.champion
-    provenance = {
+    """Write the champion as a controller file that says where it comes from."""
+    told = {"training_fitness": repr(choice.fitness), **provenance}
+    if choice.validation_fitness is not None:
+        told["validation_fitness"] = repr(choice.validation_fitness)
+    if choice.rounds:
+        tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
+    champion = replace(
+        genome.decode(choice.champion),
+        name=_name(experiment, genome),
+        provenance=tuple(sorted(told.items())),
+    )
+    artifacts.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
+
+
+def _name(experiment: Experiment, genome: Genome) -> str:
+    return f"{genome.template.name}_{experiment.name}"
+
+
+def _provenance(
+    folder: Path, experiment: Experiment, history: Sequence[Generation], interrupted: bool
+) -> dict[str, str]:
+    """Say where the controllers of a training come from."""
+    return {
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
         "product_version": artifacts.product_version(),
         "git_revision": artifacts.git_revision() or "none",
-        "training_fitness": repr(chosen.best),
         "generations": str(len(history)),
         "interrupted": str(interrupted).lower(),
     }
-    if choice.validation:
-        provenance["validation_fitness"] = repr(min(choice.validation))
-        rows = list(zip(range(len(choice.validation)), choice.training, choice.validation, strict=True))
-        tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], rows)
-    champion = replace(
-        genome.decode(chosen.champion),
-        name=f"{genome.template.name}_{experiment.name}",
-        provenance=tuple(sorted(provenance.items())),
-    )
-    artifacts.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.objectives import fitness_parts, fraction, points_needed, statistic
+from pipeline.objectives import fitness_parts, fraction, objectives, points_needed, statistic
 from pipeline.settings import Penalty
 from pipeline.simulation import Outcomes
 
@@ -60,6 +60,27 @@ def test_the_least_number_of_points_that_reaches_the_threshold(
 def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
     parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, LIMITS_M, 99, 95.0)
     assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
+
+
+@pytest.mark.parametrize(
+    ("delta_v", "points", "outside_m", "spent", "missed"),
+    [
+        (2.0, 99, 0.0, 2.0, 0.0),
+        (2.0, 95, 0.0, 2.0, 0.5 * 4),
+        (2.0, 90, 0.0, 2.0 + 25.0, 25.0 + 0.5 * 9),
+        (2.0, 99, 1.0, 2.0 + 1000.0, 1000.0),
+    ],
+)
+def test_the_objectives_share_the_price_of_faults(
+    delta_v: float, points: int, outside_m: float, spent: float, missed: float
+) -> None:
+    # beside it a flight without fault
+    flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
+    found = objectives(flights, PENALTY, LIMITS_M, 99, 95.0)
+    assert found["spent"] == pytest.approx([spent / 2])
+    assert found["missed"] == pytest.approx([missed / 2])
+    fitness = fitness_parts(flights, PENALTY, LIMITS_M, 99, 95.0)["fitness"]
+    assert fitness == pytest.approx(found["spent"] + found["missed"])
 
 
 def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
