@@ -1,0 +1,247 @@
+"""What a champion does, and where it fails: ``python -m benchmarks.champion CONTROLLER [--sun random]``."""
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiler import compile as compile_system
+from fis_tools.contribution import contributions
+from fis_tools.formats.text import antecedent_words, sentence
+from pipeline import controller_source
+from pipeline.config import compose_experiment
+from pipeline.controllers import Controller, open_loop
+from pipeline.figures.side_by_side import side_by_side
+from pipeline.figures.style import save, style
+from pipeline.flight import FlightLog, Scenario
+from pipeline.monte_carlo import episode_columns, summarise
+from pipeline.objectives import points_needed
+from pipeline.optimum.solved import solved_for
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings import Experiment, Mission
+from pipeline.simulation import fly_all, fly_logged, inspection_points
+
+Floats = NDArray[np.float64]
+Columns = dict[str, NDArray[np.generic]]
+
+#: width of the bins of azimuth, deg
+BIN_DEG = 30
+#: until when delta-v is told, min
+UNTIL_MIN = (1, 5, 10, 20, 30, 40, 50, 60)
+#: rules told of each system
+TOLD_RULES = 6
+#: a rule decides at a sample where leaving it out moves the output by more than this share of its range
+DECIDES = 0.05
+AXES = "xyz"
+#: control periods without a force that part two burns
+PAUSE = 6
+PICTURE_DPI = 110
+
+
+def main() -> None:
+    """Print Markdown tables."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.champion", description=__doc__)
+    parser.add_argument("controller", help="as in controller=NAME, or a file")
+    parser.add_argument("--sun", choices=("fixed", "random"), default="fixed")
+    parser.add_argument("--seed", type=int, default=777, help="of the starts")
+    parser.add_argument("--cases", type=int, default=1000, help="flights of the Monte Carlo")
+    parser.add_argument("--logged", type=int, default=100, help="flights whose rules are looked at")
+    parser.add_argument("--case", type=int, help="tell this solved case's burns, and nothing else")
+    parser.add_argument("--picture", type=Path, help="with --case: draw it beside its plan, a PNG")
+    options = parser.parse_args()
+    overrides = [f"sun={options.sun}", f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}"]
+    experiment, guarded = (
+        compose_experiment(["+experiment=evaluate", *overrides, f"safety={safety}"]).experiment
+        for safety in ("none", "filter")
+    )
+    controller = controller_source.named(options.controller, experiment.mission)
+    if options.case is not None:
+        return tell_flight(experiment, controller, options.case, options.picture)
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, options.seed)
+    episodes = fly(experiment.mission, controller, scenarios)
+    print_outcome({"none": episodes, "filter": fly(guarded.mission, controller, scenarios)})
+    print_by_azimuth(episodes)
+    print_exits(experiment.mission, controller, scenarios, episodes)
+    logs = [fly_logged(experiment.mission, controller, start) for start in scenarios[: options.logged]]
+    below = [start for start, is_enough in zip(scenarios, episodes["success"], strict=True) if not is_enough]
+    print_missed(experiment.mission, scenarios[: options.logged], logs)
+    if below:
+        print("\nBelow 95 points:", end="")
+        flown = [fly_logged(experiment.mission, controller, start) for start in below]
+        print_missed(experiment.mission, below, flown)
+    print_rules(controller, logs)
+    return print_spent(experiment, controller)
+
+
+def fly(mission: Mission, controller: Controller, scenarios: list[Scenario]) -> Columns:
+    """Return the columns of an evaluation's episodes."""
+    return dict(episode_columns(mission, scenarios, fly_all(mission, controller, scenarios)))
+
+
+def print_outcome(by_safety: dict[str, Columns]) -> None:
+    """Print how flights ended without the safety layer and with it."""
+    print("| safety | delta-v (m/s) | rate (%) | 95 points | all 99 | outside | layer acted |")
+    print("|---|---|---|---|---|---|---|")
+    for safety, episodes in by_safety.items():
+        told = summarise(episodes, 95.0)
+        all_seen = np.mean(episodes["inspected_count"] == np.max(episodes["inspected_count"]))
+        print(
+            f"| {safety} | {told['delta_v_m_s']['mean']:.3f} | {told['inspection_rate_percent']['mean']:.2f} "
+            f"| {100.0 * told['success']['fraction']:.1f} % | {100.0 * all_seen:.1f} % "
+            f"| {np.sum(episodes['violated'])} | {100.0 * told['safety_acted']['fraction']:.1f} % |"
+        )
+
+
+def print_by_azimuth(episodes: Columns) -> None:
+    """Print what flights come to by the start's azimuth in the orbit plane, from the Sun's."""
+    ahead = np.degrees(np.arctan2(episodes["position_y_m"], episodes["position_x_m"]))
+    ahead = (ahead - np.degrees(episodes["sun_angle_rad"])) % 360.0
+    print(
+        "\n| azimuth from the Sun (deg) | cases | delta-v (m/s) | points | below 95 |\n|---|---|---|---|---|"
+    )
+    for first in range(0, 360, BIN_DEG):
+        own = (ahead >= first) & (ahead < first + BIN_DEG)
+        if own.any():
+            print(
+                f"| {first}-{first + BIN_DEG} | {own.sum()} | {episodes['delta_v_m_s'][own].mean():.3f} "
+                f"| {episodes['inspected_count'][own].mean():.2f} "
+                f"| {100.0 * np.mean(~episodes['success'][own].astype(bool)):.0f} % |"
+            )
+
+
+def print_exits(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], episodes: Columns
+) -> None:
+    """Print the flights that left the limits."""
+    print("\n| outside: case | azimuth from the Sun (deg) | closest (m), at (min) | farthest (m) | points |")
+    print(f"|---|{'---|' * 4}")
+    for case in np.flatnonzero(episodes["violated"]):
+        start = scenarios[case]
+        azimuth = math.degrees(math.atan2(start.position_m[1], start.position_m[0]) - start.sun_angle_rad)
+        distances = np.linalg.norm(fly_logged(mission, controller, start).position_m, axis=1)
+        minutes = distances.argmin() * mission.control_period_s / 60.0
+        print(
+            f"| {case} | {azimuth % 360.0:.0f} | {distances.min():.1f}, {minutes:.0f} "
+            f"| {distances.max():.1f} | {episodes['inspected_count'][case]} |"
+        )
+
+
+def print_missed(mission: Mission, starts: list[Scenario], logs: list[FlightLog], most: int = 6) -> None:
+    """Print where the points lie that flights miss: latitude, and longitude from the Sun's at the start."""
+    points = inspection_points(mission)
+    latitude = np.degrees(np.arcsin(points[:, 2] / np.linalg.norm(points, axis=1)))
+    longitude = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
+    shares: dict[tuple[int, int], float] = {}
+    missed = [~log.is_inspected[-1] for log in logs]
+    for start, own in zip(starts, missed, strict=True):
+        ahead = (longitude - math.degrees(start.sun_angle_rad)) % 360.0
+        for point in np.flatnonzero(own):
+            cell = (BIN_DEG * int(latitude[point] // BIN_DEG), BIN_DEG * int(ahead[point] // BIN_DEG))
+            shares[cell] = shares.get(cell, 0.0) + 1.0 / np.sum(missed)
+    print(f"\nOf {len(logs)} flights, where the {np.sum(missed)} missed points lie:\n")
+    print("| latitude (deg) | longitude from the Sun's at the start (deg) | share |\n|---|---|---|")
+    for (north, east), share in sorted(shares.items(), key=lambda item: -item[1])[:most]:
+        print(f"| {north} to {north + BIN_DEG} | {east}-{east + BIN_DEG} | {100.0 * share:.0f} % |")
+
+
+def print_rules(controller: Controller, logs: list[FlightLog]) -> None:
+    """Print the rules that move each force most where it is fired, and how many ever decide."""
+    print(f"\nRules where a force is fired, {len(logs)} flights:\n")
+    print("| system | share | mean push (mN) | rule | if | then |\n|---|---|---|---|---|---|")
+    closing = []
+    for place, system in enumerate(controller.systems):
+        axis = AXES.index(system.outputs[0].name[-1])
+        fired = [log.force_hill_n[:, axis] != 0.0 for log in logs]
+        width = len(system.inputs)
+        inputs = np.concatenate(
+            [log.fis_input[is_fired, place, :width] for log, is_fired in zip(logs, fired, strict=True)]
+        )
+        moved = contributions(compile_system(system), inputs)[:, :, 0]
+        total, output = np.abs(moved).sum(axis=0), system.outputs[0]
+        order = np.argsort(-total)
+        for rule in order[:TOLD_RULES]:
+            words = system.rules[rule]
+            own = moved[np.abs(moved[:, rule]) > 0.0, rule]
+            print(
+                f"| {system.name} | {100.0 * total[rule] / total.sum():.1f} % | {1000.0 * own.mean():+.1f} "
+                f"| {rule + 1} | {antecedent_words(words.antecedent)} | {words.consequents[0].term} |"
+            )
+        decides = np.any(np.abs(moved) > DECIDES * (output.maximum - output.minimum), axis=0)
+        needed = int(np.searchsorted(np.cumsum(total[order]) / total.sum(), 0.9)) + 1
+        closing.append(
+            f"{system.name}: fired in {len(inputs) / len(logs):.0f} periods a flight; {needed} rules do 90 % "
+            f"of the moving, {decides.sum()} of {len(system.rules)} ever move the force by more than "
+            f"{100.0 * DECIDES:.0f} % of its range"
+        )
+    print("\n" + "\n".join(closing))
+
+
+def print_spent(experiment: Experiment, controller: Controller) -> None:
+    """Print when and along which axis the solved cases burn, beside their plans."""
+    mission, solved = experiment.mission, solved_for(experiment)
+    flown = {
+        "controller": [fly_logged(mission, controller, start) for start in solved.scenarios],
+        "plan": [
+            fly_logged(mission, open_loop("plan", solved.plan(row, mission)), start)
+            for row, start in enumerate(solved.scenarios)
+        ],
+    }
+    period = mission.control_period_s
+    times = np.array([log.delta_v_m_s[-1] for log in flown["controller"]]) / solved.cases["delta_v_m_s"]
+    print(f"\nTimes the optimum: mean {times.mean():.2f}, median {np.median(times):.2f}")
+    order = solved.cases["case"][np.argsort(times)]
+    print(f"least in cases {order[:3]}, the middle {order[len(order) // 2]}, most {order[-3:]}")
+    print(f"\nDelta-v (m/s) up to a time, mean of {len(solved.scenarios)} solved cases:\n")
+    print(f"| | {' | '.join(f'{minutes} min' for minutes in UNTIL_MIN)} |\n|---|{'---|' * len(UNTIL_MIN)}")
+    for name, logs in flown.items():
+        spent = np.mean([log.delta_v_m_s for log in logs], axis=0)
+        print(f"| {name} | {' | '.join(f'{spent[round(60 * m / period)]:.3f}' for m in UNTIL_MIN)} |")
+    print("\n| | radial | along-track | across | periods with a force | last force (min), median |")
+    print(f"|---|{'---|' * 5}")
+    for name, logs in flown.items():
+        forces = np.abs([log.force_hill_n for log in logs])
+        axes = forces.sum(axis=1).mean(axis=0) * period / mission.deputy.mass_kg
+        is_on = forces.sum(axis=2) > 0.0
+        last = [np.flatnonzero(own)[-1] * period / 60.0 for own in is_on if own.any()]
+        print(
+            f"| {name} | {' | '.join(f'{value:.3f}' for value in axes)} "
+            f"| {is_on.sum(axis=1).mean():.0f} | {np.median(last):.0f} |"
+        )
+
+
+def tell_flight(experiment: Experiment, controller: Controller, case: int, picture: Path | None) -> None:
+    """Print a solved case's burns, force by force: when, how much, by which rule."""
+    mission, solved = experiment.mission, solved_for(experiment)
+    row = int(np.flatnonzero(solved.cases["case"] == case)[0])
+    start = solved.scenarios[row]
+    log = fly_logged(mission, controller, start)
+    if picture is not None:
+        plan = fly_logged(mission, open_loop("plan", solved.plan(row, mission)), start)
+        needed = points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+        with style():
+            drawn = save(side_by_side(log, plan, mission, needed), picture.stem, PICTURE_DPI)
+        picture.write_bytes(drawn.png)
+    print("| force | from (min) | to | delta-v (m/s) | points at the end | rule that moves it most |")
+    print(f"|---|{'---|' * 5}")
+    for place, system in enumerate(controller.systems):
+        axis = AXES.index(system.outputs[0].name[-1])
+        force, period = log.force_hill_n[:, axis], mission.control_period_s
+        fired = np.flatnonzero(force != 0.0)
+        ends = np.flatnonzero((np.diff(fired) > PAUSE) | (np.diff(np.sign(force[fired])) != 0.0)) + 1
+        compiled = compile_system(system)
+        for burn in np.split(fired, ends):
+            inputs = log.fis_input[burn, place, : len(system.inputs)]
+            moved = np.abs(contributions(compiled, inputs)[:, :, 0]).sum(axis=0)
+            print(
+                f"| {system.name} | {burn[0] * period / 60.0:.1f} | {(burn[-1] + 1) * period / 60.0:.1f} "
+                f"| {force[burn].sum() * period / mission.deputy.mass_kg:+.4f} "
+                f"| {log.is_inspected[burn[-1] + 1].sum()} "
+                f"| {int(moved.argmax()) + 1}: {sentence(system.rules[int(moved.argmax())])} |"
+            )
+    print(f"\n{log.delta_v_m_s[-1]:.3f} m/s, {log.is_inspected[-1].sum()} points")
+
+
+if __name__ == "__main__":
+    main()
