@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fis_tools.compiler import compile as compile_system
 from fis_tools.contribution import contributions
 from fis_tools.formats.text import antecedent_words, sentence
+from fis_tools.model import rule_table, table_cells
 from pipeline import controller_source
 from pipeline.config import compose_experiment
 from pipeline.controllers import Controller, open_loop
@@ -18,7 +19,7 @@ from pipeline.figures.style import save, style
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import episode_columns, summarise
 from pipeline.objectives import points_needed
-from pipeline.optimum.solved import solved_for
+from pipeline.optimum.solved import Solved, solved_for
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings import Experiment, Mission
 from pipeline.simulation import fly_all, fly_logged, inspection_points
@@ -26,8 +27,9 @@ from pipeline.simulation import fly_all, fly_logged, inspection_points
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[np.generic]]
 
-#: width of the bins of azimuth, deg
+#: width of the bins of azimuth, and of those of the few solved cases, deg
 BIN_DEG = 30
+SECTOR_DEG = 90
 #: until when delta-v is told, min
 UNTIL_MIN = (1, 5, 10, 20, 30, 40, 50, 60)
 #: rules told of each system
@@ -71,6 +73,7 @@ def main() -> None:
         print("\nBelow 95 points:", end="")
         flown = [fly_logged(experiment.mission, controller, start) for start in below]
         print_missed(experiment.mission, below, flown)
+    print_leans(controller)
     print_rules(controller, logs)
     return print_spent(experiment, controller)
 
@@ -146,6 +149,20 @@ def print_missed(mission: Mission, starts: list[Scenario], logs: list[FlightLog]
         print(f"| {north} to {north + BIN_DEG} | {east}-{east + BIN_DEG} | {100.0 * share:.0f} % |")
 
 
+def print_leans(controller: Controller) -> None:
+    """Print how rule tables lean in the mean: steps of output terms for one step of an input's terms."""
+    print("\nLean of the rule tables, terms of the output for one term of an input (least squares):\n")
+    for system in controller.systems:
+        table = rule_table(system)
+        if table is None:
+            continue
+        steps = table_cells(system.inputs).astype(np.float64)
+        steps -= steps.mean(axis=0)
+        leans = (steps * (table - table.mean())[:, np.newaxis]).sum(axis=0) / (steps**2).sum(axis=0)
+        words = [f"{lean:+.2f} {variable.name}" for lean, variable in zip(leans, system.inputs, strict=True)]
+        print(f"- {system.name}: {', '.join(words)}")
+
+
 def print_rules(controller: Controller, logs: list[FlightLog]) -> None:
     """Print the rules that move each force most where it is fired, and how many ever decide."""
     print(f"\nRules where a force is fired, {len(logs)} flights:\n")
@@ -189,10 +206,7 @@ def print_spent(experiment: Experiment, controller: Controller) -> None:
         ],
     }
     period = mission.control_period_s
-    times = np.array([log.delta_v_m_s[-1] for log in flown["controller"]]) / solved.cases["delta_v_m_s"]
-    print(f"\nTimes the optimum: mean {times.mean():.2f}, median {np.median(times):.2f}")
-    order = solved.cases["case"][np.argsort(times)]
-    print(f"least in cases {order[:3]}, the middle {order[len(order) // 2]}, most {order[-3:]}")
+    print_times(solved, np.array([log.delta_v_m_s[-1] for log in flown["controller"]]))
     print(f"\nDelta-v (m/s) up to a time, mean of {len(solved.scenarios)} solved cases:\n")
     print(f"| | {' | '.join(f'{minutes} min' for minutes in UNTIL_MIN)} |\n|---|{'---|' * len(UNTIL_MIN)}")
     for name, logs in flown.items():
@@ -208,6 +222,23 @@ def print_spent(experiment: Experiment, controller: Controller) -> None:
         print(
             f"| {name} | {' | '.join(f'{value:.3f}' for value in axes)} "
             f"| {is_on.sum(axis=1).mean():.0f} | {np.median(last):.0f} |"
+        )
+
+
+def print_times(solved: Solved, spent: Floats) -> None:
+    """Print how many times the plans the solved cases burn, by the start's azimuth from the Sun."""
+    least, times = solved.cases["delta_v_m_s"], spent / solved.cases["delta_v_m_s"]
+    order = solved.cases["case"][np.argsort(times)]
+    print(f"\nTimes the optimum: mean {times.mean():.2f}, median {np.median(times):.2f}; least in cases")
+    print(f"{order[:3]}, in the middle {order[len(order) // 2]}, most in {order[-3:]}\n")
+    print("| azimuth from the Sun (deg) | solved cases | delta-v (m/s) | plan (m/s) |\n|---|---|---|---|")
+    ahead = np.degrees(np.arctan2(solved.cases["position_y_m"], solved.cases["position_x_m"]))
+    ahead = (ahead - np.degrees(solved.cases["sun_angle_rad"])) % 360.0
+    for first in range(0, 360, SECTOR_DEG):
+        own = (ahead >= first) & (ahead < first + SECTOR_DEG)
+        print(
+            f"| {first}-{first + SECTOR_DEG} | {own.sum()} | {spent[own].mean():.3f} "
+            f"| {least[own].mean():.3f} |"
         )
 
 
