@@ -155,8 +155,8 @@ def test_comparisons_that_cannot_be(setting, message):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("lqrr", r"there is no controller lqrr; did you mean lqr\? The controllers are coast, "),
-        ("qqqq", "there is no controller qqqq; the controllers are coast, "),
+        ("lqrr", r"there is no controller lqrr; did you mean lqr\? The controllers are champion_any_sun, "),
+        ("qqqq", "there is no controller qqqq; the controllers are champion_any_sun, "),
         ("open_loop", "there is no controller open_loop"),
         ("missing.csv", "missing.csv cannot be read"),
     ],
