@@ -30,6 +30,7 @@ from pipeline.lanes import (
     COAST_MARGIN,
     COASTING_FARTHEST,
     COASTING_NEAREST,
+    COASTS,
     CORRECTED,
     DEAD_BAND,
     DELTA_V,
@@ -103,6 +104,25 @@ def move(world: World, lanes: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
+    """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
+    lanes, signals = work.lanes, work.signals
+    for i in range(LANES):
+        lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
+    if law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0:
+        most = values[law.constants + COAST_BELOW]
+        nearest = world.min_distance + values[law.constants + COAST_MARGIN]
+        farthest = world.max_distance - values[law.constants + COAST_MARGIN]
+        for i in range(LANES):
+            if (
+                signals[LANES * MISSED + i] < most
+                and signals[LANES * COASTING_NEAREST + i] >= nearest
+                and signals[LANES * COASTING_FARTHEST + i] <= farthest
+            ):
+                lanes[COASTS + i] = 1.0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
 def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
     world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
 ) -> None:
@@ -116,8 +136,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
             for i in range(LANES):
                 lanes[GX + LANES * axis + i] = law.plan[k, axis]
     else:
-        coast_below = values[law.constants + COAST_BELOW] if law.constants >= 0 else 0.0
-        coast_margin = values[law.constants + COAST_MARGIN] if law.constants >= 0 else 0.0
+        decide_to_coast(world, law, values, work)
         for system in range(len(law.axes)):
             for place in range(3):
                 signal = LANES * law.signals[system, place]
@@ -136,13 +155,8 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
             force = GX + LANES * law.axes[system]
             dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
             for i in range(num_lanes):
-                coasts = world.coasts_when_complete and lanes[LEFT + i] == 0.0
-                coasts |= (
-                    signals[LANES * MISSED + i] < coast_below
-                    and signals[LANES * COASTING_NEAREST + i] >= world.min_distance + coast_margin
-                    and signals[LANES * COASTING_FARTHEST + i] <= world.max_distance - coast_margin
-                )
-                lanes[force + i] += 0.0 if coasts or abs(outputs[i]) < dead_band else outputs[i]
+                is_still = lanes[COASTS + i] > 0.0 or abs(outputs[i]) < dead_band
+                lanes[force + i] += 0.0 if is_still else outputs[i]
             if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
                 log.is_decided[k] = True
                 log.fis_output[k, system] = outputs[0]

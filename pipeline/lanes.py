@@ -131,7 +131,8 @@ SPENT, TRAVELLED, NEAREST, FARTHEST, LEFT, POLES, BEYOND = (LANES * row for row 
 SUN_COS, SUN_SIN = (LANES * row for row in range(26, 28))
 ACTED, CORRECTED, AHEAD = (LANES * row for row in range(28, 31))
 CLOSEST, REACH, HASTE = (LANES * row for row in range(36, 39))
-NUM_ROWS = 39
+COASTS = LANES * 39  # 1 where nothing is fired
+NUM_ROWS = 40
 
 
 class Log(NamedTuple):
