@@ -126,6 +126,23 @@ def divides(key: str, period: float, whole_key: str, whole: float) -> None:
         )
 
 
+def shell(group: str, low: float, high: float) -> None:
+    """Refuse a shell of distances (m) that is inside out or begins at the centre."""
+    positive(f"{group}.min_distance_m", low, "m")
+    number(f"{group}.max_distance_m", high, "metres")
+    if not low <= high:
+        raise SettingError(
+            f"{group}.min_distance_m is {low} and {group}.max_distance_m is {high}; the first must not be "
+            "greater than the second (m)"
+        )
+
+
+def workers(key: str, value: int | None) -> None:
+    """Refuse what is no number of threads; None stands for one a processor."""
+    if value is not None:
+        count(key, value, 1, ", or null for one a processor")
+
+
 def _in(unit: str) -> str:
     return f" ({unit})" if unit else ""
 

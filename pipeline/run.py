@@ -80,7 +80,7 @@ def run_stages(
                 artifacts.write_manifest(folder, config, finished)
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, finished)) from error
-            except Exception:  # whatever it is goes on; the run's own log keeps it too
+            except Exception:  # raised again below: here the run's own log learns of it too
                 _LOG.exception("stage %s failed", name)
                 raise
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
