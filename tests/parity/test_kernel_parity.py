@@ -1,18 +1,20 @@
 """The compiled kernel against scikit-fuzzy's own ``compute()``."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from random_systems import full_table_system, inputs_for, sparse_system
 
-from fis_tools import inference
+from fis_tools import inference, serialize
 from fis_tools.kernel import evaluate, firing_strengths, pack
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
 from fis_tools.skfuzzy_build import ReferenceEngine
 
 #: Of the output range's width.
 TOLERANCE = 1e-12
+SHIPPED = Path(__file__).parents[2] / "conf" / "controller"
 
 
 def _width(system: FuzzySystem) -> float:
@@ -136,3 +138,16 @@ def test_inputs_outside_the_universe_act_as_its_ends_in_every_engine() -> None:
         np.testing.assert_allclose(
             evaluate(packed, beyond[np.newaxis]), at_end, rtol=0, atol=TOLERANCE * _width(system)
         )
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_controllers_agree_with_scikit_fuzzy(path: Path) -> None:
+    if "systems:" not in path.read_text(encoding="utf-8"):
+        assert path.stem in ("coast", "file", "lqr", "natural_motion", "open_loop", "receding_horizon")
+        return
+    for system in serialize.load(path).systems:
+        engine = ReferenceEngine(system)
+        inputs = inputs_for(system, np.random.default_rng(17), 6)
+        expected = np.array([engine.compute(row)[0] for row in inputs])
+        found = evaluate(pack(system), inputs)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * _width(system))
