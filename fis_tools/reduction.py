@@ -16,7 +16,7 @@ from fis_tools.parameters import Encoding
 Floats = NDArray[np.float64]
 
 #: a gain of one takes the output from one end to the other as its input goes from end to end
-GREATEST_GAIN = 2.0
+GREATEST_GAIN = 3.0
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,13 @@ SIGNALS = {
         "least distance from the chief while coasting to the flight's end",
     ),
     "coasting_farthest": Signal(lanes.COASTING_FARTHEST, "m", "greatest distance on the way"),
+    "urgent_radial": Signal(
+        lanes.URGENT,
+        "",
+        "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
+    ),
+    "urgent_along_track": Signal(lanes.URGENT + 1, "", "the same along j"),
+    "urgent_cross_track": Signal(lanes.URGENT + 2, "", "the same along k"),
 }
 
 #: numbers that a controller may set besides its systems, as attributes, each with what it means
@@ -108,6 +115,7 @@ CONSTANTS = {
     "ring_hold_rad": "how far the place on the ring stays back for a target that is about to set, rad",
     "coast_below_points": "with fewer points than this missed by coasting to the end, coast",
     "coast_margin_m": "unless that would come nearer than this to a distance limit, m",
+    "urgency_time_s": "time before its last light within which a point becomes urgent, for urgent_*, s",
 }
 
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
@@ -279,7 +287,18 @@ def constants_of(controller: Controller) -> Floats:
         if not np.isfinite(values[place]) or (values[place] < 0 and name != "ring_lead_rad"):
             least = "a number" if name == "ring_lead_rad" else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
+    if senses_urgency(controller) and values[lanes.URGENCY_TIME] == 0.0:
+        raise ControllerError(
+            f"controller {controller.name!r} senses urgent_* but sets no urgency_time_s; give it as an "
+            "attribute, the time before its last light within which a point becomes urgent, say 200 (s)"
+        )
     return values
+
+
+def senses_urgency(controller: Controller) -> bool:
+    """Tell whether a system of a controller senses ``urgent_*``."""
+    names = {variable.name for system in controller.systems for variable in system.inputs}
+    return not names.isdisjoint(("urgent_radial", "urgent_along_track", "urgent_cross_track"))
 
 
 def with_constants(numbers: Packed, controller: Controller) -> Packed:

@@ -20,6 +20,7 @@ from pipeline.lane_orbit import sense_approach, sense_orbit
 from pipeline.lane_preview import preview
 from pipeline.lane_safety import assure
 from pipeline.lane_sight import sense
+from pipeline.lane_urgency import note_deadlines, sense_urgency
 from pipeline.lanes import (
     ACTED,
     BEYOND,
@@ -65,6 +66,7 @@ from pipeline.lanes import (
     SUN_COS,
     SUN_SIN,
     TRAVELLED,
+    URGENT,
     VX,
     VY,
     VZ,
@@ -136,7 +138,6 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
             for i in range(LANES):
                 lanes[GX + LANES * axis + i] = law.plan[k, axis]
     else:
-        decide_to_coast(world, law, values, work)
         for system in range(len(law.axes)):
             for place in range(3):
                 signal = LANES * law.signals[system, place]
@@ -241,9 +242,9 @@ def start_lanes(
 
 
 @njit(cache=True, error_model="numpy")
-def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool]:
-    """Tell what a law senses: relative angles; free motion, target or Sun; closest approach; coasting."""
-    needs_angles, needs_orbit, needs_approach = False, False, False
+def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool, bool]:
+    """Tell what a law senses: relative angles; free motion, target or Sun; approach; coasting; urgency."""
+    needs_angles, needs_orbit, needs_approach, needs_urgency = False, False, False, False
     needs_preview = law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
     for system in range(len(law.axes)):
         for place in range(3):
@@ -252,7 +253,8 @@ def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool]:
             needs_orbit |= signal >= CENTRE
             needs_approach |= signal == CLOSEST_APPROACH
             needs_preview |= MISSED <= signal <= COASTING_FARTHEST
-    return needs_angles, needs_orbit, needs_approach, needs_preview
+            needs_urgency |= signal >= URGENT
+    return needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -287,9 +289,11 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
     is_logged = len(log.position) > 0
-    needs_angles, needs_orbit, needs_approach, needs_preview = needs_of(law, values)
+    needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency = needs_of(law, values)
     needs_angles |= is_logged
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
+    if needs_urgency:
+        note_deadlines(world, work, num_lanes)
     lanes = work.lanes
     target, count = np.zeros(3), 0
     for k in range(world.num_controls + 1):
@@ -306,6 +310,10 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             sense_approach(world, work)
         if needs_preview:
             preview(world, work, num_lanes, k)
+        if not law.has_plan:
+            decide_to_coast(world, law, values, work)
+        if needs_urgency:
+            sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]

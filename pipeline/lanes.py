@@ -19,10 +19,11 @@ Integers = NDArray[np.int64]
 DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL = 0, 1, 4, 5, 6, 9
 CENTRE, RING_ERROR, TARGET_DIRECTION, SUN_BEARING = 12, 14, 16, 19
 PREDICTED_CENTRE, CLOSEST_APPROACH, TARGET_SETTING = 21, 22, 23
-MISSED, COASTING_NEAREST, COASTING_FARTHEST, NUM_SIGNALS = 24, 25, 26, 27
+MISSED, COASTING_NEAREST, COASTING_FARTHEST, URGENT, NUM_SIGNALS = 24, 25, 26, 27, 30
 
 #: positions of the constants that a controller may set, see `pipeline.controllers.CONSTANTS`
 RING_SIZE, RING_LEAD, DEAD_BAND, PREDICTION_TIME, RING_HOLD, COAST_BELOW, COAST_MARGIN = 0, 1, 2, 5, 6, 7, 8
+URGENCY_TIME = 9
 
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
@@ -104,6 +105,7 @@ class Workspace(NamedTuple):
     unseen: Floats  # (LANES, P padded) 1 where a point is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
+    deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
     signals: Floats  # (NUM_SIGNALS * LANES,)
     passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)

@@ -36,6 +36,7 @@ from pipeline.reference_engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.reference_inference import PackedSystems
 from pipeline.reference_preview import preview
 from pipeline.reference_safety import SafetyWorld, assured, safety_world_of
+from pipeline.reference_urgency import deadlines, urgent_direction
 from pipeline.reference_world import World, turn_chief, world_of
 from pipeline.settings import Mission
 
@@ -217,6 +218,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
     has_plan = len(channels.plan_h) > 0
+    last_lit = deadlines(world, initial_sun_angle) if channels.senses_urgency else np.zeros(num_points)
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -263,6 +265,11 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
             foreseen = np.zeros(3)
             if channels.senses_preview:
                 foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
+            urgent = np.zeros(3)
+            if channels.senses_urgency:
+                is_wanted = is_lit & ~is_inspected
+                time = k * world.control_period
+                urgent = urgent_direction(points_h, is_wanted, last_lit, time, channels.urgency_time)
             is_coasting = (
                 foreseen[0] < channels.coast_below
                 and foreseen[1] >= world.min_distance + channels.coast_margin
@@ -278,6 +285,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                 world.mean_motion,
                 angle,
                 foreseen,
+                urgent,
                 channels,
             )
             for f in range(len(channels.axes)):

@@ -44,6 +44,9 @@ SIGNALS = (
     "missed",
     "coasting_nearest",
     "coasting_farthest",
+    "urgent_radial",
+    "urgent_along_track",
+    "urgent_cross_track",
 )
 
 #: what a fuzzy system can command, along the axes of body or Hill
@@ -75,8 +78,11 @@ class Channels(NamedTuple):
         How far the place on the ring stays back for a target that is about to set, rad.
     coast_below, coast_margin : float
         With fewer points missed by coasting it coasts, unless that comes nearer to a distance limit, m.
-    senses_approach, senses_preview : bool
-        Whether the closest approach is sensed, or what coasting comes to, which take long to compute.
+    urgency_time : float
+        How long before it is dark for good a point becomes urgent, s.
+    senses_approach, senses_preview, senses_urgency : bool
+        Whether the closest approach is sensed, or what coasting comes to, or what is urgent, which take long
+        to compute.
     """
 
     axes: Integers
@@ -90,8 +96,10 @@ class Channels(NamedTuple):
     ring_hold: float
     coast_below: float
     coast_margin: float
+    urgency_time: float
     senses_approach: bool
     senses_preview: bool
+    senses_urgency: bool
 
 
 def channels_of(
@@ -112,11 +120,11 @@ def channels_of(
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
     constants : array, optional
         Ring size (m), ring lead (rad), three dead bands (N), prediction time (s), ring hold (rad), points
-        below which it coasts, margin of coasting (m); zero unless given.
+        below which it coasts, margin of coasting (m), urgency time (s); zero unless given.
     """
-    constants = np.zeros(9) if constants is None else constants
+    constants = np.zeros(10) if constants is None else constants
     ring_size, ring_lead, dead_band = constants[0], constants[1], constants[2:5]
-    prediction_time, ring_hold, coast_below, coast_margin = constants[5:]
+    prediction_time, ring_hold, coast_below, coast_margin, urgency_time = constants[5:]
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
         signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
@@ -132,9 +140,16 @@ def channels_of(
         ring_hold=float(ring_hold),
         coast_below=float(coast_below),
         coast_margin=float(coast_margin),
-        senses_preview=bool(coast_below > 0.0 or (signals >= SIGNALS.index("missed")).any()),
-        senses_approach=bool((signals == SIGNALS.index("closest_approach")).any()),
+        urgency_time=float(urgency_time),
+        senses_approach=_senses(signals, "closest_approach", "closest_approach"),
+        senses_preview=bool(coast_below > 0.0 or _senses(signals, "missed", "coasting_farthest")),
+        senses_urgency=_senses(signals, "urgent_radial", "urgent_cross_track"),
     )
+
+
+def _senses(signals: Integers, first: str, last: str) -> bool:
+    """Tell whether any of these places in `SIGNALS` lies between two signals, both included."""
+    return bool(((signals >= SIGNALS.index(first)) & (signals <= SIGNALS.index(last))).any())
 
 
 @njit(cache=True)
@@ -187,6 +202,7 @@ def measure(
     mean_motion: float,
     sun_angle: float,
     foreseen: Floats,
+    urgent: Floats,
     channels: Channels,
 ) -> Floats:
     """Return every signal, in the order of `SIGNALS`, in m, m/s, rad and pure numbers.
@@ -205,6 +221,8 @@ def measure(
         rad/s and rad.
     foreseen : array, shape (3,)
         What `pipeline.reference_preview.preview` gives; zeros where it is not sensed.
+    urgent : array, shape (3,)
+        What `pipeline.reference_urgency.urgent_direction` gives; zeros where it is not sensed.
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
@@ -235,4 +253,4 @@ def measure(
     approach = closest_approach(position_h, velocity_h, mean_motion) if channels.senses_approach else 0.0
     bearing = sun_bearing(position_h, sun_angle)
     others = np.array([predicted, approach, setting])
-    return np.concatenate((known, motion, towards, bearing, others, foreseen))
+    return np.concatenate((known, motion, towards, bearing, others, foreseen, urgent))

@@ -158,6 +158,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
         ahead=np.zeros(width),
+        deadlines=np.zeros((LANES, width)),
         signals=np.zeros(NUM_SIGNALS * LANES),
         passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),

@@ -157,6 +157,21 @@ FORESEEING = controller(
     coast_below_points=30.0,
     coast_margin_m=7.0,
 )
+#: senses what goes dark for good, and coasts where enough is foreseen
+HURRYING = controller(
+    (
+        leaning_system("force_x", 0.02, ("velocity_radial", "m/s", 0.1), ("urgent_radial", "", 1.0)),
+        leaning_system(
+            "force_y", 0.03, ("velocity_along_track", "m/s", 0.1), ("urgent_along_track", "", 1.0)
+        ),
+        leaning_system(
+            "force_z", 0.02, ("velocity_cross_track", "m/s", 0.1), ("urgent_cross_track", "", 1.0)
+        ),
+    ),
+    "hill",
+    urgency_time_s=150.0,
+    coast_below_points=12.0,
+)
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))
