@@ -116,6 +116,7 @@ CONSTANTS = {
     "coast_below_points": "with fewer points than this missed by coasting to the end, coast",
     "coast_margin_m": "unless that would come nearer than this to a distance limit, m",
     "urgency_time_s": "time before its last light within which a point becomes urgent, for urgent_*, s",
+    "skirt_distance_m": "nearer than this to the chief, urgent_* turns aside from it, m",
 }
 
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}

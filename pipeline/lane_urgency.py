@@ -12,7 +12,20 @@ from numpy.typing import NDArray
 
 from fis_tools.kernel import LANES
 from pipeline.guidance import MIN_PROJECTION_M
-from pipeline.lanes import COASTS, SUN_COS, SUN_SIN, URGENCY_TIME, URGENT, Law, Workspace, World
+from pipeline.lanes import (
+    COASTS,
+    RX,
+    RY,
+    RZ,
+    SKIRT_DISTANCE,
+    SUN_COS,
+    SUN_SIN,
+    URGENCY_TIME,
+    URGENT,
+    Law,
+    Workspace,
+    World,
+)
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +63,7 @@ def sense_urgency(
     signals, now = work.signals, world.control_period * k
     turned_cos, turned_sin = cos(world.mean_motion * now), sin(world.mean_motion * now)
     rate = 1.0 / values[law.constants + URGENCY_TIME]
+    skirt = values[law.constants + SKIRT_DISTANCE]
     sample = k if len(world.points) > 1 else 0
     for lane in range(num_lanes):
         for component in range(3):
@@ -69,7 +83,15 @@ def sense_urgency(
             uy += weight * py
             uz += weight * pz
         length = sqrt(ux * ux + uy * uy + uz * uz)
-        if length > MIN_PROJECTION_M * total:
-            signals[LANES * URGENT + lane] = ux / length
-            signals[LANES * (URGENT + 1) + lane] = uy / length
-            signals[LANES * (URGENT + 2) + lane] = uz / length
+        if length <= MIN_PROJECTION_M * total:
+            continue
+        rx, ry, rz = work.lanes[RX + lane], work.lanes[RY + lane], work.lanes[RZ + lane]
+        distance = sqrt(rx * rx + ry * ry + rz * rz)
+        turned_away = 0.0
+        if distance < skirt and skirt > world.min_distance:
+            inward = max(0.0, -(ux * rx + uy * ry + uz * rz) / (length * distance))
+            nearness = min(1.0, (skirt - distance) / (skirt - world.min_distance))
+            turned_away = 2.0 * nearness * inward / distance
+        signals[LANES * URGENT + lane] = ux / length + turned_away * rx
+        signals[LANES * (URGENT + 1) + lane] = uy / length + turned_away * ry
+        signals[LANES * (URGENT + 2) + lane] = uz / length + turned_away * rz

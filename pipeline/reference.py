@@ -36,7 +36,7 @@ from pipeline.reference_engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.reference_inference import PackedSystems
 from pipeline.reference_preview import preview
 from pipeline.reference_safety import SafetyWorld, assured, safety_world_of
-from pipeline.reference_urgency import deadlines, urgent_direction
+from pipeline.reference_urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.reference_world import World, turn_chief, world_of
 from pipeline.settings import Mission
 
@@ -270,6 +270,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                 is_wanted = is_lit & ~is_inspected
                 time = k * world.control_period
                 urgent = urgent_direction(points_h, is_wanted, last_lit, time, channels.urgency_time)
+                urgent = around_the_chief(urgent, position, channels.skirt_distance, world.min_distance)
             is_coasting = (
                 foreseen[0] < channels.coast_below
                 and foreseen[1] >= world.min_distance + channels.coast_margin

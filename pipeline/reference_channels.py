@@ -80,6 +80,8 @@ class Channels(NamedTuple):
         With fewer points missed by coasting it coasts, unless that comes nearer to a distance limit, m.
     urgency_time : float
         How long before it is dark for good a point becomes urgent, s.
+    skirt_distance : float
+        Nearer than this to the chief the urgent direction turns aside from it, m.
     senses_approach, senses_preview, senses_urgency : bool
         Whether the closest approach is sensed, or what coasting comes to, or what is urgent, which take long
         to compute.
@@ -97,6 +99,7 @@ class Channels(NamedTuple):
     coast_below: float
     coast_margin: float
     urgency_time: float
+    skirt_distance: float
     senses_approach: bool
     senses_preview: bool
     senses_urgency: bool
@@ -120,11 +123,12 @@ def channels_of(
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
     constants : array, optional
         Ring size (m), ring lead (rad), three dead bands (N), prediction time (s), ring hold (rad), points
-        below which it coasts, margin of coasting (m), urgency time (s); zero unless given.
+        below which it coasts, margin of coasting (m), urgency time (s), skirt distance (m); zero unless
+        given.
     """
-    constants = np.zeros(10) if constants is None else constants
+    constants = np.zeros(11) if constants is None else constants
     ring_size, ring_lead, dead_band = constants[0], constants[1], constants[2:5]
-    prediction_time, ring_hold, coast_below, coast_margin, urgency_time = constants[5:]
+    prediction_time, ring_hold, coast_below, coast_margin, urgency_time, skirt_distance = constants[5:]
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
         signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
@@ -141,6 +145,7 @@ def channels_of(
         coast_below=float(coast_below),
         coast_margin=float(coast_margin),
         urgency_time=float(urgency_time),
+        skirt_distance=float(skirt_distance),
         senses_approach=_senses(signals, "closest_approach", "closest_approach"),
         senses_preview=bool(coast_below > 0.0 or _senses(signals, "missed", "coasting_farthest")),
         senses_urgency=_senses(signals, "urgent_radial", "urgent_cross_track"),
@@ -222,7 +227,7 @@ def measure(
     foreseen : array, shape (3,)
         What `pipeline.reference_preview.preview` gives; zeros where it is not sensed.
     urgent : array, shape (3,)
-        What `pipeline.reference_urgency.urgent_direction` gives; zeros where it is not sensed.
+        What `pipeline.reference_urgency.around_the_chief` gives; zeros where it is not sensed.
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.guidance import MIN_PROJECTION_M
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.vectors import norm
+from pipeline.physics.vectors import dot, norm
 from pipeline.reference_world import World, turn_chief
 
 Floats = NDArray[np.float64]
@@ -45,7 +45,7 @@ def deadlines(world: World, initial_sun_angle: float) -> Floats:
 def urgent_direction(
     points_h: Floats, is_wanted: Booleans, last_lit: Floats, time: float, urgency_time: float
 ) -> Floats:
-    """Return the unit vector towards the mean of the wanted points, weighed by how soon each goes dark for good.
+    """Return the unit vector towards the mean of wanted points, weighed by how soon each is dark.
 
     A point that is lit for the last time in T seconds weighs ``exp(-T/urgency_time)``. Zeros where no point is
     wanted, or where they cancel.
@@ -75,3 +75,35 @@ def urgent_direction(
             mean += weight * points_h[i]
     length = norm(mean)
     return mean / length if length > MIN_PROJECTION_M * total else np.zeros(3)
+
+
+@njit(cache=True)
+def around_the_chief(
+    direction: Floats, position_h: Floats, skirt_distance: float, min_distance: float
+) -> Floats:
+    """Return a direction that does not lead into the chief from near it.
+
+    Its part towards the chief is mirrored at the least distance, left out halfway to `skirt_distance`, kept
+    beyond that, and linear between; other parts stay.
+
+    Parameters
+    ----------
+    direction : array, shape (3,)
+        Unit vector, Hill axes, or zeros.
+    position_h : array, shape (3,)
+        Of the deputy, m, Hill axes.
+    skirt_distance, min_distance : float
+        m; without effect where the first is not the greater.
+
+    Returns
+    -------
+    array, shape (3,)
+        Hill axes, at most 1 long.
+    """
+    distance = norm(position_h)
+    if distance >= skirt_distance or skirt_distance <= min_distance:
+        return direction
+    outward = position_h / distance
+    inward = max(0.0, -dot(direction, outward))
+    nearness = min(1.0, (skirt_distance - distance) / (skirt_distance - min_distance))
+    return direction + 2.0 * nearness * inward * outward

@@ -64,6 +64,7 @@ class Encoding:
     coast_below_points: tuple[float, ...] | None = None
     coast_margin_m: tuple[float, ...] | None = None
     urgency_time_s: tuple[float, ...] | None = None
+    skirt_distance_m: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         """Refuse bounds between which there is nothing."""
@@ -82,6 +83,7 @@ class Encoding:
             ("coast_below_points", "", 0.0),
             ("coast_margin_m", "m", 0.0),
             ("urgency_time_s", "s", 1.0),
+            ("skirt_distance_m", "m", 0.0),
         ):
             if (bounds := getattr(self, name)) is not None:
                 checks.interval(f"optimizer.encoding.{name}", bounds, least, math.inf, unit)

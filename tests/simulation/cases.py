@@ -170,6 +170,7 @@ HURRYING = controller(
     ),
     "hill",
     urgency_time_s=150.0,
+    skirt_distance_m=70.0,
     coast_below_points=12.0,
 )
 STEERING = controller(steering_systems())

@@ -13,7 +13,7 @@ from pipeline.simulation import fly_all, fly_logged
 from tests.simulation.cases import HURRYING, STARTS, mission
 
 IDEAL = {"mode": "ideal"}
-TIME_S = 150.0
+TIME_S, SKIRT_M = 150.0, 70.0
 
 
 def expected_direction(log: FlightLog) -> NDArray[np.float64]:
@@ -27,7 +27,12 @@ def expected_direction(log: FlightLog) -> NDArray[np.float64]:
     weights = np.where(is_lit & ~log.is_inspected.T, np.exp(-ahead_s / TIME_S), 0.0)[:, :-1]
     sums = weights.T @ points
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.where(lengths > 0.0, sums / np.maximum(lengths, 1e-300), 0.0)
+    directions = np.where(lengths > 0.0, sums / np.maximum(lengths, 1e-300), 0.0)
+    position = log.position_m[:-1]
+    distance = np.linalg.norm(position, axis=1, keepdims=True)
+    nearness = np.clip((SKIRT_M - distance) / (SKIRT_M - 15.0), 0.0, 1.0)
+    towards = np.minimum(np.sum(directions * position, axis=1, keepdims=True) / distance, 0.0)
+    return directions - 2.0 * nearness * towards * position / distance
 
 
 @pytest.mark.parametrize("start", STARTS)
@@ -42,7 +47,10 @@ def test_a_short_time_singles_out_what_goes_first_and_a_long_one_takes_the_middl
     assert HURRYING.fuzzy is not None
     attributes = dict(HURRYING.fuzzy.attributes)
     middling = from_fuzzy(
-        replace(HURRYING.fuzzy, attributes=tuple((attributes | {"urgency_time_s": "1e9"}).items()))
+        replace(
+            HURRYING.fuzzy,
+            attributes=tuple((attributes | {"urgency_time_s": "1e9", "skirt_distance_m": "0"}).items()),
+        )
     )
     log = fly_logged(mission(attitude=IDEAL, coast_when_complete=False), middling, STARTS[0])
     target = log.target_m[:-1]
@@ -56,7 +64,7 @@ def test_a_controller_that_senses_urgency_must_say_how_urgent() -> None:
     silent = tuple(pair for pair in HURRYING.fuzzy.attributes if pair[0] != "urgency_time_s")
     with pytest.raises(ControllerError, match="sets no urgency_time_s; give it"):
         from_fuzzy(replace(HURRYING.fuzzy, attributes=silent))
-    assert constants_of(HURRYING)[-1] == TIME_S
+    assert tuple(constants_of(HURRYING)[-2:]) == (TIME_S, SKIRT_M)
 
 
 def test_flights_side_by_side_are_those_flown_alone() -> None:
