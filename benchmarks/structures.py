@@ -9,6 +9,7 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import numpy as np
 from fis_tools import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
 from fis_tools.parameters import Bounds, Encoding
-from fis_tools.reduction import Planes
+from fis_tools.reduction import GREATEST_GAIN, Planes
 from pipeline.controllers import SIGNALS
 
 WORDS = {
@@ -25,90 +26,108 @@ WORDS = {
     3: ("negative", "zero", "positive"),
     5: ("negative_large", "negative_small", "zero", "positive_small", "positive_large"),
 }
-#: half-widths of the ranges
-REACH = {
-    "centre_along_track": 120.0,
-    "predicted_centre_along_track": 120.0,
-    "ring_error_along_track": 60.0,
-    "centre_radial": 60.0,
-    "ring_error_radial": 80.0,
-    "position_cross_track": 80.0,
-    "velocity_cross_track": 0.12,
-    "target_radial": 1.0,
-    "target_setting": 1.0,
-    "target_cross_track": 1.0,
-}
-#: gains of the first search: from where CMA-ES starts
-GAIN = {
-    "centre_along_track": 0.8,
-    "predicted_centre_along_track": 0.8,
-    "ring_error_along_track": -0.8,
-    "centre_radial": -0.8,
-    "ring_error_radial": 0.8,
-    "position_cross_track": -0.5,
-    "velocity_cross_track": -0.8,
-    "target_radial": 0.0,
-    "target_setting": 0.3,
-    "target_cross_track": 0.4,
+#: half-widths of the ranges of inputs that ``ellipse`` does not have, and the gains that CMA-ES starts from
+OTHERS = {
+    "centre_along_track": (250.0, 1.2),
+    "target_radial": (1.0, 1.3),
+    "target_along_track": (1.0, 1.4),
+    "target_cross_track": (1.0, 0.8),
+    "target_setting": (1.0, 1.4),
 }
 
-ACROSS = ("position_cross_track", "velocity_cross_track", "target_cross_track")
-ALONG = ("predicted_centre_along_track", "ring_error_along_track", "target_radial")
-RADIAL = ("centre_radial", "ring_error_radial", "target_setting")
+ALONG = ("predicted_centre_along_track", "ring_error_along_track", "urgent_radial")
+RADIAL = ("centre_radial", "ring_error_radial", "urgent_along_track")
+ACROSS = ("position_cross_track", "velocity_cross_track", "urgent_cross_track")
+WHOLE = (ALONG, RADIAL, ACROSS)
 
 #: inputs of the three systems, the terms of each of their inputs, and constants that are not tuned but zero
 VARIANTS = {
-    "whole": ((ALONG, RADIAL, ACROSS), (5, 5, 3), ()),
+    "whole": (WHOLE, (5, 5, 3), ()),
+    "centroid": (
+        (
+            (*ALONG[:2], "target_radial"),
+            (*RADIAL[:2], "target_along_track"),
+            (*ACROSS[:2], "target_cross_track"),
+        ),
+        (5, 5, 3),
+        ("urgency_time_s", "skirt_distance_m"),
+    ),
+    "setting": (
+        (
+            (*ALONG[:2], "target_radial"),
+            (*RADIAL[:2], "target_setting"),
+            (*ACROSS[:2], "target_cross_track"),
+        ),
+        (5, 5, 3),
+        ("urgency_time_s", "skirt_distance_m"),
+    ),
+    "no_skirt": (WHOLE, (5, 5, 3), ("skirt_distance_m",)),
     "no_prediction": ((("centre_along_track", *ALONG[1:]), RADIAL, ACROSS), (5, 5, 3), ()),
-    "no_setting": ((ALONG, (*RADIAL[:2], "predicted_centre_along_track"), ACROSS), (5, 5, 3), ()),
-    "no_hold": ((ALONG, RADIAL, ACROSS), (5, 5, 3), ("ring_hold_rad",)),
-    "no_coasting": ((ALONG, RADIAL, ACROSS), (5, 5, 3), ("coast_below_points",)),
-    "no_dead_band": ((ALONG, RADIAL, ACROSS), (5, 5, 3), ("dead_band_n",)),
-    "rules_135": ((ALONG, RADIAL, ACROSS), (5, 3, 3), ()),
-    "rules_54": ((ALONG, RADIAL, ACROSS), (3, 3, 2), ()),
-    "rules_27": ((ALONG[:2], RADIAL[:2], ACROSS[:2]), (3, 3), ()),
-    "rules_12": ((ALONG[:2], RADIAL[:2], ACROSS[:2]), (2, 2), ()),
+    "no_coasting": (WHOLE, (5, 5, 3), ("coast_below_points",)),
+    "no_dead_band": (WHOLE, (5, 5, 3), ("dead_band_n",)),
+    "rules_135": (WHOLE, (5, 3, 3), ()),
+    "rules_54": (WHOLE, (3, 3, 2), ()),
+    "rules_27": ((ALONG[::2], RADIAL[1:], ACROSS[1:]), (3, 3), ()),
 }
 
 
-def variable(name: str, num_terms: int) -> Variable:
+def variable(name: str, num_terms: int, known: Mapping[str, Variable]) -> Variable:
     """Return an input with even terms, as wide as their spacing asks for."""
-    reach = REACH[name]
-    means = np.linspace(-reach, reach, num_terms)
-    width = 0.8 * reach / (num_terms - 1)
+    reach = OTHERS[name][0] if name in OTHERS else known[name].maximum  # ranges reach as far on either side
+    low, high = -reach, reach
+    means = np.linspace(low, high, num_terms)
+    width = 0.4 * (high - low) / (num_terms - 1)
     terms = tuple(
         Term(word, Gaussian(float(mean), width)) for word, mean in zip(WORDS[num_terms], means, strict=True)
     )
-    return Variable(name, SIGNALS[name].unit, -reach, reach, terms, description=SIGNALS[name].description)
+    return Variable(name, SIGNALS[name].unit, low, high, terms, description=SIGNALS[name].description)
 
 
-def template(name: str) -> FuzzyController:
-    """Return a variant untrained: tables that lean by `GAIN`."""
-    inputs_of, terms, _ = VARIANTS[name]
-    base = serialize.load(Path("conf/controller/ellipse.yaml"))
-    systems = []
-    for system, names in zip(base.systems, inputs_of, strict=True):
-        inputs = tuple(variable(*pair) for pair in zip(names, terms, strict=True))
-        cells = int(np.prod(terms))
-        rules = table_rules(inputs, system.outputs[0], ["zero"] * cells)
-        systems.append(FuzzySystem(system.name, inputs, system.outputs, rules))
+def leaning(systems: Sequence[FuzzySystem], gains: Mapping[str, float]) -> tuple[FuzzySystem, ...]:
+    """Return systems whose tables lean by a gain for each input."""
     encoding = Encoding(tuple(systems), Bounds())
     planes = Planes(encoding)
     genes = planes.reduce(encoding.encode(tuple(systems)))
-    at = 0
-    for names in inputs_of:
-        genes[at : at + len(names)] = [0.5 + 0.25 * GAIN[name] for name in names]
-        at += 2 * len(names) + 2
-    leaning = encoding.decode(planes.expand(genes[np.newaxis])[0])
-    systems = [replace(flat, rules=lean.rules) for flat, lean in zip(systems, leaning, strict=True)]
-    return replace(base, name=name, systems=tuple(systems))
+    names = planes.gene_names()
+    for system in systems:
+        for name in (variable.name for variable in system.inputs):
+            genes[names.index(f"{system.name}.{name}.gain")] = 0.5 + 0.5 * gains[name] / GREATEST_GAIN
+    leaned = encoding.decode(planes.expand(genes[np.newaxis])[0])
+    return tuple(replace(flat, rules=lean.rules) for flat, lean in zip(systems, leaned, strict=True))
 
 
-def search(name: str, folder: Path, rounds: int) -> None:
+def gains_of(systems: Sequence[FuzzySystem]) -> dict[str, float]:
+    """Return how much each input of some systems leans their tables."""
+    encoding = Encoding(tuple(systems), Bounds())
+    planes = Planes(encoding)
+    genes = planes.reduce(encoding.encode(tuple(systems)))
+    pairs = zip(planes.gene_names(), genes, strict=True)
+    return {
+        name.split(".")[1]: GREATEST_GAIN * (2.0 * gene - 1.0)
+        for name, gene in pairs
+        if name.endswith(".gain")
+    }
+
+
+def template(name: str) -> FuzzyController:
+    """Return a variant untrained: the shipped ``ellipse`` with other inputs or terms."""
+    inputs_of, terms, _ = VARIANTS[name]
+    base = serialize.load(Path("conf/controller/ellipse.yaml"))
+    known = {variable.name: variable for system in base.systems for variable in system.inputs}
+    gains = gains_of(base.systems) | {other: gain for other, (_, gain) in OTHERS.items()}
+    systems = []
+    for system, names in zip(base.systems, inputs_of, strict=True):
+        inputs = tuple(variable(*pair, known) for pair in zip(names, terms, strict=True))
+        rules = table_rules(inputs, system.outputs[0], ["zero"] * int(np.prod(terms)))
+        systems.append(FuzzySystem(system.name, inputs, system.outputs, rules))
+    return replace(base, name=name, systems=leaning(systems, gains))
+
+
+def search(name: str, folder: Path, rounds: int, sun: str) -> None:
     """Train and evaluate a variant in a folder of its own."""
     folder.mkdir(parents=True, exist_ok=True)
     controller = template(name)
-    words = [f"optimizer.rounds={rounds}", f"hydra.run.dir={folder / name}"]
+    words = [f"optimizer.rounds={rounds}", f"sun={sun}", f"hydra.run.dir={folder / name}"]
     for constant in VARIANTS[name][2]:
         words.append(f"optimizer.encoding.{constant}=null")
         zeroed = {
@@ -128,10 +147,11 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="for the runs")
     parser.add_argument("names", nargs="*", default=list(VARIANTS), metavar="NAME", help=", ".join(VARIANTS))
     parser.add_argument("--rounds", type=int, default=16, help="of the search, 10 generations each")
+    parser.add_argument("--sun", choices=("fixed", "random"), default="random", help="random unless told")
     options = parser.parse_args()
     for name in options.names:
         if not (options.folder / name / "evaluate" / "summary.json").exists():
-            search(name, options.folder, options.rounds)
+            search(name, options.folder, options.rounds, options.sun)
     print("| variant | rules | delta-v (m/s) | inspection rate (%) | cases at 95 % or more | outside |")
     print("|---|---|---|---|---|---|")
     for name in options.names:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from fis_tools.model import FuzzySystem
 from fis_tools.parameters import Encoding
@@ -70,8 +71,7 @@ class Planes:
             num_terms = len(system.outputs[0].terms)
             terms = np.minimum(np.floor(num_terms * genome[places.rules]), num_terms - 1)
             levels = 2.0 * terms / (num_terms - 1) - 1.0
-            gains = np.linalg.lstsq(_cells(system), levels, rcond=None)[0]
-            genes += list(0.5 + 0.5 * gains / GREATEST_GAIN)
+            genes += list(0.5 + 0.5 * _gains(_cells(system), levels) / GREATEST_GAIN)
             genes += [float(genome[widths].mean()) for widths in places.widths]
             genes.append(float(genome[places.reach]))
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
@@ -118,6 +118,15 @@ class KeptRules:
         for places in self.encoding.places():
             is_tuned[places.rules] = False
         return is_tuned
+
+
+def _gains(cells: Floats, levels: Floats) -> Floats:
+    """Return the gains that fit levels from -1 to 1 best, even where the ends cut much of a plane off."""
+
+    def misfit(gains: Floats) -> Floats:
+        return np.asarray(np.clip(cells @ gains, -1.0, 1.0) - levels)
+
+    return np.asarray(least_squares(misfit, np.linalg.lstsq(cells, levels, rcond=None)[0]).x)
 
 
 def _cells(system: FuzzySystem) -> Floats:

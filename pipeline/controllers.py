@@ -112,7 +112,6 @@ CONSTANTS = {
     "dead_band_force_y_n": "the same for force_y",
     "dead_band_force_z_n": "the same for force_z",
     "prediction_time_s": "how far ahead predicted_centre_along_track looks, s",
-    "ring_hold_rad": "how far the place on the ring stays back for a target that is about to set, rad",
     "coast_below_points": "with fewer points than this missed by coasting to the end, coast",
     "coast_margin_m": "unless that would come nearer than this to a distance limit, m",
     "urgency_time_s": "time before its last light within which a point becomes urgent, for urgent_*, s",

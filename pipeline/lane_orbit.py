@@ -19,7 +19,6 @@ from pipeline.lanes import (
     PREDICTED_CENTRE,
     PREDICTION_TIME,
     RING_ERROR,
-    RING_HOLD,
     RING_LEAD,
     RING_SIZE,
     RX,
@@ -52,7 +51,6 @@ def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int)
     n = world.mean_motion
     size = values[law.constants + RING_SIZE] if law.constants >= 0 else 0.0
     lead = values[law.constants + RING_LEAD] if law.constants >= 0 else 0.0
-    hold = values[law.constants + RING_HOLD] if law.constants >= 0 else 0.0
     ahead_s = values[law.constants + PREDICTION_TIME] if law.constants >= 0 else 0.0
     drift = 1.5 * n * ahead_s
     turned = n * world.control_period * k
@@ -79,15 +77,8 @@ def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int)
         signals[LANES * TARGET_DIRECTION + i] = tx / length
         signals[LANES * (TARGET_DIRECTION + 1) + i] = ty / length
         signals[LANES * (TARGET_DIRECTION + 2) + i] = tz / length
-        setting = (sun_cos * ty - sun_sin * tx) / length
-        signals[LANES * TARGET_SETTING + i] = setting
+        signals[LANES * TARGET_SETTING + i] = (sun_cos * ty - sun_sin * tx) / length
         place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
-        if hold != 0.0:
-            held_cos, held_sin = cos(hold * setting), sin(hold * setting)
-            place_cos, place_sin = (
-                place_cos * held_cos - place_sin * held_sin,
-                place_sin * held_cos + place_cos * held_sin,
-            )
         signals[LANES * RING_ERROR + i] = -3.0 * rx - ahead - place_cos
         signals[LANES * (RING_ERROR + 1) + i] = vx / n - place_sin
 

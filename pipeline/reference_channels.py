@@ -74,8 +74,6 @@ class Channels(NamedTuple):
         Smallest force along each axis that is fired, N.
     prediction_time : float
         How far ahead the predicted centre is, s.
-    ring_hold : float
-        How far the place on the ring stays back for a target that is about to set, rad.
     coast_below, coast_margin : float
         With fewer points missed by coasting it coasts, unless that comes nearer to a distance limit, m.
     urgency_time : float
@@ -95,7 +93,6 @@ class Channels(NamedTuple):
     ring_lead: float
     dead_band: Floats
     prediction_time: float
-    ring_hold: float
     coast_below: float
     coast_margin: float
     urgency_time: float
@@ -122,13 +119,13 @@ def channels_of(
     plan_h : array, optional
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
     constants : array, optional
-        Ring size (m), ring lead (rad), three dead bands (N), prediction time (s), ring hold (rad), points
+        Ring size (m), ring lead (rad), three dead bands (N), prediction time (s), points
         below which it coasts, margin of coasting (m), urgency time (s), skirt distance (m); zero unless
         given.
     """
-    constants = np.zeros(11) if constants is None else constants
+    constants = np.zeros(10) if constants is None else constants
     ring_size, ring_lead, dead_band = constants[0], constants[1], constants[2:5]
-    prediction_time, ring_hold, coast_below, coast_margin, urgency_time, skirt_distance = constants[5:]
+    prediction_time, coast_below, coast_margin, urgency_time, skirt_distance = constants[5:]
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
         signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
@@ -141,7 +138,6 @@ def channels_of(
         ring_lead=float(ring_lead),
         dead_band=np.array(dead_band, dtype=np.float64),
         prediction_time=float(prediction_time),
-        ring_hold=float(ring_hold),
         coast_below=float(coast_below),
         coast_margin=float(coast_margin),
         urgency_time=float(urgency_time),
@@ -250,9 +246,8 @@ def measure(
     )
     towards = direction(target_h)
     setting = np.cos(sun_angle) * towards[1] - np.sin(sun_angle) * towards[0]
-    # the place on the ring goes back towards the limb where the Sun sets
-    lead = channels.ring_lead - channels.ring_hold * setting
-    motion = natural_motion(position_h, velocity_h, mean_motion, sun_angle, channels.ring_size, lead)
+    size, lead = channels.ring_size, channels.ring_lead
+    motion = natural_motion(position_h, velocity_h, mean_motion, sun_angle, size, lead)
     # the centre drifts at -1.5 n times its height
     predicted = motion[1] - 1.5 * mean_motion * motion[0] * channels.prediction_time
     approach = closest_approach(position_h, velocity_h, mean_motion) if channels.senses_approach else 0.0

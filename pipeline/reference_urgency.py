@@ -47,8 +47,8 @@ def urgent_direction(
 ) -> Floats:
     """Return the unit vector towards the mean of wanted points, weighed by how soon each is dark.
 
-    A point that is lit for the last time in T seconds weighs ``exp(-T/urgency_time)``. Zeros where no point is
-    wanted, or where they cancel.
+    A point that is lit for the last time in T seconds weighs ``exp(-T/urgency_time)``. Zeros where no point
+    is wanted, or where they cancel.
 
     Parameters
     ----------

@@ -60,7 +60,6 @@ class Encoding:
     ring_lead_rad: tuple[float, ...] | None = None
     dead_band_n: tuple[float, ...] | None = None
     prediction_time_s: tuple[float, ...] | None = None
-    ring_hold_rad: tuple[float, ...] | None = None
     coast_below_points: tuple[float, ...] | None = None
     coast_margin_m: tuple[float, ...] | None = None
     urgency_time_s: tuple[float, ...] | None = None
@@ -79,7 +78,6 @@ class Encoding:
             ("ring_lead_rad", "rad", -math.inf),
             ("dead_band_n", "N", 0.0),
             ("prediction_time_s", "s", 0.0),
-            ("ring_hold_rad", "rad", 0.0),
             ("coast_below_points", "", 0.0),
             ("coast_margin_m", "m", 0.0),
             ("urgency_time_s", "s", 1.0),

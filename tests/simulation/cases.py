@@ -153,7 +153,6 @@ FORESEEING = controller(
     ),
     "hill",
     ring_size_m=20.0,
-    ring_hold_rad=0.8,
     coast_below_points=30.0,
     coast_margin_m=7.0,
 )

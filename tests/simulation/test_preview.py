@@ -54,27 +54,6 @@ def test_what_sets_lies_where_the_sun_goes_from() -> None:
     assert np.ptp(expected) > 0.5
 
 
-def test_the_place_on_the_ring_stays_back_for_what_sets() -> None:
-    size, hold = 30.0, 0.7
-    ring = [
-        leaning_system(
-            "force_x", 0.01, ("ring_error_radial", "m", 60.0), ("ring_error_along_track", "m", 60.0)
-        ),
-        leaning_system("force_y", 0.01, ("target_setting", "", 1.0)),
-    ]
-    quiet = {"dead_band_force_x_n": 1.0, "dead_band_force_y_n": 1.0, "ring_size_m": size}
-    start = STARTS[2]
-    held = fly_logged(mission(), controller(tuple(ring), "hill", **quiet, ring_hold_rad=hold), start)
-    plain = fly_logged(mission(), controller(tuple(ring), "hill", **quiet), start)
-    setting = held.fis_input[:, 1, 0]
-    place = held.sun_angle_rad[:-1] + hold * setting
-    moved = held.fis_input[:, 0, :2] - plain.fis_input[:, 0, :2]
-    sun = held.sun_angle_rad[:-1]
-    np.testing.assert_allclose(moved[:, 0], size * (np.cos(sun) - np.cos(place)), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(moved[:, 1], size * (np.sin(sun) - np.sin(place)), rtol=0, atol=1e-9)
-    assert np.abs(moved).max() > 3.0
-
-
 def test_it_coasts_exactly_while_coasting_is_enough() -> None:
     log = fly_logged(mission(), FORESEEING, STARTS[0])
     watched = log.is_decided.copy()
