@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.evolution import evolve, evolve_rounds
-from tests.evolution.cases import Sphere, optimizer
+from tests.evolution.cases import Sphere, broken_and_resumed, optimizer
 
 NUM_GENES = 10
 
@@ -67,20 +67,11 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, t
         return spheres[index]
 
     whole = evolve_rounds(fitness, NUM_GENES, settings, seed=7, initial=begun)
-    for last in (0, 4, 6, 11):
-        checkpoint = tmp_path / f"{last}.npz"
-
-        def stop(history, last=last):
-            if len(history) == last + 1:
-                raise KeyboardInterrupt
-
-        first = evolve_rounds(
-            fitness, NUM_GENES, settings, 7, initial=begun, checkpoint=checkpoint, on_generation=stop
+    for num_generations in (1, 5, 7, 12):
+        first, rest = broken_and_resumed(
+            fitness, settings, begun, num_generations, tmp_path / f"{num_generations}.npz"
         )
         assert first.interrupted
-        rest = evolve_rounds(
-            fitness, NUM_GENES, settings, 7, initial=begun, checkpoint=checkpoint, resume=True
-        )
         assert list(rest.logbook) == list(whole.logbook)
         np.testing.assert_array_equal(rest.champion, whole.champion)
 

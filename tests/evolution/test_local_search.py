@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.evolution import evolve, evolve_rounds
 from pipeline.evolution.genetic import local_mutation
-from tests.evolution.cases import Sphere, optimizer
+from tests.evolution.cases import Sphere, broken_and_resumed, optimizer
 
 NUM_GENES = 10
 
@@ -88,19 +88,11 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(tmp_path) -> None:
         return Sphere(0.3 if champion is None else float(champion.mean()) + 0.1 * index)
 
     whole = evolve_rounds(fitness, NUM_GENES, settings, seed=7, initial=BEGUN)
-    for last in (0, 5, 6, 14):
-        checkpoint = tmp_path / f"{last}.npz"
-
-        def stop(history, last=last):
-            if len(history) == last + 1:
-                raise KeyboardInterrupt
-
-        evolve_rounds(
-            fitness, NUM_GENES, settings, 7, initial=BEGUN, checkpoint=checkpoint, on_generation=stop
+    for num_generations in (1, 6, 7, 15):
+        first, rest = broken_and_resumed(
+            fitness, settings, BEGUN, num_generations, tmp_path / f"{num_generations}.npz"
         )
-        rest = evolve_rounds(
-            fitness, NUM_GENES, settings, 7, initial=BEGUN, checkpoint=checkpoint, resume=True
-        )
+        assert first.interrupted
         assert list(rest.logbook) == list(whole.logbook)
         np.testing.assert_array_equal(rest.champion, whole.champion)
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.checks import SettingError
 from pipeline.evolution import OBJECTIVE, evolve, evolve_rounds
 from pipeline.evolution.nsga2 import survivors
-from tests.evolution.cases import optimizer
+from tests.evolution.cases import broken_and_resumed, optimizer
 
 NUM_GENES = 5
 
@@ -143,21 +143,12 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(next_round: str, t
         return lambda genomes: schaffer(genomes, 0.2 * index)
 
     whole = evolve_rounds(fitness, NUM_GENES, settings, seed=7, initial=BEGUN)
-    for last in (0, 3, 4, 5, 13):
-        checkpoint = tmp_path / f"{last}.npz"
-
-        def stop(history, last=last):
-            if len(history) == last + 1:
-                raise KeyboardInterrupt
-
-        first = evolve_rounds(
-            fitness, NUM_GENES, settings, 7, initial=BEGUN, checkpoint=checkpoint, on_generation=stop
+    for num_generations in (1, 4, 5, 6, 14):
+        first, rest = broken_and_resumed(
+            fitness, settings, BEGUN, num_generations, tmp_path / f"{num_generations}.npz"
         )
         assert first.interrupted
         assert len(first.front.genomes) > 0
-        rest = evolve_rounds(
-            fitness, NUM_GENES, settings, 7, initial=BEGUN, checkpoint=checkpoint, resume=True
-        )
         assert list(rest.logbook) == list(whole.logbook)
         np.testing.assert_array_equal(rest.champion, whole.champion)
         np.testing.assert_array_equal(rest.front.genomes, whole.front.genomes)
