@@ -232,18 +232,9 @@ def _keep_front(
 
 def write_history(folder: Path, history: Sequence[Generation]) -> None:
     """Write the logbook and, with the champions' genomes, the history; both anew, whole."""
-    columns = {
-        "round": [g.round for g in history],
-        "generation": [g.generation for g in history],
-        "evaluations": [g.evaluations for g in history],
-        "best": [g.best for g in history],
-        "mean": [g.mean for g in history],
-        "std": [g.std for g in history],
-        "step_size": [g.step_size for g in history],
-        **{name: [g.parts[name] for g in history] for name in PARTS},
-    }
-    rows = list(zip(*columns.values(), strict=True))
-    tables.write_csv(folder / artifacts.LOGBOOK, list(columns), rows)
+    rows = [g.row() | {name: g.parts[name] for name in PARTS} for g in history]
+    tables.write_csv(folder / artifacts.LOGBOOK, list(rows[0]), [list(row.values()) for row in rows])
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
     tables.write_parquet(
         folder / artifacts.HISTORY, {**columns, "genome": np.stack([g.champion for g in history])}
     )
