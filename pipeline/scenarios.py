@@ -5,9 +5,12 @@ Sun's angle, whether or not the angle is used. The same seed therefore gives the
 Sun does.
 """
 
+from collections.abc import Mapping
 from itertools import product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.flight import Scenario
 from pipeline.settings import Deputy, MonteCarlo, Optimizer, Starts, Sun
@@ -68,7 +71,7 @@ def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) ->
 
 
 def last_training_scenarios(starts: Starts, sun: Sun, seed: int, optimizer: Optimizer) -> list[Scenario]:
-    """Return the starts of the last round of training: those that the champion was chosen on."""
+    """Return the starts of the last round of training."""
     return training_scenarios(starts, sun, seed, optimizer.rounds - 1)
 
 
@@ -82,3 +85,24 @@ def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[S
     """Return the starts of an evaluation."""
     shell = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
     return [draw(seed, EVALUATION, case, shell, sun) for case in range(monte_carlo.num_cases)]
+
+
+def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
+    """Return the starts that a table of episodes or of solved cases tells of, row by row.
+
+    Parameters
+    ----------
+    columns : mapping of (n,) arrays
+        ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``, and ``velocity_x_m_s`` and so on, without
+        which all are at rest.
+    """
+    angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
+    at_rest = np.zeros(len(angles))
+    positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
+    velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
+    return [
+        Scenario(position, velocity, angle)
+        for position, velocity, angle in zip(
+            positions.astype(np.float64), velocities.astype(np.float64), angles.tolist(), strict=True
+        )
+    ]

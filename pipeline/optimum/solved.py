@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline import artifacts, tables
 from pipeline.flight import Scenario
+from pipeline.scenarios import starts_in
 from pipeline.settings import SHIPPED, Experiment, Mission
 
 Column = NDArray[Any]
@@ -48,15 +49,7 @@ class Solved:
     @property
     def scenarios(self) -> list[Scenario]:
         """The starts of the cases, in order."""
-        positions = np.stack([self.cases[f"position_{axis}_m"] for axis in "xyz"], axis=1)
-        at_rest = np.zeros(len(positions))
-        rates = [self.cases.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"]
-        return [
-            Scenario(position.astype(np.float64), velocity.astype(np.float64), float(angle))
-            for position, velocity, angle in zip(
-                positions, np.stack(rates, axis=1), self.cases["sun_angle_rad"], strict=True
-            )
-        ]
+        return starts_in(self.cases)
 
     def plan(self, row: int, mission: Mission) -> Floats:
         """Return the forces of the case of a row, one for each control period, N, Hill axes."""

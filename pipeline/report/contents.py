@@ -22,7 +22,7 @@ from pipeline.objectives import Fraction, Statistic
 from pipeline.report.comparison import read_comparison
 from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.safety import Without, fly_without
-from pipeline.scenarios import given_start, training_scenarios
+from pipeline.scenarios import given_start, starts_in, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
 
@@ -179,7 +179,7 @@ def has_training_starts(folder: Path) -> bool:
 
 
 def last_training_starts(experiment: Experiment, logbook: Columns | None) -> list[Scenario]:
-    """Return the starts of the last round of training, those that the champion was chosen on."""
+    """Return the starts of the last round that the logbook tells of; of the first without one."""
     last = 0 if logbook is None else int(logbook["round"][-1])
     return training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
 
@@ -282,10 +282,9 @@ def fly_shown(
         episodes = evaluation.episodes
         order = rank(episodes)
         row = int(order[len(order) // 2])
-        position = np.array([episodes[name][row] for name in POSITION])
-        scenario = Scenario(position, np.zeros(3), float(episodes["sun_angle_rad"][row]))
         case = int(episodes["case"][row])
-        chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", scenario))
+        start = starts_in(episodes)[row]
+        chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", start))
     return [
         ShownFlight(name, title, scenario, fly_logged(experiment.mission, controller, scenario))
         for name, title, scenario in chosen

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.controllers import Controller
-from pipeline.flight import FlightLog, Scenario
+from pipeline.flight import FlightLog
+from pipeline.scenarios import starts_in
 from pipeline.settings import UNGUARDED, Experiment
 from pipeline.simulation import fly_all, fly_logged
 
@@ -52,18 +53,14 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     acted = np.flatnonzero(episodes["safety_periods"] > 0)
     if not acted.size:
         return None
-    positions = np.stack([episodes[f"position_{axis}_m"][acted] for axis in "xyz"], axis=-1)
-    scenarios = [
-        Scenario(position, np.zeros(3), float(angle))
-        for position, angle in zip(positions, episodes["sun_angle_rad"][acted], strict=True)
-    ]
+    scenarios = starts_in({name: column[acted] for name, column in episodes.items()})
     off = replace(mission, safety=UNGUARDED)
     outcomes = fly_all(off, controller, scenarios, experiment.monte_carlo.workers)
     limits = mission.deputy
-    nearest = np.maximum(
+    beyond = np.maximum(
         limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
     )
-    row = int(np.argmax(nearest))
+    row = int(np.argmax(beyond))
     return Without(
         num_outside=int(outcomes.is_violated.sum()),
         case=int(episodes["case"][acted[row]]),
