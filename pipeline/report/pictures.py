@@ -100,13 +100,11 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
     if samples:
         yield _distributions_sketch(samples, mission)
     if contents.logbook is not None:
-        num_points = len(inspection_points(mission))
-        needed = points_needed(num_points, mission.inspection_threshold_percent)
         caption = (
             "Training: the best and the mean fitness of each generation, and the parts of the best one's "
             "fitness, means and counts over the training flights. Dotted lines part the rounds."
         )
-        figure = convergence(contents.logbook, num_points, needed)
+        figure = convergence(contents.logbook, len(inspection_points(mission)), _needed(mission))
         yield _Sketch("convergence", caption, figure)
     if contents.front is not None:
         yield _front_sketch(contents)
@@ -192,7 +190,7 @@ def _safety_sketch(without: Without, mission: Mission) -> _Sketch:
 def _optimum_sketch(contents: Contents) -> _Sketch:
     assert contents.beside.columns is not None  # noqa: S101 - asked before
     mission = contents.experiment.mission
-    needed = points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+    needed = _needed(mission)
     caption = (
         "Delta-v and points of the controller (filled) and of the plan of least fuel (open) in the same "
         "cases, by their ratio; the least, the middle and the greatest stand over their cases. The dotted "
@@ -203,7 +201,7 @@ def _optimum_sketch(contents: Contents) -> _Sketch:
 
 
 def _pair_sketch(pair: Pair, mission: Mission) -> _Sketch:
-    needed = points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+    needed = _needed(mission)
     caption = (
         f"Case {pair.case}, {pair.which} ratio: {pair.times:.1f} times the optimum. The controller and the "
         "plan of least fuel from the same start, in the orbit plane and across it: the path, broad where new "
@@ -212,6 +210,11 @@ def _pair_sketch(pair: Pair, mission: Mission) -> _Sketch:
     )
     figure = side_by_side(pair.controller, pair.plan, mission, needed)
     return _Sketch(f"optimum-case-{pair.case}", caption, figure)
+
+
+def _needed(mission: Mission) -> int:
+    """Return the points that make a success."""
+    return points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
 
 
 def _tracks_by_outcome(flights: Flights, mission: Mission) -> Tracks:
