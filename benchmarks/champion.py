@@ -2,7 +2,9 @@
 
 import argparse
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,10 +99,15 @@ def print_outcome(by_safety: dict[str, Columns]) -> None:
         )
 
 
+def azimuths(starts: Mapping[str, NDArray[Any]]) -> Floats:
+    """Return the azimuths of starts in the orbit plane, from the Sun's, deg, in [0, 360)."""
+    azimuth = np.arctan2(starts["position_y_m"], starts["position_x_m"]) - starts["sun_angle_rad"]
+    return np.asarray(np.degrees(azimuth) % 360.0)
+
+
 def print_by_azimuth(episodes: Columns) -> None:
     """Print what flights come to by the start's azimuth in the orbit plane, from the Sun's."""
-    ahead = np.degrees(np.arctan2(episodes["position_y_m"], episodes["position_x_m"]))
-    ahead = (ahead - np.degrees(episodes["sun_angle_rad"])) % 360.0
+    ahead = azimuths(episodes)
     print(
         "\n| azimuth from the Sun (deg) | cases | delta-v (m/s) | points | below 95 |\n|---|---|---|---|---|"
     )
@@ -120,13 +127,12 @@ def print_exits(
     """Print the flights that left the limits."""
     print("\n| outside: case | azimuth from the Sun (deg) | closest (m), at (min) | farthest (m) | points |")
     print(f"|---|{'---|' * 4}")
+    ahead = azimuths(episodes)
     for case in np.flatnonzero(episodes["violated"]):
-        start = scenarios[case]
-        azimuth = math.degrees(math.atan2(start.position_m[1], start.position_m[0]) - start.sun_angle_rad)
-        distances = np.linalg.norm(fly_logged(mission, controller, start).position_m, axis=1)
+        distances = np.linalg.norm(fly_logged(mission, controller, scenarios[case]).position_m, axis=1)
         minutes = distances.argmin() * mission.control_period_s / 60.0
         print(
-            f"| {case} | {azimuth % 360.0:.0f} | {distances.min():.1f}, {minutes:.0f} "
+            f"| {case} | {ahead[case]:.0f} | {distances.min():.1f}, {minutes:.0f} "
             f"| {distances.max():.1f} | {episodes['inspected_count'][case]} |"
         )
 
@@ -232,8 +238,7 @@ def print_times(solved: Solved, spent: Floats) -> None:
     print(f"\nTimes the optimum: mean {times.mean():.2f}, median {np.median(times):.2f}; least in cases")
     print(f"{order[:3]}, in the middle {order[len(order) // 2]}, most in {order[-3:]}\n")
     print("| azimuth from the Sun (deg) | solved cases | delta-v (m/s) | plan (m/s) |\n|---|---|---|---|")
-    ahead = np.degrees(np.arctan2(solved.cases["position_y_m"], solved.cases["position_x_m"]))
-    ahead = (ahead - np.degrees(solved.cases["sun_angle_rad"])) % 360.0
+    ahead = azimuths(solved.cases)
     for first in range(0, 360, SECTOR_DEG):
         own = (ahead >= first) & (ahead < first + SECTOR_DEG)
         print(
