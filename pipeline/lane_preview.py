@@ -31,7 +31,8 @@ from pipeline.lanes import (
 Floats = NDArray[np.float64]
 
 
-# Sums over points may be taken in any order: that is what lets them run on vector units.
+# Sums over points may be taken in any order: that is what lets them run on vector units. Near and far have a
+# loop each, with no flag to ask inside, so that from afar nobody pays for the test of the cone.
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def strike_out(
     points: Floats,

@@ -20,7 +20,11 @@ class Coverage:
     Parameters
     ----------
     points : (K+1 or 1, 3, P)
-        m, Hill axes.
+        m, Hill axes; one sample where the chief does not turn.
+    mean_motion, period : float
+        rad/s; between two samples, s.
+    sun_threshold, horizon, cos_half_angle_squared : float
+        As in `pipeline.lanes.World`.
     """
 
     points: Floats
