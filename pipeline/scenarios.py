@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight import Scenario
-from pipeline.settings import Deputy, MonteCarlo, Optimizer, Starts, Sun
+from pipeline.settings import Deputy, MonteCarlo, Starts, Sun
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
 #: starts are sought, ``HARD + r``; and those on which the champion is chosen
@@ -68,11 +68,6 @@ def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) ->
     """Return the starts on which the champion is chosen: of training's kind, flown by no training."""
     shell = (starts.min_distance_m, starts.max_distance_m)
     return [draw(seed, VALIDATION, case, shell, sun) for case in range(num_cases)]
-
-
-def last_training_scenarios(starts: Starts, sun: Sun, seed: int, optimizer: Optimizer) -> list[Scenario]:
-    """Return the starts of the last round of training."""
-    return training_scenarios(starts, sun, seed, optimizer.rounds - 1)
 
 
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:

@@ -17,7 +17,7 @@ from pipeline.compile_notice import announce_compilation
 from pipeline.flight import FlightLog, Scenario
 from pipeline.monte_carlo import rank
 from pipeline.recording import FlightRecorder
-from pipeline.scenarios import evaluation_scenarios, given_start, last_training_scenarios
+from pipeline.scenarios import evaluation_scenarios, given_start, training_scenarios
 from pipeline.settings import Experiment
 from pipeline.simulation import fly_logged
 from telemetry import RecordingError
@@ -76,8 +76,8 @@ def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
     """Return the flights to record: of the training, of the evaluation, from the given start."""
     flights: list[Flight] = []
     if experiment.telemetry.record_training:
-        scenarios = last_training_scenarios(
-            experiment.starts, experiment.sun, experiment.seed, experiment.optimizer
+        scenarios = training_scenarios(
+            experiment.starts, experiment.sun, experiment.seed, _last_round(folder)
         )
         for case, scenario in enumerate(scenarios[:MOST_TRAINING_FLIGHTS]):
             flights.append(Flight(f"training-{case}", f"training-{case}", scenario))
@@ -87,6 +87,12 @@ def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
         start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
         flights.append(Flight("start", "start", start))
     return flights
+
+
+def _last_round(folder: Path) -> int:
+    """Return the last round that training came to, which may have been interrupted; the first without any."""
+    is_there = (folder / artifacts.HISTORY).exists()
+    return int(tables.read_parquet(folder, artifacts.HISTORY)["round"][-1]) if is_there else 0
 
 
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[Flight]:

@@ -134,6 +134,15 @@ def test_of_many_random_training_scenarios_the_first_eight(tmp_path):
         assert flight.scenario.sun_angle_rad == scenario.sun_angle_rad
 
 
+def test_training_that_was_interrupted_shows_the_starts_of_the_round_it_came_to(tmp_path):
+    words = ("starts=random", "telemetry.record_training=true", "telemetry.record_ranked=false")
+    run = evaluated(*words, "starts.redraw=true", "optimizer.rounds=4")
+    tables.write_parquet(tmp_path / artifacts.HISTORY, {"round": np.array([0, 0, 1])})
+    flights = record.flights_of(run.experiment, tmp_path)
+    drawn = training_scenarios(run.experiment.starts, run.experiment.sun, run.experiment.seed, 1)
+    np.testing.assert_array_equal(flights[0].scenario.position_m, drawn[0].position_m)
+
+
 def test_the_flight_from_the_start(tmp_path):
     run = compose_experiment(
         [
