@@ -24,8 +24,8 @@ SCHEMA_VERSION = 1
 WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
 
 EPILOG = f"""\
-Steps drop rules, merge terms that look alike, and round numbers. Each is measured against the
-original; what changes least goes first, until nothing more fits the budget. It holds along the
+Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
+against the original; what changes least goes first, until nothing more fits the budget. It holds along the
 flights that are given, and at {NUM_SPREAD:,} points spread over the whole ranges of the inputs; between
 them a change can be a little larger. With --flights-only far more can go, but what was not flown
 changes at will, and other starts are flown worse. What comes out is an ordinary controller: fly

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +124,11 @@ class Bench:
     def cost(self, changes: Mapping[str, Change]) -> float:
         """Return which share of the budget changes use up."""
         return max(changes[name].cost(self.budget) for name in self.governing)
+
+    def without_input(self, place: int) -> "Bench":
+        """Return the bench of a system that has one input less; what the original answered stays."""
+        fewer = {name: np.delete(rows, place, axis=1) for name, rows in self.samples.items()}
+        return replace(self, samples=fewer)
 
     def thinned(self) -> "Bench":
         """Return a bench of fewer samples, evenly picked, of those that the budget holds on."""

@@ -9,7 +9,7 @@ from fis_tools.formats.text import aligned
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.simplification.budget import FLOWN, SPREAD, Budget, Change
 
-Kind = Literal["drop", "merge", "terms", "round"]
+Kind = Literal["input", "drop", "merge", "terms", "round"]
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class Step:
     Parameters
     ----------
     kind : str
-        ``drop`` of rules, ``merge`` of two terms, ``terms`` that no rule uses, or ``round`` of numbers.
+        ``input`` left out, ``drop`` of rules, ``merge`` of two terms, ``terms`` that no rule uses, or
+        ``round`` of numbers.
     sentence : str
         What was done.
     rules : tuple of int

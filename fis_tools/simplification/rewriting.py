@@ -155,6 +155,41 @@ def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: F
     return sorted(kept)
 
 
+def without_input(system: FuzzySystem, name: str, term: str) -> tuple[FuzzySystem, list[int]] | None:
+    """Leave out an input, as though it always were one of its terms.
+
+    Rules that ask for this term ask no more, those that ask for another of its terms go.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+    name, term : str
+        Of the input and of its term.
+
+    Returns
+    -------
+    FuzzySystem
+    list of int
+        Places of the rules that stay. None instead of both where a rule does not say plainly what it asks,
+        by statements joined by *and*, or asks for nothing else; or where an output would be left without a
+        rule.
+    """
+    kept: list[Rule] = []
+    places: list[int] = []
+    for place, rule in enumerate(system.rules):
+        asked = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
+        others = tuple(s for s in asked if not (isinstance(s, Is) and s.variable == name))
+        if not others or not all(isinstance(s, Is) for s in others):
+            return None
+        if all(s == Is(name, term) for s in asked if s not in others):
+            kept.append(replace(rule, antecedent=others[0] if len(others) == 1 else And(others)))
+            places.append(place)
+    if {c.variable for rule in kept for c in rule.consequents} != {v.name for v in system.outputs}:
+        return None
+    inputs = tuple(variable for variable in system.inputs if variable.name != name)
+    return replace(system, inputs=inputs, rules=tuple(kept)), places
+
+
 def without_rule(system: FuzzySystem, place: int) -> FuzzySystem | None:
     """Drop a rule; None where it is the last one, or the last that concludes on an output."""
     rules = system.rules[:place] + system.rules[place + 1 :]

@@ -1,6 +1,6 @@
 """The search for a simpler system: the cheapest step first, while the budget lasts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from fis_tools.formats.amounts import listed
@@ -14,6 +14,7 @@ from fis_tools.simplification.draft import (
     unused_words,
 )
 from fis_tools.simplification.report import Kind, Step, num_terms
+from fis_tools.simplification.rewriting import without_input
 from fis_tools.simplification.rounding import MOST_DIGITS, units
 
 #: All numbers are rounded to this many digits together, then to one less, and so on: down to so many while
@@ -45,6 +46,31 @@ class Search:
         self._progress = progress
         self._refused: set[tuple[str, ...]] = set()
         self._last_changed = True
+
+    def leave_out_inputs(self) -> None:
+        """Leave out inputs that hardly matter, as though they always were one of their terms."""
+        while trials := list(self._shorter()):
+            cost, bench, draft, words = min(trials, key=lambda trial: trial[0])
+            if cost > 1.0:
+                return
+            before, self.bench, self.ranking, self.draft = self.draft, bench, bench.thinned(), draft
+            gone = tuple(number for number in before.numbers if number not in draft.numbers)
+            changes = bench.measure(draft.system)
+            terms = num_terms(draft.system)
+            self.steps.append(Step("input", words, gone, len(draft.numbers), terms, changes))
+
+    def _shorter(self) -> Iterator[tuple[float, Bench, Draft, str]]:
+        """Yield what is left without an input: its cost, how it is measured, itself, and in words."""
+        system = self.draft.exact
+        for place, variable in enumerate(system.inputs):
+            bench = self.bench.without_input(place)
+            for term in variable.terms:
+                self._tell()
+                shorter = without_input(system, variable.name, term.name)
+                if shorter is not None and len(system.inputs) > 1:
+                    numbers = tuple(self.draft.numbers[rule] for rule in shorter[1])
+                    words = f"leave out {variable.name}, as though it always were {term.name}"
+                    yield bench.cost(bench.measure(shorter[0])), bench, Draft(shorter[0], numbers), words
 
     def drop_unused_terms(self) -> None:
         """Take out what no rule uses, which changes nothing."""

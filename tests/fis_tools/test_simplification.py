@@ -35,7 +35,7 @@ from fis_tools.model import (
 from fis_tools.serialize import dump_yaml, load, loads
 from fis_tools.simplification import Budget, SimplifiedSystem, simplify
 from fis_tools.simplification.budget import NUM_SPREAD
-from fis_tools.simplification.rewriting import Merger, merged
+from fis_tools.simplification.rewriting import Merger, merged, without_input
 from fis_tools.simplification.rounding import rounded, units
 from fis_tools.skfuzzy_build import ReferenceEngine
 from fis_tools.validate import controller_problems
@@ -363,3 +363,44 @@ def test_a_mistake_at_the_command_line_ends_in_a_sentence(
     status, _, told = run(capsys, "simplify", path, *words)
     assert status == 2
     assert sentence in told
+
+
+def with_idle_input() -> FuzzySystem:
+    """The force system with a third input along which its rules are the same."""
+    system = force_x_system()
+    terms = tuple(
+        Term(name, Gaussian(mean, 2.0)) for name, mean in (("low", 0.0), ("mid", 5.0), ("high", 10.0))
+    )
+    idle = Variable("idle", "", 0.0, 10.0, terms)
+    rules = tuple(
+        replace(rule, antecedent=And((*rule.antecedent.operands, Is("idle", term.name))))
+        for term in terms
+        for rule in system.rules
+        if isinstance(rule.antecedent, And)
+    )
+    assert len(rules) == 3 * len(system.rules)
+    return replace(system, inputs=(*system.inputs, idle), rules=rules)
+
+
+def test_an_input_along_which_rules_are_the_same_is_left_out() -> None:
+    system, budget = with_idle_input(), Budget(0.2, 0.05)
+    (found,) = simplify(system, budget=budget).systems
+    step = found.steps[0]
+    assert (step.kind, step.num_rules) == ("input", len(system.rules) // 3)
+    assert step.sentence.startswith("leave out idle, as though it always were ")
+    assert [variable.name for variable in found.simplified.inputs] == [v.name for v in system.inputs[:2]]
+    samples = spread_inputs(system, 200)
+    before = np.array([ReferenceEngine(system).compute(row) for row in samples])
+    after = np.array([ReferenceEngine(found.simplified).compute(row) for row in samples[:, :2]])
+    assert np.abs(after - before).max() <= 1.1 * budget.max_change * 2.0 * system.outputs[0].maximum
+    assert not any(step.kind == "input" for step in simplify(system, budget=EXACTLY).systems[0].steps)
+
+
+def test_inputs_stay_where_rules_do_not_say_plainly_what_they_ask() -> None:
+    system = with_idle_input()
+    first, *others = system.rules
+    assert without_input(system, "idle", "mid") is not None
+    muddled = replace(first, antecedent=Or((Is("distance", "VN"), Is("idle", "low"))))
+    assert without_input(replace(system, rules=(muddled, *others)), "idle", "mid") is None
+    alone = replace(first, antecedent=Is("idle", "low"))
+    assert without_input(replace(system, rules=(alone, *others)), "idle", "mid") is None
