@@ -259,7 +259,7 @@ def tell_flight(experiment: Experiment, controller: Controller, case: int, pictu
         with style():
             drawn = save(side_by_side(log, plan, mission, needed), picture.stem, PICTURE_DPI)
         picture.write_bytes(drawn.png)
-    print("| force | from (min) | to | delta-v (m/s) | points at the end | rule that moves it most |")
+    print("| force | from (min) | to | delta-v (m/s) | points at the end | rule that pushes most |")
     print(f"|---|{'---|' * 5}")
     for place, system in enumerate(controller.systems):
         axis = AXES.index(system.outputs[0].name[-1])
@@ -269,7 +269,8 @@ def tell_flight(experiment: Experiment, controller: Controller, case: int, pictu
         compiled = compile_system(system)
         for burn in np.split(fired, ends):
             inputs = log.fis_input[burn, place, : len(system.inputs)]
-            moved = np.abs(contributions(compiled, inputs)[:, :, 0]).sum(axis=0)
+            # towards where the burn goes: other rules, perhaps stronger ones, hold it back
+            moved = np.sign(force[burn[0]]) * contributions(compiled, inputs)[:, :, 0].sum(axis=0)
             print(
                 f"| {system.name} | {burn[0] * period / 60.0:.1f} | {(burn[-1] + 1) * period / 60.0:.1f} "
                 f"| {force[burn].sum() * period / mission.deputy.mass_kg:+.4f} "
