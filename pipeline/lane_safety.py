@@ -335,8 +335,6 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def assure(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
-    if not world.guard.is_on:
-        return
     lanes = work.lanes
     look_ahead(world, lanes)
     nearest, farthest = world.guard.keep_out**2, world.guard.keep_in**2
