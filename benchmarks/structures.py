@@ -85,22 +85,20 @@ def variable(name: str, num_terms: int, known: Mapping[str, Variable]) -> Variab
 
 def leaning(systems: Sequence[FuzzySystem], gains: Mapping[str, float]) -> tuple[FuzzySystem, ...]:
     """Return systems whose tables lean by a gain for each input."""
-    encoding = Encoding(tuple(systems), Bounds())
-    planes = Planes(encoding)
-    genes = planes.reduce(encoding.encode(tuple(systems)))
+    planes = Planes(Encoding(tuple(systems), Bounds()))
+    genes = planes.reduce(planes.encoding.encode(tuple(systems)))
     names = planes.gene_names()
     for system in systems:
         for name in (variable.name for variable in system.inputs):
             genes[names.index(f"{system.name}.{name}.gain")] = 0.5 + 0.5 * gains[name] / GREATEST_GAIN
-    leaned = encoding.decode(planes.expand(genes[np.newaxis])[0])
+    leaned = planes.encoding.decode(planes.expand(genes[np.newaxis])[0])
     return tuple(replace(flat, rules=lean.rules) for flat, lean in zip(systems, leaned, strict=True))
 
 
 def gains_of(systems: Sequence[FuzzySystem]) -> dict[str, float]:
     """Return how much each input of some systems leans their tables."""
-    encoding = Encoding(tuple(systems), Bounds())
-    planes = Planes(encoding)
-    genes = planes.reduce(encoding.encode(tuple(systems)))
+    planes = Planes(Encoding(tuple(systems), Bounds()))
+    genes = planes.reduce(planes.encoding.encode(tuple(systems)))
     pairs = zip(planes.gene_names(), genes, strict=True)
     return {
         name.split(".")[1]: GREATEST_GAIN * (2.0 * gene - 1.0)

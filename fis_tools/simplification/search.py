@@ -67,7 +67,7 @@ class Search:
             for term in variable.terms:
                 self._tell()
                 shorter = without_input(system, variable.name, term.name)
-                if shorter is not None and len(system.inputs) > 1:
+                if shorter is not None:
                     numbers = tuple(self.draft.numbers[rule] for rule in shorter[1])
                     words = f"leave out {variable.name}, as though it always were {term.name}"
                     yield bench.cost(bench.measure(shorter[0])), bench, Draft(shorter[0], numbers), words
