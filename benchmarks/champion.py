@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.compiler import compile as compile_system
-from fis_tools.contribution import contributions
-from fis_tools.formats.text import antecedent_words, sentence
+from fis_tools.analysis.contribution import contributions
+from fis_tools.engines.compiler import compile as compile_system
 from fis_tools.model import rule_table, table_cells
-from pipeline import controller_source
-from pipeline.config import compose_experiment
-from pipeline.controllers import Controller, open_loop
-from pipeline.figures.side_by_side import side_by_side
-from pipeline.figures.style import save, style
-from pipeline.flight import FlightLog, Scenario
-from pipeline.monte_carlo import episode_columns, summarise
-from pipeline.objectives import points_needed
+from fis_tools.words.text import antecedent_words, sentence
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
+from pipeline.evaluation.monte_carlo import episode_columns, summarise
+from pipeline.flight.controller import Controller, open_loop
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.simulation import fly_all, fly_logged, inspection_points
+from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.solved import Solved, solved_for
-from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings import Experiment, Mission
-from pipeline.simulation import fly_all, fly_logged, inspection_points
+from pipeline.report.figures.side_by_side import side_by_side
+from pipeline.report.figures.style import save, style
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.training.fitness import points_needed
 
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[np.generic]]
@@ -60,7 +60,7 @@ def main() -> None:
         compose_experiment(["+experiment=evaluate", *overrides, f"safety={safety}"]).experiment
         for safety in ("none", "filter")
     )
-    controller = controller_source.named(options.controller, experiment.mission)
+    controller = source.named(options.controller, experiment.mission)
     if options.case is not None:
         return tell_flight(experiment, controller, options.case, options.picture)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, options.seed)

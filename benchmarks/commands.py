@@ -8,10 +8,10 @@ import tempfile
 import time
 
 from benchmarks.timing import best_wall_seconds, line
-from pipeline import controller_source
-from pipeline.config import compose_experiment
-from pipeline.monte_carlo import fly_cases
-from pipeline.scenarios import evaluation_scenarios
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
+from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.flight.starts import evaluation_scenarios
 
 PROCESSORS = os.cpu_count() or 1
 
@@ -19,7 +19,7 @@ PROCESSORS = os.cpu_count() or 1
 def run_monte_carlo(controller: str) -> None:
     """Print how long the evaluation's flights take."""
     experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
-    flown = controller_source.load(experiment.controller, experiment.mission)
+    flown = source.load(experiment.controller, experiment.mission)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     seconds = best_wall_seconds(lambda: fly_cases(experiment.mission, flown, scenarios, None))
     print(f"Monte Carlo: {len(scenarios)} cases of {controller}, trajectories kept, {PROCESSORS} threads")

@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 from benchmarks.timing import best_cpu_seconds, line
-from pipeline import controller_source, reference
-from pipeline.config import compose_experiment
-from pipeline.reference_channels import channels_of
-from pipeline.reference_inference import pack
-from pipeline.scenarios import evaluation_scenarios
-from pipeline.simulation import fly_all
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
+from pipeline.flight.reference import loop
+from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.inference import pack
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.starts import evaluation_scenarios
 
 #: the reference takes so much longer that fewer of its flights are enough
 REFERENCE_FLIGHTS = 12
@@ -27,7 +28,7 @@ def run(controller: str, num_flights: int = 1000) -> None:
             ]
         ).experiment
         mission = experiment.mission
-        flown = controller_source.load(experiment.controller, mission)
+        flown = source.load(experiment.controller, mission)
         cases = replace(experiment.monte_carlo, num_cases=num_flights)
         scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
         seconds = best_cpu_seconds(lambda m=mission, c=flown, s=scenarios: fly_all(m, c, s, workers=1))
@@ -36,7 +37,7 @@ def run(controller: str, num_flights: int = 1000) -> None:
 
         def fly_plainly(m=mission, s=scenarios, c=channels, p=systems) -> None:  # type: ignore[no-untyped-def]
             for scenario in s[:REFERENCE_FLIGHTS]:
-                reference.fly_compiled(m, scenario, c, p)
+                loop.fly_compiled(m, scenario, c, p)
 
         plain = best_cpu_seconds(fly_plainly, repeats=3) / (REFERENCE_FLIGHTS * mission.num_controls)
         line(f"guidance={kind}: control steps a second", f"{1.0 / per_step:,.0f}")

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from benchmarks import rivals
 from benchmarks.rivals import Missing, Timed
 from benchmarks.timing import best_cpu_seconds, best_wall_seconds
-from fis_tools.compiler import compile
+from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from fis_tools.skfuzzy_build import build_simulation
-from pipeline import controller_source
-from pipeline.config import compose_experiment
+from fis_tools.scikit_fuzzy.build import build_simulation
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ FINE_POINTS, AGREEMENT = 1001, 2e-4
 def run(controller: str) -> None:
     """Print a table: a row an engine; microseconds an inference and times as fast as scikit-fuzzy."""
     experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
-    systems = (controller_source.load(experiment.controller, experiment.mission).systems[0], _large_system())
+    systems = (source.load(experiment.controller, experiment.mission).systems[0], _large_system())
     names = ", ".join(f"{system.name} ({len(system.rules)} rules)" for system in systems)
     print(f"Inference: {names}; random inputs over the universes")
     columns = []

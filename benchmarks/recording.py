@@ -11,12 +11,12 @@ from mcap.writer import Writer
 import telemetry
 from benchmarks.timing import best_cpu_seconds, best_wall_seconds, line
 from fis_tools.model import FuzzyController, FuzzySystem, rule_table, table_rules
-from pipeline import controller_source
-from pipeline.config import Composed, compose_experiment
-from pipeline.controllers import Controller, from_fuzzy
-from pipeline.recording import FlightRecorder
-from pipeline.scenarios import evaluation_scenarios
-from pipeline.simulation import fly_logged
+from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.controllers import source as controller_source
+from pipeline.flight.controller import Controller, from_fuzzy
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.recording.recorder import FlightRecorder
 
 NUM_FLIGHTS = 100
 PERIOD_NS = 3_610_000_000_000

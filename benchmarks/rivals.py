@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.compilation import cache_root
-from fis_tools.formats import fll
+from fis_tools.engines.cache import cache_root
+from fis_tools.formats.exchange import fll
 from fis_tools.model import FuzzyController, FuzzySystem
 
 Floats = NDArray[np.float64]

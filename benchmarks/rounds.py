@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import artifacts, controller_source, tables
-from pipeline.controllers import from_fuzzy
-from pipeline.genome import genome_of
-from pipeline.monte_carlo import fly_cases, summarise
-from pipeline.scenarios import evaluation_scenarios
-from pipeline.schema import experiment_from
-from pipeline.settings import Sun
+from pipeline.controllers import source
+from pipeline.evaluation.monte_carlo import fly_cases, summarise
+from pipeline.flight.controller import from_fuzzy
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import Sun
+from pipeline.settings.schema import experiment_from
+from pipeline.training.genome import genome_of
 
 
 def main() -> None:
@@ -24,7 +25,7 @@ def main() -> None:
     options = parser.parse_args()
     experiment = experiment_from(artifacts.read_config(options.folder))
     history = tables.read_parquet(options.folder, artifacts.HISTORY)
-    template = controller_source.load(experiment.controller, experiment.mission)
+    template = source.load(experiment.controller, experiment.mission)
     tuned = genome_of(template, experiment.optimizer.encoding)
     print("| round | Sun | delta-v (m/s) | inspection rate (%) | cases at 95 % or more | outside |")
     print("|---|---|---|---|---|---|")

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fis_tools import serialize
+from fis_tools.formats import serialize
+from fis_tools.genes.parameters import Bounds, Encoding
+from fis_tools.genes.reduction import GREATEST_GAIN, Planes
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from fis_tools.parameters import Bounds, Encoding
-from fis_tools.reduction import GREATEST_GAIN, Planes
-from pipeline.controllers import SIGNALS
+from pipeline.flight.controller import SIGNALS
 
 WORDS = {
     2: ("negative", "positive"),

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from benchmarks.recording import with_third_inputs
 from benchmarks.timing import best_wall_seconds, line
-from fis_tools.serialize import dump_json, load
-from pipeline.config import conf_folder
+from fis_tools.formats.serialize import dump_json, load
+from pipeline.command_line.config import conf_folder
 
 
 def run(controller: str) -> None:

@@ -6,9 +6,9 @@
 >>> tip({"service": [3.0, 9.0], "food": 7.0})  # doctest: +SKIP
 {'tip': array([12.21531604, 24.43823122])}
 
-`compile` takes scikit-fuzzy's ``ControlSystem`` as well. The rest is found by its noun: `audit.audit`,
-`explanation.explain`, `bounds.ask`, `difference.difference`, `simplification.simplify`, `render`, `review`.
-In a notebook controllers, systems and variables show themselves.
+`compile` takes scikit-fuzzy's ``ControlSystem`` as well. The rest is found by its noun: `findings.audit`,
+`findings.explanation`, `analysis.bounds`, `findings.difference`, `findings.simplification`, `render`,
+`review`. In a notebook controllers, systems and variables show themselves.
 """
 
 import sys
@@ -16,18 +16,22 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fis_tools import compilation
+from fis_tools.engines import cache
 
 if TYPE_CHECKING:
-    from fis_tools.compiler import CompiledSystem, compile
+    from fis_tools.engines.compiler import CompiledSystem, compile
     from fis_tools.source import read_controller
 
 __all__ = ["CompiledSystem", "compile", "read_controller"]
 
 #: where the names are that are found here; fetched when they are asked for, since both take a while to import
-_PLACES = {"CompiledSystem": "compiler", "compile": "compiler", "read_controller": "source"}
+_PLACES = {
+    "CompiledSystem": "engines.compiler",
+    "compile": "engines.compiler",
+    "read_controller": "source",
+}
 
-compilation.use_cache_keyed_by(Path(__file__).parent)
+cache.use_cache_keyed_by(Path(__file__).parent)
 
 
 def __getattr__(name: str) -> Any:
@@ -40,7 +44,7 @@ def __getattr__(name: str) -> Any:
 def _show_in_notebook() -> None:
     shell = sys.modules["IPython"].get_ipython()
     if shell is not None:
-        import_module(f"{__name__}.notebook").show_in(shell)
+        import_module(f"{__name__}.render.notebook").show_in(shell)
 
 
 if "IPython" in sys.modules:

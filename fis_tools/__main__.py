@@ -13,7 +13,7 @@ from fis_tools.commands import (
     explain,
     export,
     firing,
-    importing,
+    import_,
     plot,
     review,
     show,
@@ -21,9 +21,9 @@ from fis_tools.commands import (
     surface,
 )
 from fis_tools.commands.arguments import UserMistake
-from fis_tools.validate import ControllerFileError
+from fis_tools.model.validate import ControllerFileError
 
-COMMANDS = (show, plot, surface, export, importing, audit, explain, firing, bounds, simplify, diff, review)
+COMMANDS = (show, plot, surface, export, import_, audit, explain, firing, bounds, simplify, diff, review)
 
 EPILOG = """\
 examples:

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from fis_tools import flights, serialize
+from fis_tools.analysis import flights
+from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from fis_tools.validate import ControllerFileError
+from fis_tools.model.validate import ControllerFileError
 
 CHAMPION = "champion.json"
 

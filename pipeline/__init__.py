@@ -3,6 +3,6 @@
 from pathlib import Path
 
 import fis_tools
-from fis_tools import compilation
+from fis_tools.engines import cache
 
-compilation.use_cache_keyed_by(Path(fis_tools.__file__).parent, Path(__file__).parent)
+cache.use_cache_keyed_by(Path(fis_tools.__file__).parent, Path(__file__).parent)

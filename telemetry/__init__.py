@@ -3,17 +3,17 @@
 from pathlib import Path
 from typing import Any
 
-from telemetry.errors import RecordingError
-from telemetry.reader import read
-from telemetry.tables import flat_table
-from telemetry.writer import EpisodeWriter
+from telemetry.file.errors import RecordingError
+from telemetry.file.reader import read
+from telemetry.file.tables import flat_table
+from telemetry.file.writer import EpisodeWriter
 
 __all__ = ["EpisodeWriter", "RecordingError", "flat_table", "read", "show"]
 
 
 def show(*paths: str | Path) -> Any:
-    """Show flights or a run in a notebook; see `telemetry.notebook.show`."""
+    """Show flights or a run in a notebook; see `telemetry.scene.notebook.show`."""
     # the viewer takes half a second to import, which nobody who only writes or reads should pay
-    from telemetry import notebook  # noqa: PLC0415
+    from telemetry.scene import notebook  # noqa: PLC0415
 
     return notebook.show(*paths)

@@ -12,15 +12,15 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-from telemetry import compare, summary
-from telemetry.errors import RecordingError
-from telemetry.partial_file import PARTIAL_SUFFIX
-from telemetry.reader import read
-from telemetry.recover import recover
-from telemetry.tables import export
+from telemetry.file import compare, summary
+from telemetry.file.errors import RecordingError
+from telemetry.file.partial_file import PARTIAL_SUFFIX
+from telemetry.file.reader import read
+from telemetry.file.recover import recover
+from telemetry.file.tables import export
 
 if TYPE_CHECKING:
-    from telemetry.viewer import Scene
+    from telemetry.scene.viewer import Scene
 
 DESCRIPTION = """\
 Look at recorded inspection flights (MCAP files).
@@ -262,13 +262,13 @@ def _add_target(command: argparse.ArgumentParser) -> None:
 
 def _replay(options: argparse.Namespace) -> None:
     # rerun takes half a second to import, which no other command should pay
-    from telemetry import replay  # noqa: PLC0415
+    from telemetry.scene import replay  # noqa: PLC0415
 
     _look(replay.scene(options.files), options)
 
 
 def _look(scene: "Scene", options: argparse.Namespace) -> None:
-    from telemetry import viewer  # noqa: PLC0415 - as above
+    from telemetry.scene import viewer  # noqa: PLC0415 - as above
 
     if options.save is None:
         viewer.show(scene, in_browser=options.web)
@@ -278,7 +278,7 @@ def _look(scene: "Scene", options: argparse.Namespace) -> None:
 
 
 def _campaign(options: argparse.Namespace) -> None:
-    from telemetry import campaign  # noqa: PLC0415 - as above
+    from telemetry.scene import campaign  # noqa: PLC0415 - as above
 
     _look(campaign.scene(options.run_folder), options)
 
@@ -288,7 +288,7 @@ def _training(options: argparse.Namespace) -> None:
     os.environ.setdefault(
         "RUST_LOG", "info,re_perf_telemetry=warn,re_grpc_client=off,re_sdk::recording_stream=off"
     )
-    from telemetry import training  # noqa: PLC0415 - as above
+    from telemetry.scene import training  # noqa: PLC0415 - as above
 
     if not options.follow:
         _look(training.scene(options.run_folder), options)
@@ -303,7 +303,7 @@ def _training(options: argparse.Namespace) -> None:
 
 
 def _screenshot(options: argparse.Namespace) -> None:
-    from telemetry import screenshot  # noqa: PLC0415 - as above
+    from telemetry.scene import screenshot  # noqa: PLC0415 - as above
 
     for path in screenshot.take(screenshot.subjects(options.paths, options.at), options.output):
         print(path)

@@ -10,11 +10,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools import analysis, flights
-from fis_tools.compiler import compile as compiled
-from fis_tools.contribution import importance
+from fis_tools.analysis import arrays, flights
+from fis_tools.analysis.contribution import importance
+from fis_tools.engines.compiler import compile as compiled
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.validate import nearest
+from fis_tools.model.validate import nearest
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
@@ -96,7 +96,7 @@ def add_order(command: argparse.ArgumentParser) -> None:
 
 
 def importance_asked(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
-    """Return how much the rules of each system matter, by `fis_tools.contribution`; None if nobody asked.
+    """Return how much each rule matters, by `fis_tools.analysis.contribution`; None if nobody asked.
 
     A system that decided nothing on the flights is missing.
     """
@@ -106,7 +106,7 @@ def importance_asked(arguments: argparse.Namespace, controller: FuzzyController)
         return None
     samples = flown_inputs(arguments, controller)
     if samples is None:
-        samples = {system.name: analysis.spread_inputs(system, NUM_SPREAD) for system in controller.systems}
+        samples = {system.name: arrays.spread_inputs(system, NUM_SPREAD) for system in controller.systems}
     return {
         system.name: importance(compiled(system), samples[system.name])
         for system in controller.systems

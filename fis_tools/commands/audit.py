@@ -5,7 +5,6 @@ import json
 import shutil
 from dataclasses import fields, replace
 
-from fis_tools.audit import Severity, Thresholds, audit, report
 from fis_tools.commands.arguments import (
     Commands,
     UserMistake,
@@ -15,8 +14,9 @@ from fis_tools.commands.arguments import (
     chosen,
     flown_inputs,
 )
+from fis_tools.findings.audit import Severity, Thresholds, audit, report
+from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
-from fis_tools.validate import nearest
 
 #: A terminal of another width than this is taken as this.
 NARROWEST, WIDEST = 60, 120

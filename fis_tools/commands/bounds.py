@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from fis_tools.bounds import NUM_BOXES, ask, output_ranges
+from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.commands.arguments import Commands, UserMistake, add_command, chosen, the_system
 from fis_tools.source import read_controller
 

@@ -13,7 +13,7 @@ from fis_tools.commands.arguments import (
     flown_inputs,
     write,
 )
-from fis_tools.difference import difference, words
+from fis_tools.findings.difference import difference, words
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
 

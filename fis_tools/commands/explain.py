@@ -14,10 +14,10 @@ from fis_tools.commands.arguments import (
     flown_inputs,
 )
 from fis_tools.commands.instant import add_instant, samples
-from fis_tools.explanation import explain, shares
-from fis_tools.formats import text
-from fis_tools.inference import infer
+from fis_tools.engines.inference import infer
+from fis_tools.findings.explanation import explain, shares
 from fis_tools.source import read_controller
+from fis_tools.words import text
 
 SCHEMA = "fuzzy-explanation"
 SCHEMA_VERSION = 1

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fis_tools import serialize
-from fis_tools.analysis import Floats
+from fis_tools.analysis.arrays import Floats
 from fis_tools.commands.arguments import (
     Commands,
     UserMistake,
@@ -19,12 +18,16 @@ from fis_tools.commands.arguments import (
     place_for,
     write,
 )
-from fis_tools.formats import c, csv, fcl, fis, fll, fml, html, latex, markdown, text
-from fis_tools.formats.antecedents import NotExpressible
-from fis_tools.formats.carried import Written
+from fis_tools.formats import serialize
+from fis_tools.formats.c import source
+from fis_tools.formats.exchange import fcl, fis, fll, fml
+from fis_tools.formats.exchange.antecedents import NotExpressible
+from fis_tools.formats.exchange.carried import Written
+from fis_tools.formats.printed import csv, html, latex, markdown
 from fis_tools.model import FuzzyController
+from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import read_controller
-from fis_tools.validate import InvalidSystem
+from fis_tools.words import text
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ FORMS = {
     "fll": Form(".fll", write_one=fll.write),
     "fml": Form(".fml", write_one=fml.write),
     "fcl": Form(".fcl", write_one=fcl.write),
-    "c": Form(".c", write=c.write),
+    "c": Form(".c", write=source.write),
 }
 
 EPILOG = """\

@@ -4,9 +4,9 @@ import argparse
 
 import numpy as np
 
-from fis_tools import analysis, flights
+from fis_tools.analysis import arrays, flights
 from fis_tools.commands.arguments import Commands, chosen
-from fis_tools.formats import text
+from fis_tools.words import text
 
 EPILOG = """\
 fired: in how many of the inferences the rule fired at the threshold or more; leading: in how many no
@@ -35,9 +35,9 @@ def add(commands: Commands) -> None:
     command.add_argument(
         "--threshold",
         type=_strength,
-        default=analysis.FIRED,
+        default=arrays.FIRED,
         metavar="STRENGTH",
-        help=f"a rule counts as fired from this strength on (default: {analysis.FIRED:g})",
+        help=f"a rule counts as fired from this strength on (default: {arrays.FIRED:g})",
     )
 
 

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fis_tools import flights
+from fis_tools.analysis import flights
 from fis_tools.commands.arguments import UserMistake, assignments, chosen
-from fis_tools.inference import Floats
+from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzySystem
+from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
-from fis_tools.validate import nearest
 
 
 def add_instant(command: argparse.ArgumentParser) -> None:

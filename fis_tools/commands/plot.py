@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from fis_tools import flights
+from fis_tools.analysis import flights
 from fis_tools.commands.arguments import Commands, UserMistake, add_command, chosen, file_name, place_for
 from fis_tools.commands.instant import add_instant, samples
-from fis_tools.inference import Floats, infer
+from fis_tools.engines.inference import Floats, infer
 from fis_tools.source import read_controller
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from fis_tools import compilation
 from fis_tools.commands.arguments import Commands, add_command, chosen, place_for
+from fis_tools.engines import cache
 from fis_tools.source import read_controller
 
 EPILOG = """\
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     paths = arguments.flights
     if not paths and Path(arguments.controller).suffix == ".mcap":
         paths = [arguments.controller]
-    first = "; the first one also compiles, about 30 s" if compilation.is_cold() else ""
+    first = "; the first one also compiles, about 30 s" if cache.is_cold() else ""
     print(f"reviewing {controller.name}{first}", file=sys.stderr)
     text = page.write(controller, paths, arguments.system)
     path = place_for(Path(arguments.output))

@@ -5,7 +5,6 @@ import json
 import sys
 from pathlib import Path
 
-from fis_tools import serialize
 from fis_tools.commands.arguments import (
     Commands,
     UserMistake,
@@ -15,8 +14,9 @@ from fis_tools.commands.arguments import (
     flown_inputs,
     write,
 )
-from fis_tools.simplification import Budget, Simplification, simplify
-from fis_tools.simplification.budget import NUM_SPREAD
+from fis_tools.findings.simplification import Budget, Simplification, simplify
+from fis_tools.findings.simplification.budget import NUM_SPREAD
+from fis_tools.formats import serialize
 from fis_tools.source import read_controller
 
 SCHEMA = "fuzzy-simplification"

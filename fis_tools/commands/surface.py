@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fis_tools import analysis
+from fis_tools.analysis import arrays
 from fis_tools.commands.arguments import (
     Commands,
     UserMistake,
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
     fixed = assignments(arguments.fixed)
     x, y, of, num_points = arguments.x, arguments.y, arguments.of, arguments.points
     try:
-        result = analysis.surface(system, x, y, fixed=fixed, output=of, num_points=num_points)
+        result = arrays.surface(system, x, y, fixed=fixed, output=of, num_points=num_points)
     except ValueError as error:
         raise UserMistake(str(error)) from error
     ending = Path(arguments.output or "").suffix.lower()
@@ -88,7 +88,7 @@ def _draw(
     arguments: argparse.Namespace,
     controller: FuzzyController,
     system: FuzzySystem,
-    result: analysis.Surface,
+    result: arrays.Surface,
 ) -> None:
     from fis_tools import render  # noqa: PLC0415 - as in `plot`
 
@@ -103,7 +103,7 @@ def _draw(
     render.save(figure, place_for(Path(arguments.output)))
 
 
-def _surface_csv(result: analysis.Surface) -> str:
+def _surface_csv(result: arrays.Surface) -> str:
     lines = io.StringIO()
     writer = csv.writer(lines, lineterminator="\n")
     writer.writerow([result.x_variable.name, result.y_variable.name, result.output.name])

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fis_tools.analysis import Surface, surface
-from fis_tools.membership import sample
+from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.model import FuzzySystem, Term, Variable
+from fis_tools.model.membership import sample
 from fis_tools.render import lettering
 from fis_tools.render.membership_curves import memberships, peak
 from fis_tools.render.output_curves import output_curve

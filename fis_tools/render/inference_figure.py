@@ -4,12 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fis_tools.formats.text import SHOWN_FROM, sentence
-from fis_tools.inference import Inference
+from fis_tools.engines.inference import Inference
 from fis_tools.render import lettering
 from fis_tools.render.inference_view import conclusion_panel, output_panel, statement_panel
 from fis_tools.render.membership_curves import memberships
 from fis_tools.render.theme import LARGE, LIGHT, MEDIUM, SMALL, Theme
+from fis_tools.words.text import SHOWN_FROM, sentence
 
 #: Lengths in inches.
 _LEFT, _GAP, _RIGHT = 0.6, 0.5, 0.25
@@ -28,7 +28,7 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     Parameters
     ----------
     inference : Inference
-        What `fis_tools.inference.infer` returns.
+        What `fis_tools.engines.inference.infer` returns.
     most_rules : int
         How many rules are drawn; the others that fire are counted.
     theme : Theme

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.axes import Axes
 
-from fis_tools.formats.text import METHODS, number, quantity, with_unit
-from fis_tools.inference import Inference, OutputInference
-from fis_tools.membership import sample, sample_terms
+from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import And, Consequent, Expression, Is, Not, Or, Rule, Variable
+from fis_tools.model.membership import sample, sample_terms
 from fis_tools.render import lettering
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
+from fis_tools.words.text import METHODS, number, quantity, with_unit
 
 #: How much of the colour of a curve its area has.
 _PALE, _FULL = 0.25, 0.55
@@ -24,7 +24,7 @@ def statement_panel(
     Parameters
     ----------
     inference : Inference
-        What `fis_tools.inference.infer` returns.
+        What `fis_tools.engines.inference.infer` returns.
     rule : Rule
         One of its system's rules.
     variable : Variable

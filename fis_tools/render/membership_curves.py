@@ -3,11 +3,11 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from fis_tools.formats.text import SHOWN_FROM, number, quantity, with_unit
-from fis_tools.membership import sample_terms
 from fis_tools.model import Variable
+from fis_tools.model.membership import sample_terms
 from fis_tools.render import lettering
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, dress
+from fis_tools.words.text import SHOWN_FROM, number, quantity, with_unit
 
 #: Names of terms may take this share of the height of axes.
 _MOST_ROOM = 0.55

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 
-from fis_tools.analysis import evaluate
-from fis_tools.formats.text import with_unit
+from fis_tools.analysis.arrays import evaluate
 from fis_tools.model import FuzzySystem
 from fis_tools.render.roles import named
 from fis_tools.render.surfaces import entitle, held_words
 from fis_tools.render.theme import LIGHT, Floats, Theme, dress
+from fis_tools.words.text import with_unit
 
 
 def output_curve(

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.validate import nearest
+from fis_tools.model.validate import nearest
 
 
 def named(system: FuzzySystem, role: Literal["input", "output"], name: str | None) -> Variable:

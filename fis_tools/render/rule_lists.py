@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from matplotlib.axes import Axes
 
-from fis_tools.formats.text import antecedent_words, number
 from fis_tools.model import Consequent, FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.theme import LIGHT, Theme, dress, readable_on, term_colours
+from fis_tools.words.text import antecedent_words, number
 
 _SIZES = (9.0, 8.5, 8.0, 7.5, 7.0, 6.5)
 _MARGIN, _GAP = 0.05, 0.15

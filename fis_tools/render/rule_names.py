@@ -1,7 +1,7 @@
 """Rules in few words, for the side of a picture."""
 
-from fis_tools.formats.text import antecedent_words, number
 from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule
+from fis_tools.words.text import antecedent_words, number
 
 
 def legend(system: FuzzySystem) -> str:

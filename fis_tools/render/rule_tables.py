@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from fis_tools.formats.text import number
 from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.validate import nearest
 from fis_tools.render import lettering
 from fis_tools.render.roles import named
 from fis_tools.render.rule_names import plain_statements
 from fis_tools.render.theme import LIGHT, SMALL, Theme, dress, readable_on, term_colours
-from fis_tools.validate import nearest
+from fis_tools.words.text import number
 
 #: Tables with more cells than this are not laid out.
 MOST_CELLS = 4096

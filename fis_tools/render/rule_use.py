@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from fis_tools.analysis import FIRED, rule_usage
+from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.rule_names import legend, rule_names
@@ -51,7 +51,7 @@ def firing_map(
     time_s : (n,)
         Ascending; each strength holds until the next time.
     strengths : (n, num_rules)
-        Firing strengths, as `fis_tools.flights.read_flight` gives them.
+        Firing strengths, as `fis_tools.analysis.flights.read_flight` gives them.
     ax : Axes
         Where to draw.
     most_rules : int

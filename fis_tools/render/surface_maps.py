@@ -9,8 +9,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.contour import QuadContourSet
 from matplotlib.patheffects import withStroke
 
-from fis_tools.analysis import Surface
-from fis_tools.formats.text import number, with_unit
+from fis_tools.analysis.arrays import Surface
 from fis_tools.model import FuzzySystem
 from fis_tools.render.surfaces import (
     entitle,
@@ -23,6 +22,7 @@ from fis_tools.render.surfaces import (
     value_limits,
 )
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Floats, Theme, dress, readable_on
+from fis_tools.words.text import number, with_unit
 
 #: Labels nearer to the edge than this part of the axes would be cut.
 _EDGE = 0.07
@@ -51,7 +51,7 @@ def surface_map(
     x, y : str, optional
         The inputs along the axes; by default the last free one and the one before it, as in `rule_matrix`.
     fixed, output, num_points
-        As in `fis_tools.analysis.surface`; what is held is told in the title.
+        As in `fis_tools.analysis.arrays.surface`; what is held is told in the title.
     samples : (n, num_inputs), optional
         Inputs, such as those of a flight, to lay over the map, whatever their other inputs are.
     theme : Theme
@@ -60,7 +60,7 @@ def surface_map(
     Raises
     ------
     ValueError
-        As `fis_tools.analysis.surface` does, or if the samples have another number of inputs.
+        As `fis_tools.analysis.arrays.surface` does, or if the samples have another number of inputs.
     """
     result = evaluated(system, x, y, fixed=fixed, output=output, num_points=num_points)
     points = None if samples is None else over_axes(system, result, samples)
@@ -82,7 +82,7 @@ def draw_surface(
     Parameters
     ----------
     result : Surface
-        What `fis_tools.analysis.surface` returns.
+        What `fis_tools.analysis.arrays.surface` returns.
     ax : Axes
         Where to draw.
     limits : (float, float), optional

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from fis_tools.analysis import Surface
-from fis_tools.formats.text import number, with_unit
+from fis_tools.analysis.arrays import Surface
 from fis_tools.render import lettering
 from fis_tools.render.surfaces import entitle, held_without_units, round_levels, signed, value_limits
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Floats, Theme, dress
+from fis_tools.words.text import number, with_unit
 
 #: Lines of the net, along each input.
 _NET = 41
@@ -34,7 +34,7 @@ def surface_space(
     Parameters
     ----------
     result : Surface
-        What `fis_tools.analysis.surface` returns.
+        What `fis_tools.analysis.arrays.surface` returns.
     ax : Axes3D
         Axes with ``projection="3d"``.
     limits : (float, float), optional

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from fis_tools.analysis import Surface, surface
-from fis_tools.formats.text import number, quantity
+from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.theme import MEDIUM, Floats
+from fis_tools.words.text import number, quantity
 
 #: Outputs nearer to one another than this part of the universe are the same.
 _SAME = 1e-9
@@ -25,7 +25,7 @@ def evaluated(
     output: str | None = None,
     num_points: int = 81,
 ) -> Surface:
-    """Evaluate as `fis_tools.analysis.surface`, by default over the last two free inputs, the last as x."""
+    """Evaluate as `analysis.arrays.surface`, by default over the last two free inputs, the last as x."""
     if x is None and y is None:
         free = [variable.name for variable in system.inputs if variable.name not in (fixed or {})]
         x, y = (free[-1], free[-2]) if len(free) > 1 else (None, None)

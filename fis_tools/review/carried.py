@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools import analysis
-from fis_tools.flights import FlownSystem
-from fis_tools.formats.text import sentence
-from fis_tools.inference import Floats
-from fis_tools.membership import sample
+from fis_tools.analysis import arrays
+from fis_tools.analysis.flights import FlownSystem
+from fis_tools.engines.inference import Floats
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.model.membership import sample
 from fis_tools.review.flown import Flight
+from fis_tools.words.text import sentence
 
 #: so many inferences of a system are carried at most, shared out among the flights
 MOST_SAMPLES = 4000
@@ -70,7 +70,7 @@ def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[st
     if flown is None or not len(flown.time_s):
         return None
     rows = kept_rows(len(flown.time_s), most)
-    usage = analysis.rule_usage(analysis.firing(system, flown.inputs))
+    usage = arrays.rule_usage(arrays.firing(system, flown.inputs))
     return {
         "time_s": _doubles(flown.time_s[rows]),
         "inputs": _doubles(flown.inputs[rows]),

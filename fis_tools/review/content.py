@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools import analysis, contribution, serialize
-from fis_tools.compiler import compile
-from fis_tools.formats.text import number, rule_tables, sentence, shape_words, summary, with_unit
-from fis_tools.inference import Floats
-from fis_tools.measures import Measures
+from fis_tools.analysis import arrays, contribution
+from fis_tools.analysis.measures import Measures
+from fis_tools.engines.compiler import compile
+from fis_tools.engines.inference import Floats
+from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.review.colours import level
 from fis_tools.review.flown import Samples
 from fis_tools.review.ranges import range_rows
+from fis_tools.words.text import number, rule_tables, sentence, shape_words, summary, with_unit
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
     measures : Measures
         What was measured of it.
     """
-    usage = analysis.rule_usage(analysis.firing(system, samples.inputs))
+    usage = arrays.rule_usage(arrays.firing(system, samples.inputs))
     importance = contribution.importance(compile(system), samples.inputs).max(axis=1)
     system_id = f"s{place}"
     ranges, unbounded = range_rows(system)
@@ -128,7 +129,7 @@ def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str,
 
 
 def _rules(
-    system: FuzzySystem, usage: analysis.RuleUsage, importance: Floats, meaning: Floats
+    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, meaning: Floats
 ) -> Iterator[dict[str, Any]]:
     for place, rule in enumerate(system.rules):
         yield {

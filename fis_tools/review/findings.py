@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fis_tools.audit import Audit, Finding, Severity
+from fis_tools.findings.audit import Audit, Finding, Severity
 from fis_tools.model import FuzzyController, FuzzySystem
 
 #: of many rules only so many are linked

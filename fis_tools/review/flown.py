@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fis_tools import analysis, flights
-from fis_tools.flights import FlownSystem
-from fis_tools.inference import Floats
+from fis_tools.analysis import arrays, flights
+from fis_tools.analysis.flights import FlownSystem
+from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.validate import ControllerFileError
+from fis_tools.model.validate import ControllerFileError
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def read_flights(paths: Sequence[Path | str], controller: FuzzyController) -> li
 
     Raises
     ------
-    fis_tools.validate.ControllerFileError
+    fis_tools.model.validate.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
     once = list({Path(path).resolve(): Path(path) for path in paths}.values())
@@ -94,5 +94,5 @@ def samples_of(system: FuzzySystem, flown: Sequence[Flight]) -> Samples:
     if len(sensed):
         words = "along the flight" if len(flown) == 1 else f"along the {len(flown)} flights"
         return Samples(sensed, words, are_flown=True)
-    spread = analysis.spread_inputs(system)
+    spread = arrays.spread_inputs(system)
     return Samples(spread, f"over {len(spread):,} points spread evenly over all its inputs", are_flown=False)

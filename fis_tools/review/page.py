@@ -9,7 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from fis_tools.audit import audit
+from fis_tools.findings.audit import audit
 from fis_tools.model import FuzzyController
 from fis_tools.review import carried, content
 from fis_tools.review.colours import BRIGHTNESS, level_styles
@@ -45,7 +45,7 @@ def write(
 
     Raises
     ------
-    fis_tools.validate.ControllerFileError
+    fis_tools.model.validate.ControllerFileError
         If a flight cannot be read, or its systems have other inputs than the controller's.
     """
     systems = controller.systems

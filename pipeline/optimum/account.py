@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight import Scenario
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
-from pipeline.settings import Mission, SettingError
-from pipeline.simulation import inspection_points
+from pipeline.settings.experiment import Mission, SettingError
 
 Column = NDArray[Any]
 
@@ -86,7 +86,7 @@ def beside_optimum(episodes: Mapping[str, Column], cases: Mapping[str, Column]) 
     Parameters
     ----------
     episodes : mapping of (n,) arrays
-        Of `pipeline.monte_carlo.episode_columns`, flown from the starts of the cases, in order.
+        Of `pipeline.evaluation.monte_carlo.episode_columns`, flown from the starts of the cases, in order.
     cases : mapping of (n,) arrays
         Of `pipeline.optimum.solved.Solved`.
 

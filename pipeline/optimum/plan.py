@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight import FlightLog, Scenario
+from pipeline.flight.log import FlightLog, Scenario
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.polish import Step, step
 from pipeline.optimum.problem import Problem, flown, problem_of, seen_as
 from pipeline.optimum.search import LATEST, search
-from pipeline.settings import Mission, Optimum
+from pipeline.settings.experiment import Mission, Optimum
 
 Floats = NDArray[np.float64]
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.controllers import open_loop
-from pipeline.flight import FlightLog, Scenario
+from pipeline.flight.controller import open_loop
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.simulation import fly_logged, pack_world
 from pipeline.physics.illumination import sun_angle
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.settings import Mission
-from pipeline.simulation import fly_logged, pack_world
+from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import artifacts, tables
-from pipeline.flight import Scenario
-from pipeline.scenarios import starts_in
-from pipeline.settings import SHIPPED, Experiment, Mission
+from pipeline.flight.log import Scenario
+from pipeline.flight.starts import starts_in
+from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import SHIPPED, Experiment, Mission
 
 Column = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -83,7 +83,7 @@ def read_solved(folder: Path) -> Solved:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If a file is missing or cannot be read.
     """
     columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
@@ -107,7 +107,7 @@ def solved_for(experiment: Experiment) -> Solved:
     ------
     IncomparableError
         If its mission or its Sun is another than that of the plans, or it names none.
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If what it names cannot be read.
     """
     reference, sun = experiment.optimum.reference, experiment.sun

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline import artifacts
-from pipeline.comparison import COLUMNS, FLOWN, Row, in_words, lines_of, row_of
-from pipeline.figures.comparison import Mark
+from pipeline.evaluation.comparison import COLUMNS, FLOWN, Row, in_words, lines_of, row_of
+from pipeline.report.figures.comparison import Mark
+from pipeline.run import artifacts
 
 
 def read_comparison(folder: Path) -> list[Row]:
@@ -14,7 +14,7 @@ def read_comparison(folder: Path) -> list[Row]:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If the file is there and cannot be read.
     """
     if not (folder / artifacts.COMPARISON).exists():

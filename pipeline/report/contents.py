@@ -12,19 +12,19 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pipeline import artifacts, tables
-from pipeline.champion import controller_of_run
-from pipeline.comparison import Row
-from pipeline.controllers import Controller
-from pipeline.flight import FlightLog, Scenario
-from pipeline.monte_carlo import fly_cases, rank, summarise
-from pipeline.objectives import Fraction, Statistic
+from pipeline.controllers.of_run import controller_of_run
+from pipeline.evaluation.comparison import Row
+from pipeline.evaluation.monte_carlo import fly_cases, rank, summarise
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import given_start, starts_in, training_scenarios
 from pipeline.report.comparison import read_comparison
 from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.safety import Without, fly_without
-from pipeline.scenarios import given_start, starts_in, training_scenarios
-from pipeline.settings import Experiment
-from pipeline.simulation import fly_logged
+from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import Experiment
+from pipeline.training.fitness import Fraction, Statistic
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -129,7 +129,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If a file is there and cannot be read.
     """
     has_trained = has_training(experiment, folder)
@@ -213,7 +213,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If it cannot be read, or lacks a number that the stage evaluate writes.
     """
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
@@ -239,7 +239,7 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If the table is of other cases.
     """
     order = np.lexsort((rows["sample"], rows["case"]))
@@ -296,7 +296,7 @@ def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If it cannot be read.
     """
     path = artifacts.require(folder, artifacts.LOGBOOK)

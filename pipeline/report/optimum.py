@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import artifacts, tables
-from pipeline.controllers import Controller, open_loop
-from pipeline.flight import FlightLog
+from pipeline.flight.controller import Controller, open_loop
+from pipeline.flight.log import FlightLog
+from pipeline.flight.simulation import fly_logged
 from pipeline.optimum.account import summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
-from pipeline.settings import UNGUARDED, Experiment
-from pipeline.simulation import fly_logged
+from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import UNGUARDED, Experiment
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -62,7 +62,7 @@ def read_beside(folder: Path) -> BesideOptimum:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If a file is there and cannot be read, or is of something else.
     """
     if (folder / artifacts.BESIDE_OPTIMUM).exists():

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fis_tools.formats.text import summary
-from pipeline import artifacts
-from pipeline.comparison import FLOWN
-from pipeline.figures.style import MOST_POINTS
-from pipeline.objectives import points_needed
-from pipeline.report import paper
+from fis_tools.words.text import summary
+from pipeline.evaluation import published
+from pipeline.evaluation.comparison import FLOWN
+from pipeline.evaluation.published import Reported
 from pipeline.report.comparison import headings, tables_of
 from pipeline.report.contents import POSITION, Columns, Contents, Flights, ShownFlight
+from pipeline.report.figures.style import MOST_POINTS
 from pipeline.report.optimum import in_words, optimum_rows, outcome, times_tile
-from pipeline.report.paper import Reported
 from pipeline.report.pictures import Illustration
 from pipeline.report.safety import safety_words
-from pipeline.settings import Mission
+from pipeline.run import artifacts
+from pipeline.settings.experiment import Mission
+from pipeline.training.fitness import points_needed
 
 #: metric of a summary: decimals on the page
 DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
@@ -62,7 +62,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         HTML that needs no other file, and leads to the review page beside it.
     """
     environment = Environment(
-        loader=PackageLoader("pipeline", "templates"),
+        loader=PackageLoader("pipeline.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -108,7 +108,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         folder=contents.folder.as_posix(),
         config=contents.config_text,
         writer=artifacts.WRITTEN_BY,
-        paper=paper.SOURCE,
+        paper=published.SOURCE,
         artifacts=artifacts,
     )
 
@@ -166,9 +166,9 @@ def _limits(mission: Mission) -> str:
 
 def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
     """Return the headline numbers: label, number, unit, and the paper's."""
-    flights, reported = contents.evaluation, paper.TEST
+    flights, reported = contents.evaluation, published.TEST
     if flights is None:
-        flights, reported = contents.training, paper.TRAINING
+        flights, reported = contents.training, published.TRAINING
     if flights is None:
         return []
     told = flights.summary
@@ -207,8 +207,8 @@ def summary_rows(contents: Contents) -> list[Row]:
     """Return the rows of the summary: ours, and the paper's under each."""
     rows = []
     pairs = (
-        ("Training", contents.training, paper.TRAINING),
-        ("Evaluation", contents.evaluation, paper.TEST),
+        ("Training", contents.training, published.TRAINING),
+        ("Evaluation", contents.evaluation, published.TEST),
     )
     for word, flights, reported in pairs:
         if flights is not None:

@@ -6,25 +6,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.figures.comparison import LINEAR, compared
-from pipeline.figures.control import controls
-from pipeline.figures.convergence import convergence
-from pipeline.figures.distributions import METRICS, Sample, distributions
-from pipeline.figures.front import front_of_training
-from pipeline.figures.optimum import beside_optimum
-from pipeline.figures.safety import with_and_without
-from pipeline.figures.side_by_side import side_by_side
-from pipeline.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
-from pipeline.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
-from pipeline.objectives import points_needed
-from pipeline.report import paper
+from pipeline.evaluation import published
+from pipeline.flight.simulation import inspection_points
 from pipeline.report.comparison import marks_of
 from pipeline.report.contents import Contents, Flights, ShownFlight
+from pipeline.report.figures.comparison import LINEAR, compared
+from pipeline.report.figures.control import controls
+from pipeline.report.figures.convergence import convergence
+from pipeline.report.figures.distributions import METRICS, Sample, distributions
+from pipeline.report.figures.front import front_of_training
+from pipeline.report.figures.optimum import beside_optimum
+from pipeline.report.figures.safety import with_and_without
+from pipeline.report.figures.side_by_side import side_by_side
+from pipeline.report.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
+from pipeline.report.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
 from pipeline.report.optimum import Pair
 from pipeline.report.safety import Without
 from pipeline.report.svg import inline
-from pipeline.settings import Mission
-from pipeline.simulation import inspection_points
+from pipeline.settings.experiment import Mission
+from pipeline.training.fitness import points_needed
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(
@@ -119,8 +119,8 @@ def _front_sketch(contents: Contents) -> _Sketch:
         f"{experiment.optimizer.validation_cases:,} starts that no training has flown, and how many of these "
         f"flights reach {threshold:g} % or leave the distance limits. Open circles are dominated there by "
         "others of the front. Numbers are those of the controller files. The paper's "
-        f"{paper.TEST.means['delta_v_m_s']:g} m/s for {paper.TEST.means['inspection_rate_percent']:g} % "
-        "are not drawn."
+        f"{published.TEST.means['delta_v_m_s']:g} m/s for "
+        f"{published.TEST.means['inspection_rate_percent']:g} % are not drawn."
     )
     return _Sketch("front", caption, front_of_training(contents.front, threshold))
 
@@ -240,8 +240,8 @@ def _tracks_by_outcome(flights: Flights, mission: Mission) -> Tracks:
 def _samples(contents: Contents) -> Iterator[Sample]:
     """Yield what the distributions are of."""
     pairs = (
-        ("Training", contents.training, paper.TRAINING),
-        ("Evaluation", contents.evaluation, paper.TEST),
+        ("Training", contents.training, published.TRAINING),
+        ("Evaluation", contents.evaluation, published.TEST),
     )
     for word, flights, reported in pairs:
         if flights is not None and flights.episodes is not None:

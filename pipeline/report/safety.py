@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.controllers import Controller
-from pipeline.flight import FlightLog
-from pipeline.scenarios import starts_in
-from pipeline.settings import UNGUARDED, Experiment
-from pipeline.simulation import fly_all, fly_logged
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import FlightLog
+from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.starts import starts_in
+from pipeline.settings.experiment import UNGUARDED, Experiment
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -77,7 +77,7 @@ def safety_words(flights: str, summary: Mapping[str, Any], without: Without | No
     flights : str
         Which, such as ``evaluation``.
     summary : mapping
-        Of `pipeline.monte_carlo.summarise`, with ``num_cases``.
+        Of `pipeline.evaluation.monte_carlo.summarise`, with ``num_cases``.
     without : Without, optional
     """
     if "safety_acted" not in summary:

@@ -3,7 +3,7 @@
 import re
 from html import escape
 
-from pipeline.figures import style
+from pipeline.report.figures import style
 
 #: colours that a page replaces by its own, to the names of the page's variables
 VARIABLES = {

@@ -9,8 +9,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from pipeline import artifacts, tables
-from pipeline.comparison import (
+from pipeline.controllers.source import named
+from pipeline.evaluation import published
+from pipeline.evaluation.comparison import (
     FLOWN,
     HEADER,
     Column,
@@ -23,17 +24,16 @@ from pipeline.comparison import (
     published_row,
     rules_of,
 )
-from pipeline.compile_notice import announce_compilation
-from pipeline.controller_source import named
-from pipeline.controllers import Controller
-from pipeline.flight import Scenario
-from pipeline.monte_carlo import episode_columns, fly_cases, summarise
+from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import Outcomes, fly_all, inspection_points
+from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
-from pipeline.report import paper
-from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings import UNGUARDED, Experiment, Mission
-from pipeline.simulation import Outcomes, fly_all, inspection_points
+from pipeline.run import artifacts, tables
+from pipeline.run.compile_notice import announce_compilation
+from pipeline.settings.experiment import UNGUARDED, Experiment, Mission
 
 SECONDS_BETWEEN_LINES = 5.0
 #: flights between two looks at the clock
@@ -44,7 +44,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Fly all, and write the table."""
     announce_compilation()
     name = "the paper"
-    reported = paper.TEST
+    reported = published.TEST
     rows = [published_row(name, reported.num_cases, reported.means, reported.standard_deviations)]
     flown: list[tuple[Row, dict[str, Column]]] = []
     for sun in experiment.compare.suns:
@@ -159,6 +159,6 @@ def _told(experiment: Experiment, rows: list[Row]) -> str:
         f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
         f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points; "
         f"outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
-        f"  *published ({paper.SOURCE}), its Sun and its distance limits not stated; the optimum knows "
+        f"  *published ({published.SOURCE}), its Sun and its distance limits not stated; the optimum knows "
         "the whole flight beforehand, and is of other cases.\n"
     )

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import artifacts, tables
-from pipeline.champion import controller_of_run
-from pipeline.compile_notice import announce_compilation
-from pipeline.controllers import Controller
-from pipeline.monte_carlo import fly_cases, summarise
+from pipeline.controllers.of_run import controller_of_run
+from pipeline.evaluation.monte_carlo import fly_cases, summarise
+from pipeline.flight.controller import Controller
+from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
-from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings import Experiment
+from pipeline.run import artifacts, tables
+from pipeline.run.compile_notice import announce_compilation
+from pipeline.settings.experiment import Experiment
 
 
 def run(experiment: Experiment, folder: Path) -> None:

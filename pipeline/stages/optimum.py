@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import artifacts, tables
-from pipeline.compile_notice import announce_compilation
-from pipeline.controller_source import COLUMNS, read_forces
-from pipeline.flight import Scenario
+from pipeline.controllers.source import COLUMNS, read_forces
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import inspection_points
+from pipeline.flight.starts import EVALUATION, evaluation_scenarios, given_start
 from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import terms_of
-from pipeline.scenarios import EVALUATION, evaluation_scenarios, given_start
-from pipeline.settings import Experiment
-from pipeline.simulation import inspection_points
+from pipeline.run import artifacts, tables
+from pipeline.run.compile_notice import announce_compilation
+from pipeline.settings.experiment import Experiment
 
 Floats = NDArray[np.float64]
 Row = dict[str, Any]

@@ -11,15 +11,15 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from pipeline import artifacts, tables
-from pipeline.champion import controller_of_run
-from pipeline.compile_notice import announce_compilation
-from pipeline.flight import FlightLog, Scenario
-from pipeline.monte_carlo import rank
-from pipeline.recording import FlightRecorder
-from pipeline.scenarios import evaluation_scenarios, given_start, training_scenarios
-from pipeline.settings import Experiment
-from pipeline.simulation import fly_logged
+from pipeline.controllers.of_run import controller_of_run
+from pipeline.evaluation.monte_carlo import rank
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import evaluation_scenarios, given_start, training_scenarios
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.run import artifacts, tables
+from pipeline.run.compile_notice import announce_compilation
+from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
 
 Columns = Mapping[str, NDArray[Any]]
@@ -55,7 +55,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If the evaluation is missing or of other flights, or a file cannot be written.
     """
     flights = flights_of(experiment, folder)

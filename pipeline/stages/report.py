@@ -3,14 +3,14 @@
 import sys
 from pathlib import Path
 
+from fis_tools.model.validate import ControllerFileError
 from fis_tools.review import page as review
-from fis_tools.validate import ControllerFileError
-from pipeline import artifacts
-from pipeline.compile_notice import announce_compilation
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
-from pipeline.settings import Experiment
+from pipeline.run import artifacts
+from pipeline.run.compile_notice import announce_compilation
+from pipeline.settings.experiment import Experiment
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -18,7 +18,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
     Raises
     ------
-    pipeline.artifacts.ArtifactError
+    pipeline.run.artifacts.ArtifactError
         If a file of the run is there and cannot be read.
     """
     announce_compilation()

@@ -4,10 +4,10 @@ import csv
 import io
 from pathlib import Path
 
-from pipeline import artifacts
-from pipeline.flight import Scenario
-from pipeline.scenarios import evaluation_scenarios, training_scenarios
-from pipeline.settings import Experiment
+from pipeline.flight.log import Scenario
+from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.run import artifacts
+from pipeline.settings.experiment import Experiment
 
 COLUMNS = (
     "set",

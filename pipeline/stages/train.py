@@ -10,27 +10,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools import serialize
-from pipeline import artifacts, controller_source, tables
-from pipeline.champion_flights import ChampionFlights
-from pipeline.checkpoint import Generation
-from pipeline.compile_notice import announce_compilation
-from pipeline.controllers import ControllerError, law_of
-from pipeline.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
-from pipeline.flight import Scenario
-from pipeline.front import judged_front, write_front
-from pipeline.genome import Genome, genome_of
-from pipeline.objectives import costs, fitness_parts, objectives
-from pipeline.progress import TrainingProgress
-from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
-from pipeline.settings import Experiment, Mission
-from pipeline.simulation import (
+from fis_tools.formats import serialize
+from pipeline.controllers import source
+from pipeline.flight.controller import ControllerError, law_of
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import (
     fly_population,
     inspection_points,
     is_by_the_reference,
     pack_world,
     stack_starts,
 )
+from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.run import artifacts, tables
+from pipeline.run.compile_notice import announce_compilation
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.training.champion_flights import ChampionFlights
+from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
+from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.fitness import costs, fitness_parts, objectives
+from pipeline.training.front import judged_front, write_front
+from pipeline.training.genome import Genome, genome_of
+from pipeline.training.progress import TrainingProgress
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ PARTS = ("delta_v_m_s", "points", "outside", "outside_m", "short")
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Train from the configured controller's structure; its numbers are in the first population."""
-    template = controller_source.load(experiment.controller, experiment.mission)
+    template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
     if is_by_the_reference(experiment.mission):
         raise ControllerError(

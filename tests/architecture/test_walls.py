@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).resolve().parents[2]
+from tests.places import PROJECT
+
 PACKAGES = ("pipeline", "fis_tools", "telemetry")
 
 
@@ -29,17 +30,23 @@ def test_the_walls_stand():
     [
         ("pipeline/utils.py", "", "utils"),
         ("pipeline/physics/illumination.py", "import yaml", "pipeline.physics.illumination -> yaml"),
-        ("pipeline/run.py", "from omegaconf import OmegaConf", "pipeline.run -> omegaconf"),
-        ("pipeline/monte_carlo.py", "import deap", "pipeline.monte_carlo -> deap"),
+        ("pipeline/run/runner.py", "from omegaconf import OmegaConf", "pipeline.run.runner -> omegaconf"),
+        ("pipeline/evaluation/monte_carlo.py", "import deap", "pipeline.evaluation.monte_carlo -> deap"),
         ("pipeline/stages/train.py", "import pipeline.stages.scenario", "pipeline.stages.train"),
-        ("pipeline/simulation.py", "import telemetry", "pipeline.simulation -> telemetry"),
-        ("pipeline/checks.py", "import pipeline.settings", "pipeline.checks -> pipeline.settings"),
-        ("pipeline/controllers.py", "import json", "pipeline.controllers -> json"),
-        ("fis_tools/kernel.py", "import skfuzzy", "fis_tools.kernel -> skfuzzy"),
-        ("fis_tools/analysis.py", "import matplotlib", "fis_tools.analysis -> matplotlib"),
+        ("pipeline/flight/simulation.py", "import telemetry", "pipeline.flight.simulation -> telemetry"),
+        (
+            "pipeline/settings/checks.py",
+            "import pipeline.settings.experiment",
+            "pipeline.settings.checks -> pipeline.settings.experiment",
+        ),
+        ("pipeline/flight/kernel/preview.py", "import pyarrow", "pipeline.flight.kernel.preview -> pyarrow"),
+        ("pipeline/flight/kernel/urgency.py", "import pyarrow", "pipeline.flight.kernel.urgency -> pyarrow"),
+        ("pipeline/flight/controller.py", "import json", "pipeline.flight.controller -> json"),
+        ("fis_tools/engines/kernel.py", "import skfuzzy", "fis_tools.engines.kernel -> skfuzzy"),
+        ("fis_tools/analysis/arrays.py", "import matplotlib", "fis_tools.analysis.arrays -> matplotlib"),
         ("fis_tools/render/theme.py", "import telemetry", "fis_tools.render.theme -> telemetry"),
-        ("telemetry/reader.py", "import rerun", "telemetry.reader -> rerun"),
-        ("telemetry/reader.py", "import fis_tools.model", "telemetry.reader -> fis_tools.model"),
+        ("telemetry/file/reader.py", "import rerun", "telemetry.file.reader -> rerun"),
+        ("telemetry/file/reader.py", "import fis_tools.model", "telemetry.file.reader -> fis_tools.model"),
     ],
 )
 def test_a_breach_is_told(module, line, told, tmp_path):

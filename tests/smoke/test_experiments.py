@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 import telemetry
-from fis_tools import serialize
-from pipeline import artifacts
+from fis_tools.formats import serialize
+from pipeline.run import artifacts
 from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 

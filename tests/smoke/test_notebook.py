@@ -1,13 +1,14 @@
 """The notebooks run as they are written, on a shorter flight."""
 
 import os
-from pathlib import Path
 
 import nbformat
 import pytest
 from nbclient import NotebookClient
 
-NOTEBOOKS = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
+from tests.places import PROJECT
+
+NOTEBOOKS = PROJECT / "docs" / "notebooks"
 #: seconds for a busy machine; output that is late fails the run instead of being lost in silence
 PATIENT = {"timeout": 600, "startup_timeout": 300, "iopub_timeout": 300, "raise_on_iopub_timeout": True}
 #: what each prints near its end, and how many pictures it holds

@@ -11,11 +11,17 @@ import pytest
 
 import benchmarks.__main__ as benchmarks
 import fis_tools.__main__ as review
-from fis_tools import serialize
-from pipeline import cli
-from pipeline.config import check_overrides, conf_folder, options, parse, rewrite_controller_paths
+from fis_tools.formats import serialize
+from pipeline.command_line import cli
+from pipeline.command_line.config import (
+    check_overrides,
+    conf_folder,
+    options,
+    parse,
+    rewrite_controller_paths,
+)
 from telemetry import commands
-from tests.review.cases import log_flight
+from tests.fis_tools.review.cases import log_flight
 from tests.smoke.command_line import PROJECT
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")

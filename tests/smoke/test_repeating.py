@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import artifacts
-from pipeline.cli import main
+from pipeline.command_line.cli import main
+from pipeline.run import artifacts
 from pipeline.stages import train
 from tests.smoke.command_line import MINIATURE
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import artifacts
+from pipeline.run import artifacts
 from tests.smoke.command_line import PROJECT, run_module
 
 PACKAGES = ("pipeline", "fis_tools", "telemetry")

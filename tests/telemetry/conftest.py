@@ -1,8 +1,9 @@
 from pathlib import Path
 
 import pytest
-import synthetic_flight
-from synthetic_flight import SyntheticFlight
+
+from tests.telemetry import synthetic_flight
+from tests.telemetry.synthetic_flight import SyntheticFlight
 
 
 @pytest.fixture(scope="session")

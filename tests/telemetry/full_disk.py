@@ -1,4 +1,4 @@
-"""A disk without room, for whatever opens its files through `telemetry.partial_file`."""
+"""A disk without room, for whatever opens its files through `telemetry.file.partial_file`."""
 
 import errno
 import io
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from telemetry import partial_file
+from telemetry.file import partial_file
 
 
 class FullDisk(io.FileIO):

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry import EpisodeWriter
-from telemetry.metadata import EpisodeDescription, FisDescription
-from telemetry.topics import PointState
+from telemetry.file.metadata import EpisodeDescription, FisDescription
+from telemetry.file.topics import PointState
 
 Floats = NDArray[np.float64]
 

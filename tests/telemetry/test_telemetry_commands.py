@@ -9,12 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
-import synthetic_run
 from mcap.writer import Writer
 
 import telemetry
 from telemetry import commands
 from telemetry.commands import main
+from tests.telemetry import synthetic_run
 
 
 def test_info_tells_what_it_was_and_how_it_went(

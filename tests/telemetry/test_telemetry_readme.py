@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 import telemetry
-from telemetry import topics
-from telemetry.metadata import EpisodeDescription, FisDescription
-from telemetry.schema import inspection_pb2
+from telemetry.file import topics
+from telemetry.file.metadata import EpisodeDescription, FisDescription
+from telemetry.file.schema import inspection_pb2
 
 README = (Path(telemetry.__file__).parent / "README.md").read_text(encoding="utf-8")
 

@@ -1,0 +1,1 @@
+"""Numbers about fuzzy systems, as arrays: surfaces, measures, contributions, bounds."""

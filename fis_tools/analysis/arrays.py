@@ -1,0 +1,279 @@
+"""Measures of a fuzzy system as arrays: response surfaces, rule firing, coverage, likeness of terms.
+
+Memberships are linear between the points of a universe, and the measures are exact for these polygons, also
+between the points.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiler import compile
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.membership import sample_terms
+from fis_tools.model.validate import nearest
+
+Floats = NDArray[np.float64]
+
+#: A rule counts as fired from this strength on.
+FIRED = 0.05
+
+
+@dataclass(frozen=True)
+class Surface:
+    """An output over a grid of two inputs, the other inputs held.
+
+    Parameters
+    ----------
+    x_variable, y_variable, output : Variable
+        What lies along the axes, and what is shown.
+    x : (nx,), y : (ny,)
+        Grid points over the whole universes.
+    values : (ny, nx)
+        The output.
+    fixed : dict
+        The values of the inputs that are held.
+    """
+
+    x_variable: Variable
+    y_variable: Variable
+    output: Variable
+    x: Floats
+    y: Floats
+    values: Floats
+    fixed: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Where a variable is covered worst: the least of the highest memberships, and where it is."""
+
+    least: float
+    at: float
+
+
+@dataclass(frozen=True)
+class Distinguishability:
+    """How alike the terms of a variable are.
+
+    Parameters
+    ----------
+    similarity : (num_terms, num_terms)
+        Jaccard: the area under the lower of two functions over that under the higher. 1 on the diagonal;
+        above 0.7 or so two terms mean the same.
+    possibility : (num_terms, num_terms)
+        The highest point of the lower of two functions.
+    """
+
+    similarity: Floats
+    possibility: Floats
+
+
+@dataclass(frozen=True)
+class RuleUsage:
+    """How the rules of a system are used over some samples; arrays of shape (num_rules,).
+
+    Parameters
+    ----------
+    num_samples : int
+        How many.
+    fired : array
+        Fraction of the samples in which the rule fires at the threshold or more.
+    leading : array
+        Fraction of the samples in which no rule fires stronger, and this one above zero.
+    mean_strength, max_strength : array
+        Over all samples.
+    """
+
+    num_samples: int
+    fired: Floats
+    leading: Floats
+    mean_strength: Floats
+    max_strength: Floats
+
+
+def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Infer many samples of a valid system.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    inputs : (n, num_inputs)
+        A row a sample; clipped to the universes.
+
+    Returns
+    -------
+    (n, num_outputs)
+    """
+    return compile(system)(inputs)
+
+
+def firing(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Return how strongly each rule fires for each sample, before weights: (n, num_rules)."""
+    return compile(system).firing_strengths(inputs)
+
+
+def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
+    """Return samples that fill the box of a system's universes evenly, the same at each call.
+
+    The points of a Halton sequence (J. H. Halton, Numerische Mathematik 2, 1960) without its first, which
+    lies in a corner.
+
+    Returns
+    -------
+    (num_samples, num_inputs)
+    """
+    from scipy.stats import qmc  # noqa: PLC0415 - takes long to import, and few commands need it
+
+    sequence = qmc.Halton(len(system.inputs), scramble=False)
+    sequence.fast_forward(1)
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    samples: Floats = low + (high - low) * np.asarray(sequence.random(num_samples), dtype=np.float64)
+    return samples
+
+
+def surface(
+    system: FuzzySystem,
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    output: str | None = None,
+    num_points: int = 61,
+) -> Surface:
+    """Evaluate a system over a grid of two of its inputs.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems, with two inputs or more.
+    x, y : str, optional
+        The inputs along the axes; by default the first two that are free.
+    fixed : mapping, optional
+        Values of other inputs; those not given are held in the middle of their universe.
+    output : str, optional
+        Which output; by default the first.
+    num_points : int
+        Along each axis.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, two roles fall on one input, or there are fewer than two inputs.
+    """
+    held = dict(fixed or {})
+    names = [variable.name for variable in system.inputs]
+    x, y = _axes(system, x, y, held)
+    outputs = [variable.name for variable in system.outputs]
+    if output is not None and output not in outputs:
+        raise ValueError(f"system {system.name!r} has no output {output!r}; {nearest(output, outputs)}")
+    for variable in system.inputs:
+        if variable.name not in (x, y):
+            held.setdefault(variable.name, 0.5 * (variable.minimum + variable.maximum))
+    x_variable, y_variable = system.variable(x), system.variable(y)
+    x_points = np.linspace(x_variable.minimum, x_variable.maximum, num_points)
+    y_points = np.linspace(y_variable.minimum, y_variable.maximum, num_points)
+    columns = {x: np.tile(x_points, num_points), y: np.repeat(y_points, num_points)}
+    columns |= {name: np.full(num_points**2, float(value)) for name, value in held.items()}
+    values = evaluate(system, np.stack([columns[name] for name in names], axis=1))
+    place = 0 if output is None else outputs.index(output)
+    return Surface(
+        x_variable=x_variable,
+        y_variable=y_variable,
+        output=system.outputs[place],
+        x=x_points,
+        y=y_points,
+        values=values[:, place].reshape(num_points, num_points),
+        fixed=held,
+    )
+
+
+def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:
+    names = [variable.name for variable in system.inputs]
+    for name in (*held, *(axis for axis in (x, y) if axis is not None)):
+        if name not in names:
+            raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, names)}")
+    if x is not None and x == y:
+        raise ValueError(f"both axes are {x!r}; choose two different inputs")
+    for name in held:
+        if name in (x, y):
+            raise ValueError(f"input {name!r} is an axis and is held as well; drop one of the two")
+    free = [name for name in names if name not in held and name not in (x, y)]
+    chosen = [axis if axis is not None else (free.pop(0) if free else None) for axis in (x, y)]
+    if chosen[0] is None or chosen[1] is None:
+        raise ValueError(
+            f"a surface needs two free inputs; system {system.name!r} has {', '.join(names)}"
+            + (f" with {', '.join(held)} held" if held else "")
+            + ("; free one" if held else "; with one input, draw the output's curve (fis_tools plot)")
+        )
+    return chosen[0], chosen[1]
+
+
+def coverage(variable: Variable) -> Coverage:
+    """Find the value of a variable that belongs least to any of its terms.
+
+    A variable is covered where each of its values belongs to some term well, say by 0.5.
+    """
+    functions = sample_terms(variable)
+    points = _with_crossings(variable.universe, functions)
+    highest = np.max([np.interp(points, variable.universe, function) for function in functions], axis=0)
+    worst = int(np.argmin(highest))
+    return Coverage(float(highest[worst]), float(points[worst]))
+
+
+def distinguishability(variable: Variable) -> Distinguishability:
+    """Compare the terms of a variable with one another.
+
+    A term whose sampled membership is zero everywhere is like no other, itself included.
+    """
+    functions = sample_terms(variable)
+    points = _with_crossings(variable.universe, functions)
+    fine = np.stack([np.interp(points, variable.universe, function) for function in functions])
+    lower = np.minimum(fine[:, np.newaxis], fine)
+    higher = np.maximum(fine[:, np.newaxis], fine)
+    shared, joint = np.trapezoid(lower, points), np.trapezoid(higher, points)
+    similarity = np.divide(shared, joint, out=np.zeros_like(shared), where=joint > 0)
+    return Distinguishability(similarity, lower.max(axis=2))
+
+
+def _with_crossings(universe: Floats, functions: Floats) -> Floats:
+    """Add to a universe every point where two sampled functions cross between two of its points."""
+    crossings = [universe]
+    for index, function in enumerate(functions):
+        difference = functions[index + 1 :] - function
+        left, right = difference[:, :-1], difference[:, 1:]
+        pair, segment = np.nonzero(left * right < 0)
+        fraction = left[pair, segment] / (left[pair, segment] - right[pair, segment])
+        crossings.append(universe[segment] + fraction * (universe[segment + 1] - universe[segment]))
+    return np.unique(np.concatenate(crossings))
+
+
+def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:
+    """Summarise how rules fire over samples.
+
+    Parameters
+    ----------
+    strengths : (n, num_rules)
+        Firing strengths, a row a sample.
+    threshold : float
+        From which strength on a rule counts as fired.
+
+    Raises
+    ------
+    ValueError
+        If there are no samples.
+    """
+    if strengths.ndim != 2 or len(strengths) == 0:
+        raise ValueError(f"strengths have shape {strengths.shape}; pass a row a sample, at least one")
+    strongest = strengths.max(axis=1, keepdims=True)
+    return RuleUsage(
+        num_samples=len(strengths),
+        fired=np.mean(strengths >= threshold, axis=0),
+        leading=np.mean((strengths == strongest) & (strengths > 0), axis=0),
+        mean_strength=strengths.mean(axis=0),
+        max_strength=strengths.max(axis=0),
+    )

@@ -1,0 +1,345 @@
+"""What the outputs of a system can be while its inputs lie in a region: intervals, ranges, answers.
+
+An interval holds for every input of its box, and a question answered with no has been refuted on boxes that
+cover the region: both are proofs about the numbers that `fis_tools.engines.inference` computes. What is
+proved, and how, stands in docs/decisions/bounds.md.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.condition import Region, read_conditions, read_region
+from fis_tools.analysis.subdivision import Progress, Subdivision, subdivide
+from fis_tools.engines import interpreter, interval
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.validate import nearest
+from fis_tools.words.text import number, quantity
+
+Floats = NDArray[np.float64]
+
+#: Boxes that are looked at before giving up.
+NUM_BOXES = 200_000
+#: How near proved and attained ends are brought, as a fraction of the output's range.
+RANGE_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """All numbers from `low` to `high`."""
+
+    low: float
+    high: float
+
+    def __contains__(self, value: float) -> bool:
+        """Tell whether a number lies inside, or at an end."""
+        return self.low <= value <= self.high
+
+    @property
+    def width(self) -> float:
+        """From end to end."""
+        return self.high - self.low
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What became of a question about the outputs of a system over a region of inputs.
+
+    Parameters
+    ----------
+    question, region : str
+        As they were asked.
+    verdict : str
+        ``yes`` with an example, ``no`` where it is proved, else ``undecided``.
+    num_boxes : int
+        How many boxes were looked at.
+    example : dict, optional
+        Inputs, then outputs, by name, for which the answer is yes.
+    undecided : dict of Interval, optional
+        The largest box about which nothing is known, by the inputs' names.
+    undecided_share : float
+        The part of the region's box about which nothing is known.
+    """
+
+    question: str
+    region: str
+    verdict: Literal["yes", "no", "undecided"]
+    num_boxes: int
+    example: dict[str, float] | None = None
+    undecided: dict[str, Interval] | None = None
+    undecided_share: float = 0.0
+
+    @property
+    def sentence(self) -> str:
+        """The answer in words."""
+        while_region = f" while {self.region}" if self.region else ""
+        boxes = f"{self.num_boxes} box{'es' if self.num_boxes > 1 else ''}"
+        if self.example is not None:
+            values = ", ".join(f"{name} = {value:.9g}" for name, value in _rounded(self.example).items())
+            return f"{self.question}{while_region}: yes, for example at {values}."
+        if self.undecided is None:
+            return f"{self.question}{while_region}: no, proved with {boxes}."
+        low, high = (
+            _rounded({name: getattr(one, end) for name, one in self.undecided.items()})
+            for end in ("low", "high")
+        )
+        left = " and ".join(f"{name} from {number(low[name])} to {number(high[name])}" for name in low)
+        return (
+            f"{self.question}{while_region}: undecided after {boxes}; "
+            f"{100.0 * self.undecided_share:.3g} % of the region are left, the largest part with {left}."
+        )
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def _repr_markdown_(self) -> str:
+        question, answer = self.sentence.split(": ", 1)
+        return f"`{question}`: {answer}"
+
+
+@dataclass(frozen=True)
+class Range:
+    """Between which numbers an output lies over a region of inputs.
+
+    Parameters
+    ----------
+    output : Variable
+        Which output.
+    outer : Interval
+        Proved: no output lies outside.
+    inner : Interval
+        The least and the greatest output found; empty, from inf to -inf, where no input of the region was.
+    least_at, greatest_at : dict
+        The inputs of these two, by name; empty where there is none.
+    num_boxes : int
+        How many boxes were looked at.
+    """
+
+    output: Variable
+    outer: Interval
+    inner: Interval
+    least_at: dict[str, float]
+    greatest_at: dict[str, float]
+    num_boxes: int
+
+    @property
+    def sentence(self) -> str:
+        """The range in words."""
+        ends = [
+            f"{quantity(self.output, value)} is attained at "
+            + ", ".join(f"{name} = {number(at)}" for name, at in _rounded(inputs).items())
+            for value, inputs in (
+                (self.inner.low, self.least_at),
+                (self.inner.high, self.greatest_at),
+            )
+            if inputs
+        ] or ["no input that meets all conditions was found"]
+        outer = f"{number(self.outer.low)} to {quantity(self.output, self.outer.high)}"
+        proved = f"{self.output.name} goes from {outer} at most, proved with {self.num_boxes} boxes"
+        return "; ".join((proved, *ends)) + "."
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def _repr_markdown_(self) -> str:
+        return self.sentence
+
+
+def output_bounds(
+    system: FuzzySystem, box: Mapping[str, tuple[float, float]] | None = None
+) -> dict[str, Interval]:
+    """Bound every output of a system over a box of inputs, in one step.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    box : mapping, optional
+        From the names of inputs to their least and greatest value; others range over their universe.
+
+    Returns
+    -------
+    dict of Interval
+        By the output's name.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or an interval is empty.
+    fis_tools.engines.interval.NotBounded
+        If the system's outputs cannot be bounded.
+    """
+    low = np.array([[variable.minimum for variable in system.inputs]])
+    high = np.array([[variable.maximum for variable in system.inputs]])
+    names = [variable.name for variable in system.inputs]
+    for name, (least, greatest) in (box or {}).items():
+        if name not in names:
+            raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, names)}")
+        if not least <= greatest:
+            raise ValueError(f"[{least}, {greatest}] of input {name!r} is empty; give the lower end first")
+        low[0, names.index(name)], high[0, names.index(name)] = least, greatest
+    least_outputs, greatest_outputs, _ = interval.bound(interval.pack(system), low, high)
+    return {
+        output.name: Interval(float(least), float(greatest))
+        for output, least, greatest in zip(system.outputs, least_outputs[0], greatest_outputs[0], strict=True)
+    }
+
+
+def ask(
+    system: FuzzySystem,
+    question: str,
+    region: str = "",
+    *,
+    max_boxes: int = NUM_BOXES,
+    progress: Progress | None = None,
+) -> Answer:
+    """Answer whether the outputs can meet conditions while the inputs meet others.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    question : str
+        Conditions on outputs that are to hold together, as ``force_x > 0``, ``force_x in [-0.1, 0.1]``.
+    region : str
+        Conditions on inputs, as ``distance > 150, velocity_body_x - 0.001 distance <= 0.1``; those on several
+        inputs together are about values inside their universes.
+    max_boxes : int
+        How many boxes to look at before giving up.
+    progress : callable, optional
+        Called from time to time with the number of boxes looked at and of those that are open.
+
+    Raises
+    ------
+    ValueError
+        If a condition cannot be read, or no input can meet the region's.
+    fis_tools.engines.interval.NotBounded
+        If the system's outputs cannot be bounded.
+    """
+    names = [variable.name for variable in system.outputs]
+    asked = read_conditions(question, names)
+    coefficients = np.array([[one.coefficients.get(name, 0.0) for name in names] for one in asked])
+    lowest, highest = np.array([one.least for one in asked]), np.array([one.greatest for one in asked])
+    widths = np.abs(coefficients) @ [variable.maximum - variable.minimum for variable in system.outputs]
+
+    def promise(least: Floats, greatest: Floats) -> Floats:
+        """Return how far inside of all conditions the outputs may lie; negative where they cannot."""
+        low, high = _linear_bounds(coefficients, least, greatest)
+        return np.asarray((np.minimum(high - lowest, highest - low) / widths).min(axis=1))
+
+    where = read_region(system, region)
+    packed = interval.pack(system)
+    found = subdivide(packed, where, promise, floor=0.0, goal=0.0, max_boxes=max_boxes, progress=progress)
+    words = ", ".join(one.text for one in asked)
+    if found.best >= 0.0:
+        inputs = np.clip(found.best_inputs, where.asked_low, where.asked_high)
+        outputs = interpreter.evaluate(packed, inputs[np.newaxis])[0]
+        example = _named(system.inputs, inputs) | _named(system.outputs, outputs)
+        return Answer(words, where.text, "yes", found.num_boxes, example)
+    if not len(found.open_promises):
+        return Answer(words, where.text, "no", found.num_boxes)
+    sides = np.where(where.high > where.low, found.open_high - found.open_low, 1.0)
+    volumes = (sides / np.where(where.high > where.low, where.high - where.low, 1.0)).prod(axis=1)
+    largest = int(np.argmax(volumes))
+    box = {
+        variable.name: Interval(float(low), float(high))
+        for variable, low, high in zip(
+            system.inputs, found.open_low[largest], found.open_high[largest], strict=True
+        )
+    }
+    share = float(volumes.sum())
+    return Answer(words, where.text, "undecided", found.num_boxes, undecided=box, undecided_share=share)
+
+
+def output_ranges(
+    system: FuzzySystem,
+    region: str = "",
+    *,
+    max_boxes: int = NUM_BOXES,
+    tolerance: float = RANGE_TOLERANCE,
+    progress: Progress | None = None,
+) -> tuple[Range, ...]:
+    """Find between which numbers each output lies while the inputs lie in a region.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    region : str
+        Conditions on inputs, as for `ask`; empty for all inputs.
+    max_boxes : int
+        How many boxes to look at, for each end of each output.
+    tolerance : float
+        How near to bring the proved and the attained ends, as a fraction of the output's range.
+    progress : callable, optional
+        As for `ask`.
+
+    Raises
+    ------
+    ValueError
+        As `ask`.
+    fis_tools.engines.interval.NotBounded
+        As `ask`.
+    """
+    where = read_region(system, region)
+    packed = interval.pack(system)
+    ranges = []
+    for place, output in enumerate(system.outputs):
+        width = output.maximum - output.minimum
+        ends = []
+        for sign in (-1.0, 1.0):
+
+            def promise(least: Floats, greatest: Floats, place: int = place, sign: float = sign) -> Floats:
+                return greatest[:, place] if sign > 0.0 else -least[:, place]
+
+            found = subdivide(
+                packed, where, promise, tolerance=tolerance * width, max_boxes=max_boxes, progress=progress
+            )
+            if not len(found.open_promises) and found.best == -np.inf:
+                raise ValueError(f"no inputs meet all conditions of {region!r}; relax one of them")
+            ends.append(found)
+        ranges.append(_range(system, output, where, *ends))
+    return tuple(ranges)
+
+
+def _range(
+    system: FuzzySystem, output: Variable, where: Region, low: Subdivision, high: Subdivision
+) -> Range:
+    """Put together what the searches for the least and for the greatest value of an output found."""
+    attained = [
+        (value, _named(system.inputs, np.clip(found.best_inputs, where.asked_low, where.asked_high)))
+        for value, found in ((-low.best, low), (high.best, high))
+        if found.best > -np.inf
+    ]
+    least, least_at = attained[0] if attained else (np.inf, {})
+    greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
+    return Range(
+        output,
+        outer=Interval(-_most(low), _most(high)),
+        inner=Interval(least, greatest),
+        least_at=least_at,
+        greatest_at=greatest_at,
+        num_boxes=low.num_boxes + high.num_boxes,
+    )
+
+
+def _most(found: Subdivision) -> float:
+    return float(max(found.closed, found.open_promises.max(initial=-np.inf)))
+
+
+def _linear_bounds(coefficients: Floats, least: Floats, greatest: Floats) -> tuple[Floats, Floats]:
+    """Bound linear forms, (m, num_outputs), of bounded outputs, (n, num_outputs); return two of (n, m)."""
+    positive, negative = np.maximum(coefficients, 0.0).T, np.minimum(coefficients, 0.0).T
+    return least @ positive + greatest @ negative, greatest @ positive + least @ negative
+
+
+def _rounded(values: dict[str, float]) -> dict[str, float]:
+    """Take the least numbers above and below zero, which strict conditions lead to, for zero."""
+    return {name: value if abs(value) > 1e-300 else 0.0 for name, value in values.items()}
+
+
+def _named(variables: Sequence[Variable], values: Floats) -> dict[str, float]:
+    return {variable.name: float(value) for variable, value in zip(variables, values, strict=True)}

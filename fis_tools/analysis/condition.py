@@ -1,0 +1,238 @@
+"""Conditions on variables as a person writes them, and the region of inputs that they leave."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.model import FuzzySystem
+from fis_tools.model.validate import nearest
+
+Floats = NDArray[np.float64]
+
+GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+SEPARATORS = (",", "and")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """``least <= sum of coefficient times variable <= greatest``; a strict one starts at the next number.
+
+    Parameters
+    ----------
+    text : str
+        As it was written.
+    coefficients : dict
+        By the variable's name.
+    least, greatest : float
+        Infinite where there is no such limit.
+    """
+
+    text: str
+    coefficients: dict[str, float]
+    least: float
+    greatest: float
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is about one variable, as it is."""
+        return list(self.coefficients.values()) == [1.0]
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where inputs may lie: a box, and conditions on several inputs together.
+
+    Parameters
+    ----------
+    text : str
+        As it was written.
+    low, high : (num_inputs,)
+        The box, inside the universes.
+    asked_low, asked_high : (num_inputs,)
+        The box as it was asked for; inputs beyond their universe are taken as its end. Those that stand in
+        the other conditions stay inside: there it matters how far beyond they are.
+    coefficients : (m, num_inputs)
+        Of the other conditions, ``least <= coefficients @ inputs <= greatest``.
+    least, greatest : (m,)
+    """
+
+    text: str
+    low: Floats
+    high: Floats
+    asked_low: Floats
+    asked_high: Floats
+    coefficients: Floats
+    least: Floats
+    greatest: Floats
+
+    def may_meet(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
+        """Tell which boxes, given by their corners (n, num_inputs), may hold an input of the region."""
+        positive, negative = np.maximum(self.coefficients, 0.0).T, np.minimum(self.coefficients, 0.0).T
+        size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(self.coefficients).T
+        slack = 4 * float(np.finfo(np.float64).eps) * (low.shape[1] + 2) * size
+        reaches = high @ positive + low @ negative + slack >= self.least
+        begins = low @ positive + high @ negative - slack <= self.greatest
+        return np.asarray((reaches & begins).all(axis=1))
+
+    def holds(self, inputs: Floats) -> NDArray[np.bool_]:
+        """Tell which inputs of the box, (n, num_inputs), lie in the region."""
+        values = inputs @ self.coefficients.T
+        return np.asarray(((values >= self.least) & (values <= self.greatest)).all(axis=1))
+
+
+def read_region(system: FuzzySystem, text: str) -> Region:
+    """Read conditions on the inputs of a system.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        Whose inputs they are about.
+    text : str
+        As ``distance > 150, velocity_body_x - 0.001 distance <= 0.1``; empty for all that the universes hold.
+
+    Raises
+    ------
+    ValueError
+        If a condition cannot be read, none of the box's inputs can meet it, or values beyond the universe are
+        asked for of an input that stands in a condition on several.
+    """
+    names = [variable.name for variable in system.inputs]
+    conditions = read_conditions(text, names) if text.strip() else ()
+    asked_low, asked_high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for condition in conditions:
+        if condition.is_plain:
+            place = names.index(next(iter(condition.coefficients)))
+            asked_low[place] = max(asked_low[place], condition.least)
+            asked_high[place] = min(asked_high[place], condition.greatest)
+    for name, least, greatest in zip(names, asked_low, asked_high, strict=True):
+        if not least <= greatest:
+            raise ValueError(f"no {name!r} meets all conditions of {text!r}; relax one of them")
+    joint = [condition for condition in conditions if not condition.is_plain]
+    rows = [[condition.coefficients.get(name, 0.0) for name in names] for condition in joint]
+    universes = [(variable.minimum, variable.maximum) for variable in system.inputs]
+    for place, (minimum, maximum) in enumerate(universes):
+        if any(row[place] for row in rows):
+            asked_low[place] = max(asked_low[place], minimum)
+            asked_high[place] = min(asked_high[place], maximum)
+            if asked_low[place] > asked_high[place]:
+                raise ValueError(
+                    f"{names[place]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
+                    f"{text!r}, where conditions on several inputs do not reach; leave out one of them"
+                )
+    region = Region(
+        text=", ".join(condition.text for condition in conditions),
+        low=np.clip(asked_low, *np.transpose(universes)),
+        high=np.clip(asked_high, *np.transpose(universes)),
+        asked_low=asked_low,
+        asked_high=asked_high,
+        coefficients=np.array(rows).reshape(len(joint), len(names)),
+        least=np.array([condition.least for condition in joint]),
+        greatest=np.array([condition.greatest for condition in joint]),
+    )
+    if not region.may_meet(region.low[np.newaxis], region.high[np.newaxis])[0]:
+        raise ValueError(f"no inputs of the universes meet all conditions of {text!r}; relax one of them")
+    return region
+
+
+def read_conditions(text: str, names: Sequence[str]) -> tuple[Condition, ...]:
+    """Read conditions on variables.
+
+    Parameters
+    ----------
+    text : str
+        One condition, or several with commas between.
+    names : sequence of str
+        The variables that it can be about.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read; the message says where, and how conditions are written.
+    """
+    words = _words(text, names)
+    conditions = [_condition(words, names, text)]
+    while words:
+        if words.pop(0) not in SEPARATORS:
+            raise ValueError(f"after {conditions[-1].text!r} in {text!r} a comma is missing; {GRAMMAR}")
+        conditions.append(_condition(words, names, text))
+    return tuple(conditions)
+
+
+def _words(text: str, names: Sequence[str]) -> list[str]:
+    """Cut a text into names, numbers and signs."""
+    known = "|".join(re.escape(name) + r"(?!\w)" for name in sorted(names, key=len, reverse=True))
+    pattern = re.compile(rf"\s*({known}|{NUMBER}|<=|>=|≤|≥|[<>=+*,\[\]-]|\w+|\S)")
+    return [match.group(1) for match in pattern.finditer(text)]
+
+
+def _condition(words: list[str], names: Sequence[str], text: str) -> Condition:
+    """Take one condition from the front of the words."""
+    before = list(words)
+    coefficients = _linear_form(words, names, text)
+    relation = words.pop(0) if words else ""
+    match relation:
+        case ">":
+            least, greatest = float(np.nextafter(_number(words, text), np.inf)), np.inf
+        case "<":
+            least, greatest = -np.inf, float(np.nextafter(_number(words, text), -np.inf))
+        case ">=" | "≥":
+            least, greatest = _number(words, text), np.inf
+        case "<=" | "≤":
+            least, greatest = -np.inf, _number(words, text)
+        case "=":
+            least = greatest = _number(words, text)
+        case "in":
+            least, greatest = _interval(words, text)
+        case _:
+            raise ValueError(f"{relation or 'the end'!r} in {text!r} is not <, <=, >, >=, = or in; {GRAMMAR}")
+    said = " ".join(before[: len(before) - len(words)])
+    said = re.sub(r"(?<=\[) | (?=[],])", "", said)
+    said = re.sub(r"([<>=≤≥,[] ?[+-]) ", r"\1", said)
+    return Condition(said, coefficients, least, greatest)
+
+
+def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str, float]:
+    coefficients: dict[str, float] = {}
+    while True:
+        sign = 1.0
+        while words and words[0] in {"+", "-"}:
+            sign *= -1.0 if words.pop(0) == "-" else 1.0
+        if words and words[0] not in names and re.fullmatch(NUMBER, words[0]):
+            sign *= float(words.pop(0))
+            if words and words[0] == "*":
+                words.pop(0)
+        name = words.pop(0) if words else ""
+        if not re.match(r"\w", name) and name not in names:
+            raise ValueError(f"{name or 'the end'!r} in {text!r} stands where a variable should; {GRAMMAR}")
+        if name not in names:
+            raise ValueError(f"{name!r} in {text!r} is no variable; {nearest(name, names)}")
+        coefficients[name] = coefficients.get(name, 0.0) + sign
+        if not words or words[0] not in {"+", "-"}:
+            return coefficients
+
+
+def _number(words: list[str], text: str) -> float:
+    sign = 1.0
+    while words and words[0] in {"+", "-"}:
+        sign *= -1.0 if words.pop(0) == "-" else 1.0
+    word = words.pop(0) if words else ""
+    if not re.fullmatch(NUMBER, word) or not np.isfinite(float(word)):
+        raise ValueError(f"{word or 'the end'!r} in {text!r} stands where a number should; {GRAMMAR}")
+    return sign * float(word)
+
+
+def _interval(words: list[str], text: str) -> tuple[float, float]:
+    ends = []
+    for sign in ("[", ","):
+        if not words or words.pop(0) != sign:
+            raise ValueError(f"the interval in {text!r} cannot be read; {GRAMMAR}")
+        ends.append(_number(words, text))
+    if not words or words.pop(0) != "]":
+        raise ValueError(f"the interval in {text!r} does not end in ]; {GRAMMAR}")
+    if not ends[0] <= ends[1]:
+        raise ValueError(f"the interval in {text!r} is empty; give the lower end first")
+    return ends[0], ends[1]

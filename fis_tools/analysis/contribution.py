@@ -1,0 +1,84 @@
+"""What each rule contributes: the output less the output had the rule been silent."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiler import CompiledSystem
+
+Floats = NDArray[np.float64]
+
+#: Samples, each with one rule silenced, that are concluded at a time.
+BATCH = 4096
+
+
+def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
+    """Tell how far each rule moved each output, leaving out one rule at a time.
+
+    A rule contributes nothing where it does not fire, or where another one that concludes the same fires as
+    strongly. Contributions need not add up to the output: what two rules do together is lost with either.
+
+    Parameters
+    ----------
+    compiled : CompiledSystem
+        Made by `fis_tools.engines.compiler.compile`.
+    inputs : (n, num_inputs)
+        A row a sample.
+
+    Returns
+    -------
+    (n, num_rules, num_outputs)
+        In units of the outputs. Where no other rule fires it is the output less its default; NaN if there is
+        none.
+    """
+    firing = compiled.firing_strengths(inputs)
+    outputs = compiled.conclude(firing)
+    samples, rules = np.nonzero(_can_matter(compiled, firing))
+    result = np.zeros((*firing.shape, outputs.shape[1]))
+    for first in range(0, len(samples), BATCH):
+        sample, rule = samples[first : first + BATCH], rules[first : first + BATCH]
+        silenced = firing[sample]
+        silenced[np.arange(len(sample)), rule] = 0.0
+        result[sample, rule] = outputs[sample] - compiled.conclude(silenced)
+    return result
+
+
+def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
+    """Tell which firing rules cut some output term highest; where strengths add up all of them do."""
+    matters = np.zeros(firing.shape, dtype=np.bool_)
+    for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
+        cuts = firing[:, conclusion.rules] * conclusion.weights
+        for first, last in zip(conclusion.bounds[:-1], conclusion.bounds[1:], strict=True):
+            rules, heights = conclusion.rules[first:last], cuts[:, first:last]
+            is_highest = heights == heights.max(axis=1, keepdims=True)
+            matters[:, rules] |= is_highest if output.accumulation == "max" else heights > 0.0
+    return matters & (firing > 0.0)
+
+
+def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
+    """Tell how much each rule matters over some samples.
+
+    Parameters
+    ----------
+    compiled : CompiledSystem
+        Made by `fis_tools.engines.compiler.compile`.
+    inputs : (n, num_inputs)
+        A row a sample, at least one.
+
+    Returns
+    -------
+    (num_rules, num_outputs)
+        The mean size of the contributions, as a share of the output's range. Samples without an output for
+        want of a default are left out.
+
+    Raises
+    ------
+    ValueError
+        If there are no samples.
+    """
+    moved = np.abs(contributions(compiled, inputs))
+    if len(moved) == 0:
+        raise ValueError("there are no samples; pass at least one row of inputs")
+    counts = np.count_nonzero(~np.isnan(moved), axis=0)
+    ranges = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
+    shares: Floats = np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
+    return shares

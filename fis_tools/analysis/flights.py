@@ -1,0 +1,186 @@
+"""Fuzzy systems along logged flights: the one file of this package that reads recordings."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.arrays import FIRED, RuleUsage, rule_usage
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.validate import ControllerFileError
+from telemetry.file import reader
+
+Floats = NDArray[np.float64]
+
+CONTROLLER_ATTACHMENT = "controller.json"
+TOPIC_PREFIX = "/fis/"
+
+
+@dataclass(frozen=True)
+class FlownSystem:
+    """What one fuzzy system did along one flight, an inference a row.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        As the flight carries it along.
+    time_s : (n,)
+        When inference decided the force.
+    inputs : (n, num_inputs)
+        Before they are clipped to the universes.
+    firing_strengths : (n, num_rules)
+        As logged, in single precision.
+    output : (n,)
+        As logged.
+    """
+
+    system: FuzzySystem
+    time_s: Floats
+    inputs: Floats
+    firing_strengths: Floats
+    output: Floats
+
+
+def is_flight(path: Path | str) -> bool:
+    """Tell by its name whether a file is a logged flight."""
+    return Path(path).suffix.lower() == ".mcap"
+
+
+def read_controller(path: Path | str) -> FuzzyController:
+    """Read the controller that a logged flight carries along.
+
+    Raises
+    ------
+    ControllerFileError
+        If the flight cannot be read, or was not flown by a fuzzy controller.
+    """
+    return _controller_of(_read(path, topics=()))
+
+
+def read_flight(path: Path | str) -> tuple[FlownSystem, ...]:
+    """Read what each fuzzy system of a flight's controller did, in the controller's order.
+
+    Raises
+    ------
+    ControllerFileError
+        If the flight cannot be read, or its log does not fit the controller it carries.
+    """
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*",))
+    return tuple(_flown(recording, system) for system in _controller_of(recording).systems)
+
+
+def span_of_inference(flown_systems: Iterable[FlownSystem]) -> tuple[float, float] | None:
+    """Return from when until when the inferences of a flight hold, in seconds; None where there are none.
+
+    Each holds until the next; the last is taken to hold for as long as the one before it did.
+    """
+    times = np.unique(np.concatenate([np.empty(0), *(flown.time_s for flown in flown_systems)]))
+    if not len(times):
+        return None
+    hold = times[-1] - times[-2] if len(times) > 1 else 0.0
+    return float(times[0]), float(times[-1] + hold)
+
+
+def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[str, RuleUsage]:
+    """Summarise how the rules of a controller fired along one flight or several.
+
+    Parameters
+    ----------
+    paths : iterable of paths
+        Flights of the same controller.
+    threshold : float
+        From which strength on a rule counts as fired.
+
+    Returns
+    -------
+    dict
+        By the system's name; a system that never decided anything is missing.
+
+    Raises
+    ------
+    ControllerFileError
+        If a flight cannot be read, or the flights carry different rules.
+    """
+    gathered = _gather(paths, "firing_strengths")
+    return {name: rule_usage(rows, threshold) for name, rows in gathered.items() if len(rows)}
+
+
+def inputs_along(paths: Iterable[Path | str]) -> dict[str, Floats]:
+    """Return what the systems of a controller sensed along one flight or several.
+
+    Parameters
+    ----------
+    paths : iterable of paths
+        Flights of the same controller.
+
+    Returns
+    -------
+    dict
+        By the system's name, (n, num_inputs), before values are clipped to the universes.
+
+    Raises
+    ------
+    ControllerFileError
+        If a flight cannot be read, or the flights carry different rules.
+    """
+    return _gather(paths, "inputs")
+
+
+def _gather(paths: Iterable[Path | str], column: str) -> dict[str, Floats]:
+    rows: dict[str, list[Floats]] = {}
+    systems: dict[str, FuzzySystem] = {}
+    for path in paths:
+        for flown in read_flight(path):
+            name = flown.system.name
+            if systems.setdefault(name, flown.system) != flown.system:
+                raise ControllerFileError(
+                    f"{path} was flown with another system {name!r} than the flights before it; look at "
+                    "flights of one controller at a time"
+                )
+            rows.setdefault(name, []).append(getattr(flown, column))
+    return {name: np.concatenate(parts) for name, parts in rows.items()}
+
+
+def _read(path: Path | str, topics: tuple[str, ...]) -> reader.Recording:
+    try:
+        return reader.read(path, topics)
+    except reader.RecordingError as error:
+        raise ControllerFileError(str(error)) from error
+
+
+def _controller_of(recording: reader.Recording) -> FuzzyController:
+    content = recording.attachments.get(CONTROLLER_ATTACHMENT)
+    if content is None:
+        raise ControllerFileError(
+            f"{recording.path} carries no {CONTROLLER_ATTACHMENT}; give the controller's file instead"
+        )
+    try:
+        return serialize.loads(content.decode("utf-8"), "json")
+    except (ControllerFileError, UnicodeDecodeError) as error:
+        raise ControllerFileError(f"{recording.path}, {CONTROLLER_ATTACHMENT}: {error}") from error
+
+
+def _flown(recording: reader.Recording, system: FuzzySystem) -> FlownSystem:
+    topic = TOPIC_PREFIX + system.name
+    if topic not in recording.topics:
+        raise ControllerFileError(
+            f"{recording.path} has no topic {topic}, but its controller has a system {system.name!r}; log "
+            "the flight again"
+        )
+    messages = recording.topics[topic]
+    count = len(messages)
+    widths = {"inputs": len(system.inputs), "firing_strengths": len(system.rules)}
+    columns = {}
+    for field, width in widths.items():
+        values = np.asarray(messages[field], dtype=np.float64)
+        if count and values.shape != (count, width):
+            raise ControllerFileError(
+                f"{recording.path}: {topic} holds {values.shape[-1]} {field}, but its controller's system "
+                f"has {width}; the log and the controller are not of one flight"
+            )
+        columns[field] = values.reshape(count, width)
+    output = np.asarray(messages["output_n"], dtype=np.float64)
+    return FlownSystem(system, messages.time_s, columns["inputs"], columns["firing_strengths"], output)

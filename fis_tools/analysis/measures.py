@@ -1,0 +1,456 @@
+"""Indices of a fuzzy system: how complete, how complex, and how far its words still mean what they say.
+
+Each index is given with the formula that is used, because papers leave cases open. Areas and crossings are
+exact for memberships that are linear between the points of their universe.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis import arrays
+from fis_tools.analysis.arrays import Coverage, coverage
+from fis_tools.engines.inference import infer
+from fis_tools.model import (
+    And,
+    Expression,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Not,
+    Or,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+    conjunctions,
+)
+from fis_tools.model.membership import sample, sample_terms
+
+Floats = NDArray[np.float64]
+
+#: A grid of more points than this is replaced by samples.
+MOST_POINTS = 50_000
+#: Half-width of a Gaussian at half its height, in standard deviations.
+HALF_HEIGHT = float(np.sqrt(2.0 * np.log(2.0)))
+
+
+@dataclass(frozen=True)
+class Complexity:
+    """How much there is to read.
+
+    Parameters
+    ----------
+    rules, premises : int
+        Rules, and the statements ``variable is term`` in all their antecedents.
+    input_terms, output_terms : int
+        Words.
+    """
+
+    rules: int
+    premises: int
+    input_terms: int
+    output_terms: int
+
+
+@dataclass(frozen=True)
+class Nauck:
+    """Nauck's index of a rule base; every number lies in [0, 1], and higher is easier to read.
+
+    Parameters
+    ----------
+    complexity : float
+        Output terms over premises of all rules.
+    coverage : float
+        How nearly the memberships of an input sum to one, mean over its universe and over the inputs.
+    partition : float
+        1 / (terms - 1), mean over the inputs.
+    """
+
+    complexity: float
+    coverage: float
+    partition: float
+
+    @property
+    def index(self) -> float:
+        """The product of the three."""
+        return self.complexity * self.coverage * self.partition
+
+
+@dataclass(frozen=True)
+class Completeness:
+    """Where the rules of a system know least: the least of the strongest firings, and where it is.
+
+    Parameters
+    ----------
+    least : float
+        0 where no rule fires at all.
+    at : (num_inputs,)
+        An input at which it is so.
+    is_exact : bool
+        Whether `least` holds for the whole box of the universes, or is only the least of samples of it.
+    """
+
+    least: float
+    at: Floats
+    is_exact: bool
+
+
+@dataclass(frozen=True)
+class Integrity:
+    """How near the terms of a variable are to an even partition; arrays of shape (num_terms,), 1 is equal.
+
+    Parameters
+    ----------
+    displacement : array
+        1 less the way that the centre has moved, in halves of the spacing; 0 from there on.
+    symmetry : array
+        How near the left half-width is to the right one.
+    area : array
+        How near the area is to that of the even term.
+    """
+
+    displacement: Floats
+    symmetry: Floats
+    area: Floats
+
+    @property
+    def gm3m(self) -> float:
+        """The geometric mean of the worst of the three."""
+        return float(np.cbrt(self.displacement.min() * self.symmetry.min() * self.area.min()))
+
+
+@dataclass(frozen=True)
+class RuleMeaning:
+    """Whether the system does what each rule says, where the rule holds most.
+
+    Parameters
+    ----------
+    points : (num_rules, num_inputs)
+        An input at which the rule fires most strongly; of several, the one where the answer suits it best.
+    outputs : (num_rules, num_outputs)
+        What the whole system answers there.
+    alone : (num_rules, num_outputs)
+        What the rule would answer there if it were the only one; NaN for an output it says nothing on.
+    values : (num_rules,)
+        From 0 (the answer is nothing like the consequent) to 1 (it is as much like it as the rule's own).
+    """
+
+    points: Floats
+    outputs: Floats
+    alone: Floats
+    values: Floats
+
+    @property
+    def index(self) -> float:
+        """The least of all rules."""
+        return float(self.values.min())
+
+
+@dataclass(frozen=True)
+class Measures:
+    """All indices of one system.
+
+    Parameters
+    ----------
+    complexity : Complexity
+    nauck : Nauck
+    coverage : dict of str to Coverage
+        By variable.
+    completeness : Completeness
+    integrity : dict of str to Integrity
+        By variable; those of a single term are left out.
+    rule_meaning : RuleMeaning
+    """
+
+    complexity: Complexity
+    nauck: Nauck
+    coverage: dict[str, Coverage]
+    completeness: Completeness
+    integrity: dict[str, Integrity]
+    rule_meaning: RuleMeaning
+
+    @property
+    def gm3m(self) -> float:
+        """GM3M of the whole system: the geometric mean of the worst of the three over all its terms."""
+        if not self.integrity:
+            return 1.0
+        parts = [(i.displacement.min(), i.symmetry.min(), i.area.min()) for i in self.integrity.values()]
+        return float(np.cbrt(np.prod(np.min(parts, axis=0))))
+
+
+def measure(system: FuzzySystem) -> Measures:
+    """Take every index of a system without problems."""
+    variables = (*system.inputs, *system.outputs)
+    return Measures(
+        complexity=complexity(system),
+        nauck=nauck(system),
+        coverage={variable.name: coverage(variable) for variable in variables},
+        completeness=completeness(system),
+        integrity={v.name: integrity(v) for v in variables if len(v.terms) > 1},
+        rule_meaning=rule_meaning(system),
+    )
+
+
+def statements(expression: Expression) -> Iterator[Is]:
+    """Yield the statements of an antecedent, from left to right."""
+    match expression:
+        case Is():
+            yield expression
+        case Not(operand):
+            yield from statements(operand)
+        case And(operands) | Or(operands):
+            for operand in operands:
+                yield from statements(operand)
+
+
+def complexity(system: FuzzySystem) -> Complexity:
+    """Count rules, premises and words."""
+    return Complexity(
+        rules=len(system.rules),
+        premises=sum(1 for rule in system.rules for _ in statements(rule.antecedent)),
+        input_terms=sum(len(variable.terms) for variable in system.inputs),
+        output_terms=sum(len(variable.terms) for variable in system.outputs),
+    )
+
+
+def nauck(system: FuzzySystem) -> Nauck:
+    """Return Nauck's index.
+
+    ``complexity = m / sum_r n_r`` with m output terms (the classes of a classifier) and n_r premises of rule
+    r; ``coverage = mean_i mean_x c_i(x)`` with ``c = h`` where the memberships of input i sum to ``h <= 1``,
+    and ``c = (p - h) / (p - 1)`` above, for p terms; ``partition = mean_i 1 / (p_i - 1)``, 1 for one term.
+
+    Source: D. Nauck, Measuring interpretability in rule-based classification systems, FUZZ-IEEE 2003.
+    """
+    counted = complexity(system)
+    return Nauck(
+        complexity=min(1.0, counted.output_terms / counted.premises),
+        coverage=float(np.mean([_evenness(variable) for variable in system.inputs])),
+        partition=float(np.mean([1.0 / max(1, len(variable.terms) - 1) for variable in system.inputs])),
+    )
+
+
+def _evenness(variable: Variable) -> float:
+    x = variable.universe
+    total = sample_terms(variable).sum(axis=0)
+    above = total - 1.0
+    left, right = above[:-1], above[1:]
+    crossed = np.flatnonzero(left * right < 0)
+    crossings = x[crossed] + left[crossed] / (left[crossed] - right[crossed]) * np.diff(x)[crossed]
+    points = np.union1d(x, crossings)
+    h = np.interp(points, x, total)
+    num_terms = max(2, len(variable.terms))
+    covered = np.where(h <= 1.0, h, (num_terms - h) / (num_terms - 1))
+    return float(np.trapezoid(covered, points) / (x[-1] - x[0]))
+
+
+def centre(variable: Variable, term: Term) -> float:
+    """Return where a term is most itself: its peak, or the middle of its top.
+
+    Of a shape without a stated peak it is the middle between the first and the last of its highest points.
+    """
+    match term.membership:
+        case Gaussian(mean, _):
+            return mean
+        case Triangular(_, peak, _):
+            return peak
+        case Trapezoidal(_, left_top, right_top, _):
+            return 0.5 * (left_top + right_top)
+        case _:
+            values = sample(variable, term)
+            highest = np.flatnonzero(values == values.max())
+            return float(0.5 * (variable.universe[highest[0]] + variable.universe[highest[-1]]))
+
+
+def half_widths(variable: Variable, term: Term) -> tuple[float, float]:
+    """Return how far a term reaches to either side of its centre, down to half its height."""
+    match term.membership:
+        case Gaussian(_, standard_deviation):
+            return HALF_HEIGHT * standard_deviation, HALF_HEIGHT * standard_deviation
+        case Triangular(left, peak, right):
+            return 0.5 * (peak - left), 0.5 * (right - peak)
+        case Trapezoidal(left, left_top, right_top, right):
+            middle = 0.5 * (left_top + right_top)
+            return middle - 0.5 * (left + left_top), 0.5 * (right_top + right) - middle
+        case _:
+            here, x, y = centre(variable, term), variable.universe, sample(variable, term)
+            return here - _falls_to_half(x[::-1], y[::-1], here), _falls_to_half(x, y, here) - here
+
+
+def _falls_to_half(x: Floats, y: Floats, start: float) -> float:
+    """Return where a function first falls to half its height beyond `start`, along x, or where x ends."""
+    half, forwards = 0.5 * y.max(), np.sign(x[-1] - x[0])
+    low = np.flatnonzero((forwards * (x - start) > 0) & (y <= half))
+    if not len(low):
+        return float(x[-1])
+    i = low[0]
+    if i == 0 or y[i - 1] <= half:
+        return float(x[i])
+    return float(x[i - 1] + (x[i] - x[i - 1]) * (y[i - 1] - half) / (y[i - 1] - y[i]))
+
+
+def integrity(variable: Variable) -> Integrity:
+    """Compare the terms of a variable with the even partition of its universe, term by term in their order.
+
+    The even partition has triangles with peaks evenly spaced from end to end, each falling to zero where its
+    neighbour peaks. It stands for the first meaning of the words, which a tuned controller does not record.
+    With centre c, spacing s, half-widths l and r, area A inside the universe, and a hat for the even term:
+    ``displacement = max(0, 1 - |c - ĉ| / (s / 2))``, ``symmetry = min(l, r) / max(l, r)`` (1 for the outer
+    terms, of which one side lies outside) and ``area = min(A, Â) / max(A, Â)``; GM3M is the geometric mean of
+    the least of each. Half-widths are taken at half height, which any shape has; of a triangle they are to
+    one another as its feet are.
+
+    Source: M. J. Gacto, R. Alcalá, F. Herrera, IEEE Transactions on Fuzzy Systems 18 (2010) 515-531. There
+    the comparison is with the triangles before tuning, whose ``l / r`` is 1 here, and the way of a centre is
+    measured by the most that tuning may move it.
+
+    Raises
+    ------
+    ValueError
+        If the variable has a single term, which no partition has.
+    """
+    num_terms = len(variable.terms)
+    if num_terms < 2:
+        raise ValueError(f"variable {variable.name!r} has one term; compare those with two or more")
+    even = np.linspace(variable.minimum, variable.maximum, num_terms)
+    spacing = even[1] - even[0]
+    centres = np.array([centre(variable, term) for term in variable.terms])
+    areas = np.trapezoid(sample_terms(variable), variable.universe)
+    even_areas = np.full(num_terms, spacing)
+    even_areas[[0, -1]] = 0.5 * spacing
+    widths = np.array([half_widths(variable, term) for term in variable.terms])
+    narrow, wide = widths.min(axis=1), widths.max(axis=1)
+    symmetry = np.divide(narrow, wide, out=np.ones(num_terms), where=wide > 0)
+    symmetry[[0, -1]] = 1.0
+    return Integrity(
+        displacement=np.maximum(0.0, 1.0 - np.abs(centres - even) / (0.5 * spacing)),
+        symmetry=np.clip(symmetry, 0.0, 1.0),
+        area=np.minimum(areas, even_areas) / np.maximum(areas, even_areas),
+    )
+
+
+def rule_meaning(system: FuzzySystem) -> RuleMeaning:
+    """Ask the whole system where each rule holds most, and compare the answer with the rule's consequent.
+
+    A rule holds most at one or several points of a grid: the centres of each input's terms, and where the
+    input is covered least, which suits rules that do not ask for it. At each such point y is what the system
+    answers and y₁ what this rule alone would; ``min(1, mu(y) / mu(y₁))`` with mu the membership of its
+    consequent tells how much it is meant. The least over its consequents counts, and of several points the
+    one that suits it best. Dividing by ``mu(y₁)`` is for terms at the ends of a range, whose centre of area
+    is not where they are highest.
+
+    Source: the rule meaning index (RMI) of M. Galende, M. J. Gacto, G. Sainz, R. Alcalá, Information Sciences
+    282 (2014) 190-213: the worst rule counts, and a rule counts by the answer of the whole system in the core
+    of its antecedent. How answer and consequent are compared is as above, and may differ from theirs.
+    """
+    grid = _grid([_landmarks(variable) for variable in system.inputs])
+    if grid is None:
+        grid = arrays.spread_inputs(system)
+    strengths = arrays.firing(system, grid)
+    answers = arrays.evaluate(system, grid)
+    points, outputs, alone, values = [], [], [], []
+    for number in range(len(system.rules)):
+        firing = strengths[:, number]
+        places = np.flatnonzero(firing >= firing.max() - 1e-9)
+        own = _alone(system, number, grid[places[0]])
+        meant = _meanings(system, number, answers[places], own)
+        best = int(np.argmax(meant))
+        points.append(grid[places[best]])
+        outputs.append(answers[places[best]])
+        alone.append(own)
+        values.append(meant[best] if firing.max() > 0 else 0.0)
+    return RuleMeaning(np.array(points), np.array(outputs), np.array(alone), np.array(values))
+
+
+def _landmarks(variable: Variable) -> Floats:
+    """Return where its terms hold most, and where all of them together hold least."""
+    centres = [centre(variable, term) for term in variable.terms]
+    return np.unique(np.clip([*centres, coverage(variable).at], variable.minimum, variable.maximum))
+
+
+def _grid(axes: list[Floats]) -> Floats | None:
+    """Return every combination of the values of some axes, (n, num_axes); None for too many."""
+    if prod(len(axis) for axis in axes) > MOST_POINTS:
+        return None
+    return np.array(list(product(*axes)), dtype=np.float64)
+
+
+def _alone(system: FuzzySystem, number: int, point: Floats) -> Floats:
+    rule = system.rules[number]
+    told = [consequent.variable for consequent in rule.consequents]
+    values = infer(replace(system, rules=(rule,)), point).values
+    return np.where([variable.name in told for variable in system.outputs], values, np.nan)
+
+
+def _meanings(system: FuzzySystem, number: int, answers: Floats, own: Floats) -> Floats:
+    """Return how much answers (n, num_outputs) are like what a rule concludes, shape (n,)."""
+    meant = np.ones(len(answers))
+    names = [variable.name for variable in system.outputs]
+    for consequent in system.rules[number].consequents:
+        place = names.index(consequent.variable)
+        variable = system.outputs[place]
+        function = sample(variable, variable.terms[variable.term_index(consequent.term)])
+        like, most = (np.interp(y, variable.universe, function) for y in (answers[:, place], own[place]))
+        meant = np.minimum(meant, like / most if most > 0 else like)
+    return meant
+
+
+def completeness(system: FuzzySystem) -> Completeness:
+    """Find the input at which the strongest rule is weakest.
+
+    Where every combination of terms has its rule, the strongest rule joins the highest memberships of the
+    inputs, and is weakest where each input is covered worst. For any rules of min, max and not it is weakest
+    on the grid of the points where a membership turns or two cross (each with complements), because between
+    these points the memberships of one input only rise or only fall, and keep their order. Both are exact.
+    For other rules samples are taken as well, for too many points instead; what they find is exact only if it
+    is 0.
+    """
+    if _has_every_combination(system):
+        place = np.array([coverage(variable).at for variable in system.inputs])
+        return Completeness(float(arrays.firing(system, place[np.newaxis]).max()), place, True)
+    grid = _grid([_turning_points(variable) for variable in system.inputs])
+    is_exact = grid is not None and _is_by_order(system)
+    tried = [] if grid is None else [grid]
+    points = np.concatenate(tried if is_exact else [*tried, arrays.spread_inputs(system)])
+    strongest = arrays.firing(system, points).max(axis=1)
+    worst = int(np.argmin(strongest))
+    least = float(strongest[worst])
+    return Completeness(least, points[worst], is_exact or least == 0.0)
+
+
+def _is_by_order(system: FuzzySystem) -> bool:
+    return all(
+        system.and_operator_of(rule) == "min" and system.or_operator_of(rule) == "max"
+        for rule in system.rules
+    )
+
+
+def _has_every_combination(system: FuzzySystem) -> bool:
+    found = conjunctions(system)
+    if found is None or np.any(found[0] < 0):
+        return False
+    return len(np.unique(found[0], axis=0)) == prod(len(variable.terms) for variable in system.inputs)
+
+
+def _turning_points(variable: Variable) -> Floats:
+    """Return the ends of a universe, and where terms or their complements turn or cross in between."""
+    x = variable.universe
+    terms = sample_terms(variable)
+    functions = np.concatenate([terms, 1.0 - terms])
+    turns = np.sign(np.diff(terms))
+    found = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)]]
+    for index, function in enumerate(functions):
+        difference = functions[index + 1 :] - function
+        left, right = difference[:, :-1], difference[:, 1:]
+        pair, segment = np.nonzero(left * right < 0)
+        fraction = left[pair, segment] / (left[pair, segment] - right[pair, segment])
+        found.append(x[segment] + fraction * (x[segment + 1] - x[segment]))
+        equal = np.pad(difference == 0.0, ((0, 0), (1, 1)), constant_values=True)
+        parting = equal[:, 1:-1] & ~(equal[:, :-2] & equal[:, 2:])
+        found.append(x[np.any(parting, axis=0)])
+    return np.unique(np.concatenate(found))

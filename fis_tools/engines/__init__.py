@@ -1,0 +1,1 @@
+"""Inference: the plain definition, the compiled engines, and inference with intervals."""

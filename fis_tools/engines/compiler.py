@@ -1,0 +1,205 @@
+"""Fuzzy systems as functions of whole arrays: ``compile(system)`` and then arrays in, arrays out.
+
+What comes out is what scikit-fuzzy's ``ControlSystemSimulation.compute()`` gives sample by sample, but for
+three things. NaN is refused; scikit-fuzzy takes it for "does not matter". Where no rule fires an output has
+its default; scikit-fuzzy then gives no output, a stale one, or, for the defuzzifiers of the maximum, some
+point of the universe. Memberships below `fis_tools.model.membership.SMALLEST_MEMBERSHIP` are zero.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fis_tools.engines import interpreter, kernel
+from fis_tools.engines.kernel import NotCompilable, Packed
+from fis_tools.engines.program import Program, assemble
+from fis_tools.model import FuzzySystem
+from fis_tools.model.membership import sample_terms
+from fis_tools.model.validate import nearest, validate
+
+Floats = NDArray[np.float64]
+
+#: A thread of its own is worth its while from this many samples on.
+SAMPLES_A_THREAD = 10_000
+
+#: What the kernel is trusted with: how far memberships go from point to point, and what each term reaches.
+STEEPEST = 0.25
+LOWEST_PEAK = 0.5
+
+
+@dataclass(frozen=True, repr=False)
+class CompiledSystem:
+    """A fuzzy system that evaluates whole arrays; made by `compile`.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        What was compiled.
+    program : Program
+        The system as numbers.
+    packed : Packed or None
+        The same for `fis_tools.engines.kernel`, where that covers the system: faster, equal to 1e-13 of the
+        range.
+    threads : int
+        How many share a large batch; their number changes no result.
+    """
+
+    system: FuzzySystem
+    program: Program
+    packed: Packed | None
+    threads: int
+
+    @overload
+    def __call__(self, inputs: Mapping[str, ArrayLike]) -> dict[str, Floats]: ...
+    @overload
+    def __call__(self, inputs: Floats) -> Floats: ...
+    def __call__(self, inputs: Floats | Mapping[str, ArrayLike]) -> Floats | dict[str, Floats]:
+        """Infer many samples.
+
+        Parameters
+        ----------
+        inputs : (n, num_inputs) array, or mapping of names to arrays or numbers
+            A row a sample, in the order of the system's inputs; or each input by its name, of shapes that
+            broadcast. Values out of range are clipped to the universes.
+
+        Returns
+        -------
+        (n, num_outputs) array, or dict of names to arrays
+            As the inputs came.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, an input is missing or unknown, or a value is NaN.
+        """
+        if not isinstance(inputs, Mapping):
+            return self._infer(self._rows(inputs))
+        names = [variable.name for variable in self.system.inputs]
+        for name in inputs:
+            if name not in names:
+                raise ValueError(f"system {self.system.name!r} has no input {name!r}; {nearest(name, names)}")
+        for name in names:
+            if name not in inputs:
+                raise ValueError(f"input {name!r} is missing; pass {', '.join(names)}")
+        columns = np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in names))
+        rows = np.stack([column.ravel() for column in columns], axis=1)
+        outputs = self._infer(self._rows(rows)).T.reshape(-1, *columns[0].shape)
+        return {variable.name: column for variable, column in zip(self.system.outputs, outputs, strict=True)}
+
+    def firing_strengths(self, inputs: Floats) -> Floats:
+        """Return how far each rule's antecedent holds, before weights: (n, num_rules), in the rules' order.
+
+        Takes and raises what a call with an array does.
+        """
+        return interpreter.fire(self.program, self._rows(inputs))
+
+    def conclude(self, firing: Floats) -> Floats:
+        """Return the outputs, (n, num_outputs), for given firing strengths, (n, num_rules).
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a strength is NaN.
+        """
+        strengths = np.ascontiguousarray(firing, dtype=np.float64)
+        if strengths.ndim != 2 or strengths.shape[1] != self.program.num_rules:
+            raise ValueError(
+                f"firing strengths have shape {strengths.shape}; pass (n, {self.program.num_rules}), one for "
+                "each rule"
+            )
+        if np.isnan(strengths).any():
+            raise ValueError("a firing strength is NaN; pass numbers from 0 to 1")
+        return self._shared(lambda part: interpreter.conclude(self.program, part), strengths)
+
+    def _infer(self, rows: Floats) -> Floats:
+        packed = self.packed
+        if packed is None:
+            return self._shared(lambda part: interpreter.evaluate(self.program, part), rows)
+        return self._shared(lambda part: kernel.evaluate(packed, part)[:, np.newaxis], rows)
+
+    def _shared(self, work: Callable[[Floats], Floats], rows: Floats) -> Floats:
+        """Do some work on rows that do not depend on one another, in threads if there are very many."""
+        threads = min(self.threads, len(rows) // SAMPLES_A_THREAD)
+        if threads < 2:
+            return work(rows)
+        with ThreadPoolExecutor(threads) as pool:
+            return np.concatenate(list(pool.map(work, np.array_split(rows, threads))))
+
+    def _rows(self, inputs: Floats) -> Floats:
+        rows = np.ascontiguousarray(inputs, dtype=np.float64)
+        variables = self.system.inputs
+        if rows.ndim != 2 or rows.shape[1] != len(variables):
+            names = ", ".join(variable.name for variable in variables)
+            raise ValueError(
+                f"inputs have shape {rows.shape}; pass (n, {len(variables)}), a row a sample: {names}"
+            )
+        if np.isfinite(rows).all():
+            return rows
+        if np.isnan(rows).any():
+            raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
+        return np.clip(rows, [v.minimum for v in variables], [v.maximum for v in variables])
+
+    def __repr__(self) -> str:
+        names = [", ".join(v.name for v in side) for side in (self.system.inputs, self.system.outputs)]
+        return f"<compiled {self.system.name!r}: {self.program.num_rules} rules, {' -> '.join(names)}>"
+
+
+def compile(
+    system: object, *, defaults: Mapping[str, float] | None = None, threads: int | None = None
+) -> CompiledSystem:
+    """Turn a fuzzy system into a function of whole arrays.
+
+    Parameters
+    ----------
+    system : FuzzySystem, or scikit-fuzzy's ControlSystem or ControlSystemSimulation
+        What to compile. It is read once: later changes of a control system have no effect.
+    defaults : mapping, optional
+        For a control system: an output's value when no rule fires, by its name. Others get zero, or the end
+        of their universe that is nearest to zero. A FuzzySystem declares its own.
+    threads : int, optional
+        How many may share a batch, `SAMPLES_A_THREAD` samples each or more; by default one a processor.
+
+    Raises
+    ------
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the system.
+    fis_tools.scikit_fuzzy.read.UnreadableControlSystem
+        If a control system holds what cannot be compiled, or this is none; the text says what.
+    ValueError
+        If defaults are given for a FuzzySystem.
+    """
+    if isinstance(system, FuzzySystem):
+        if defaults is not None:
+            raise ValueError("defaults are for control systems; declare them in the outputs of a FuzzySystem")
+        validate(system)
+        read = system
+    else:
+        read = _read(system, defaults)
+    return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
+
+
+def _packed(system: FuzzySystem) -> Packed | None:
+    """Pack a system for the kernel where its method keeps all digits: over smooth terms that reach their top.
+
+    Where terms are narrower than the grid, hardly any area is left and rounding decides; there only the very
+    same arithmetic gives the same result.
+    """
+    for variable in (*system.inputs, *system.outputs):
+        memberships = sample_terms(variable)
+        if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
+            return None
+    try:
+        return kernel.pack(system)
+    except NotCompilable:
+        return None
+
+
+def _read(control_system: Any, defaults: Mapping[str, float] | None) -> FuzzySystem:
+    from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
+
+    return read_control_system(control_system, defaults=defaults)

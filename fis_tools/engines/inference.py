@@ -1,0 +1,318 @@
+"""Mamdani inference in plain numpy, step by step: for reading, inspecting and drawing.
+
+It takes the steps of scikit-fuzzy 0.5's ``ControlSystemSimulation.compute()`` in the same order and with the
+same arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the fast form for the common
+case.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.model.membership import sample_terms
+from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
+
+Floats = NDArray[np.float64]
+
+#: The centroid divides by the area, but by no less than this.
+SMALLEST_AREA = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class OutputInference:
+    """How one output came about.
+
+    Parameters
+    ----------
+    variable : Variable
+        The output.
+    cuts : (num_terms,)
+        The height each term is cut at: the strongest of its rules, or as the variable accumulates them. NaN
+        for a term that no rule concludes.
+    universe : (m,)
+        The variable's universe with the points inserted where a cut crosses its own membership function.
+    aggregated : (m,)
+        The highest of the cut terms at each point of `universe`.
+    value : float
+        The defuzzified output, or the default.
+    is_default : bool
+        Whether nothing fired, so that `value` is the default.
+    """
+
+    variable: Variable
+    cuts: Floats
+    universe: Floats
+    aggregated: Floats
+    value: float
+    is_default: bool
+
+
+@dataclass(frozen=True)
+class Inference:
+    """All steps of one inference.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        What was evaluated.
+    inputs : (num_inputs,)
+        As given.
+    clipped : (num_inputs,)
+        Inside the universes.
+    memberships : tuple of (num_terms,)
+        For each input, how far it belongs to each of its terms.
+    firing_strengths : (num_rules,)
+        How far each antecedent holds, before weights.
+    outputs : tuple of OutputInference
+        In the order of the system's outputs.
+    """
+
+    system: FuzzySystem
+    inputs: Floats
+    clipped: Floats
+    memberships: tuple[Floats, ...]
+    firing_strengths: Floats
+    outputs: tuple[OutputInference, ...]
+
+    @property
+    def values(self) -> Floats:
+        """The outputs, shape (num_outputs,)."""
+        return np.array([output.value for output in self.outputs])
+
+
+def infer(system: FuzzySystem, inputs: Floats) -> Inference:
+    """Evaluate a valid system for one sample, keeping every step.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems (see `fis_tools.model.validate`).
+    inputs : (num_inputs,)
+        In the order of the system's inputs; clipped to the universes.
+
+    Raises
+    ------
+    ValueError
+        If there are too few or too many inputs, or one is NaN.
+    """
+    values = np.asarray(inputs, dtype=np.float64)
+    rows = _checked(system, values[np.newaxis])
+    memberships = fuzzify(system, rows)
+    firing = _fire(system, memberships)[0]
+    clipped = [np.clip(x, v.universe[0], v.universe[-1]) for v, x in zip(system.inputs, values, strict=True)]
+    return Inference(
+        system=system,
+        inputs=values,
+        clipped=np.array(clipped),
+        memberships=tuple(rows[0] for rows in memberships),
+        firing_strengths=firing,
+        outputs=tuple(_infer_output(system, variable, firing) for variable in system.outputs),
+    )
+
+
+def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Evaluate a valid system for many samples, one after the other.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    inputs : (n, num_inputs)
+        A row a sample; clipped to the universes.
+
+    Returns
+    -------
+    (n, num_outputs)
+    """
+    firing = firing_strengths(system, inputs)
+    outputs = [[_infer_output(system, v, row).value for v in system.outputs] for row in firing]
+    return np.array(outputs).reshape(len(firing), len(system.outputs))
+
+
+def firing_strengths(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Return how far each rule's antecedent holds, before weights.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        A system without problems.
+    inputs : (n, num_inputs)
+        A row a sample; clipped to the universes.
+
+    Returns
+    -------
+    (n, num_rules)
+        In the order of the rules.
+
+    Raises
+    ------
+    ValueError
+        If the shape is wrong or an input is NaN.
+    """
+    return _fire(system, fuzzify(system, _checked(system, np.asarray(inputs, dtype=np.float64))))
+
+
+def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
+    """Return for each input how far each sample belongs to each term, arrays of shape (n, num_terms)."""
+    memberships = []
+    for variable, column in zip(system.inputs, inputs.T, strict=True):
+        universe = variable.universe
+        x = np.fmax(np.fmin(column, universe[-1]), universe[0])
+        terms = [np.interp(x, universe, mf, left=0.0, right=0.0) for mf in sample_terms(variable)]
+        memberships.append(np.stack(terms, axis=1))
+    return memberships
+
+
+def _checked(system: FuzzySystem, rows: Floats) -> Floats:
+    if rows.ndim != 2 or rows.shape[1] != len(system.inputs):
+        raise ValueError(
+            f"inputs have shape {rows.shape[-1:]}; system {system.name!r} has {len(system.inputs)} inputs, "
+            "pass one number for each"
+        )
+    if np.isnan(rows).any():
+        raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
+    return rows
+
+
+def _fire(system: FuzzySystem, memberships: list[Floats]) -> Floats:
+    degrees = {
+        (variable.name, term.name): rows[:, index]
+        for variable, rows in zip(system.inputs, memberships, strict=True)
+        for index, term in enumerate(variable.terms)
+    }
+    return np.stack([_degree(system, rule, rule.antecedent, degrees) for rule in system.rules], axis=1)
+
+
+def _degree(
+    system: FuzzySystem, rule: Rule, expression: Expression, degrees: dict[tuple[str, str], Floats]
+) -> Floats:
+    match expression:
+        case Is(variable, term):
+            return degrees[variable, term]
+        case Not(operand):
+            return 1.0 - _degree(system, rule, operand, degrees)
+        case And(operands):
+            combine = AND_OPERATORS[system.and_operator_of(rule)]
+        case Or(operands):
+            combine = OR_OPERATORS[system.or_operator_of(rule)]
+    return reduce(combine, [_degree(system, rule, operand, degrees) for operand in operands])
+
+
+def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> OutputInference:
+    cuts = _cut_terms(system, variable, firing)
+    universe, aggregated = _aggregate(variable, cuts)
+    is_default = bool(aggregated.sum() == 0.0)
+    if is_default:
+        value = variable.default if variable.default is not None else 0.0
+    else:
+        value = _DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
+    return OutputInference(variable, cuts, universe, aggregated, value, is_default)
+
+
+def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+    accumulate = ACCUMULATIONS[variable.accumulation]
+    cuts = np.full(len(variable.terms), np.nan)
+    for strength, rule in zip(firing, system.rules, strict=True):
+        for consequent in rule.consequents:
+            if consequent.variable == variable.name:
+                index = variable.term_index(consequent.term)
+                activation = strength * consequent.weight
+                is_first = np.isnan(cuts[index])
+                cuts[index] = activation if is_first else accumulate(activation, cuts[index])
+    return cuts
+
+
+def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
+    grid = variable.universe
+    concluded = [(cut, mf) for cut, mf in zip(cuts, sample_terms(variable), strict=True) if not np.isnan(cut)]
+    crossings = [_crossings(grid, mf, cut) for cut, mf in concluded]
+    universe = np.union1d(grid, np.concatenate([np.empty(0), *crossings]))
+    aggregated = np.zeros(len(universe))
+    for cut, mf in concluded:
+        clipped = np.minimum(cut, np.interp(universe, grid, mf, left=0.0, right=0.0))
+        aggregated = np.maximum(aggregated, clipped)
+    return universe, aggregated
+
+
+def _crossings(grid: Floats, mf: Floats, cut: float) -> Floats:
+    """Return where a membership function crosses its cut between two points of the grid."""
+    reaches = mf > cut if cut == 0.0 else mf >= cut
+    i = np.flatnonzero(reaches[1:] != reaches[:-1])
+    crossings: Floats = grid[i] + (cut - mf[i]) * (grid[i + 1] - grid[i]) / (mf[i + 1] - mf[i])
+    return crossings
+
+
+def _centroid(x: Floats, y: Floats) -> float:
+    """Return the centre of area of a polygon, summed segment by segment."""
+    moment, area = 0.0, 0.0
+    for x1, x2, y1, y2 in zip(x[:-1], x[1:], y[:-1], y[1:], strict=True):
+        if x1 == x2 or y1 == y2 == 0.0:
+            continue
+        width = x2 - x1
+        if y1 == y2:
+            segment_centre, segment = 0.5 * (x1 + x2), width * y1
+        elif y1 == 0.0:
+            segment_centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * y2
+        elif y2 == 0.0:
+            segment_centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * y1
+        else:
+            segment_centre = (2.0 / 3.0 * width * (y2 + 0.5 * y1)) / (y1 + y2) + x1
+            segment = 0.5 * width * (y1 + y2)
+        moment += segment_centre * segment
+        area += segment
+    return float(moment / np.fmax(area, SMALLEST_AREA))
+
+
+def _bisector(x: Floats, y: Floats) -> float:
+    """Return where half of the area lies on either side.
+
+    scikit-fuzzy takes the area left of a segment from the segment before it, and for an empty one that is
+    zero; with a gap in the polygon the result is therefore not the bisector, and may be NaN. So it is here.
+    """
+    areas = np.zeros(len(x) - 1)
+    total = 0.0
+    for i, (x1, x2, y1, y2) in enumerate(zip(x[:-1], x[1:], y[:-1], y[1:], strict=True)):
+        if x1 == x2 or y1 == y2 == 0.0:
+            continue
+        if y1 == y2:
+            total += (x2 - x1) * y1
+        else:
+            total += 0.5 * (x2 - x1) * (y1 + y2)
+        areas[i] = total
+    i = int(np.flatnonzero(areas >= total / 2.0)[0])
+    rest = total / 2.0 - (areas[i - 1] if i > 0 else 0.0)
+    x1, x2, y1, y2 = x[i], x[i + 1], y[i], y[i + 1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if y1 == y2:
+            return float(rest / y1 + x1)
+        if y1 == 0.0:
+            return float(x1 + np.sqrt(2.0 * rest * (x2 - x1) / y2))
+        if y2 == 0.0:
+            return float(x2 - np.sqrt((x2 - x1) * (x2 - x1) - 2.0 * rest * (x2 - x1) / y1))
+        slope = (y2 - y1) / (x2 - x1)
+        return float(x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope)
+
+
+def _mean_of_maximum(x: Floats, y: Floats) -> float:
+    return float(np.mean(x[y == y.max()]))
+
+
+def _smallest_of_maximum(x: Floats, y: Floats) -> float:
+    return float(np.min(x[y == y.max()]))
+
+
+def _largest_of_maximum(x: Floats, y: Floats) -> float:
+    return float(np.max(x[y == y.max()]))
+
+
+_DEFUZZIFIERS: dict[str, Callable[[Floats, Floats], float]] = {
+    "centroid": _centroid,
+    "bisector": _bisector,
+    "mom": _mean_of_maximum,
+    "som": _smallest_of_maximum,
+    "lom": _largest_of_maximum,
+}

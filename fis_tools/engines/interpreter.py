@@ -1,0 +1,339 @@
+"""The compiled functions that run a `Program`: any fuzzy system, exact, step for step.
+
+`fis_tools.engines.inference` says what is computed; this is the same arithmetic in the same order for many
+samples, with every operator, weight, universe, output and defuzzifier of the model.
+`fis_tools.engines.kernel` is faster still and covers less.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fis_tools.engines.program import (
+    BISECTOR,
+    BOUNDED_DIFFERENCE,
+    BOUNDED_SUM,
+    CENTROID,
+    DRASTIC_PRODUCT,
+    DRASTIC_SUM,
+    EINSTEIN_PRODUCT,
+    EINSTEIN_SUM,
+    HAMACHER_PRODUCT,
+    HAMACHER_SUM,
+    MAX,
+    MEAN_OF_MAXIMUM,
+    MIN,
+    NILPOTENT_MAXIMUM,
+    NILPOTENT_MINIMUM,
+    PROBABILISTIC_SUM,
+    PRODUCT,
+    SMALLEST_OF_MAXIMUM,
+    Program,
+)
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: scikit-fuzzy divides by the larger of the area and this
+SMALLEST_AREA = float(np.finfo(np.float64).eps)
+#: The least positive number: a cut of zero crosses where memberships begin to be positive.
+SMALLEST = float(np.nextafter(0.0, 1.0))
+
+#: samples whose rules are evaluated side by side: a constant, so that the compiler does so
+LANES = 16
+#: firing strengths between two changes from rules to outputs: so many stay in the processor's cache
+BLOCK = 65_536
+
+
+def fire(program: Program, inputs: Floats) -> Floats:
+    """Return the firing strengths, before weights, (n, num_rules), for inputs (n, num_inputs)."""
+    firing = np.empty((len(inputs), program.num_rules))
+    _fire(*program.antecedents, inputs, firing)
+    return firing
+
+
+def conclude(program: Program, firing: Floats) -> Floats:
+    """Return the defuzzified outputs, (n, num_outputs), for firing strengths (n, num_rules)."""
+    columns = np.empty((len(program.conclusions), len(firing)))
+    for conclusion, column in zip(program.conclusions, columns, strict=True):
+        _conclude(*conclusion, firing, column)
+    return columns.T
+
+
+def evaluate(program: Program, inputs: Floats) -> Floats:
+    """Return the outputs, (n, num_outputs), for inputs (n, num_inputs)."""
+    columns = np.empty((len(program.conclusions), len(inputs)))
+    size = max(LANES, min(BLOCK // program.num_rules, len(inputs)))
+    firing = np.empty((size, program.num_rules))
+    for first in range(0, len(inputs), size):
+        rows = inputs[first : first + size]
+        _fire(*program.antecedents, rows, firing[: len(rows)])
+        for conclusion, column in zip(program.conclusions, columns, strict=True):
+            _conclude(*conclusion, firing[: len(rows)], column[first : first + size])
+    return columns.T
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - a line an operator
+    """Return what one operator makes of two degrees of truth, as `fis_tools.model.operators` does."""
+    if operator == MIN:
+        return a if a < b else b
+    if operator == MAX:
+        return a if a > b else b
+    both, either = a * b, a + b
+    if operator == PRODUCT:
+        return both
+    if operator == PROBABILISTIC_SUM:
+        return either - both
+    if operator == BOUNDED_DIFFERENCE:
+        return max(either - 1.0, 0.0)
+    if operator == BOUNDED_SUM:
+        return min(either, 1.0)
+    if operator == EINSTEIN_PRODUCT:
+        return both / (2.0 - (either - both))
+    if operator == EINSTEIN_SUM:
+        return either / (1.0 + both)
+    if operator == HAMACHER_PRODUCT:
+        return 0.0 if either - both == 0.0 else both / (either - both)
+    if operator == HAMACHER_SUM:
+        if both < 0.5:
+            return min((either - 2.0 * both) / (1.0 - both), 1.0)
+        return 1.0 if both == 1.0 else 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - both)
+    if operator == DRASTIC_PRODUCT:
+        return a if b == 1.0 else b if a == 1.0 else 0.0
+    if operator == DRASTIC_SUM:
+        return a if b == 0.0 else b if a == 0.0 else 1.0
+    if operator == NILPOTENT_MINIMUM:
+        return min(a, b) if either > 1.0 else 0.0
+    if operator == NILPOTENT_MAXIMUM:
+        return max(a, b) if either < 1.0 else 1.0
+    return 1.0 - a
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _fuzzify(layout: Integers, universes: Floats, memberships: Floats, x: float, out: Floats) -> None:
+    """Write how far a value belongs to each term of an input, linear between the points of its universe."""
+    terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
+    low, high = universes[start], universes[start + points - 1]
+    x = min(max(x, low), high)
+    left = min(int((x - low) * ((points - 1) / (high - low))), points - 1)
+    if x < universes[start + left] or (left < points - 1 and x >= universes[start + left + 1]):
+        left = np.searchsorted(universes[start : start + points], x, side="right") - 1
+    here = row + 2 * terms * left
+    distance = x - universes[start + left]
+    for term in range(terms):
+        out[term] = memberships[here + terms + term] * distance + memberships[here + term]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _fire(
+    inputs: Integers,
+    universes: Floats,
+    memberships: Floats,
+    steps: Integers,
+    rule_slots: Integers,
+    values: Floats,
+    out: Floats,
+) -> None:
+    """Write the firing strengths of `Antecedents` for the values, (n, num_inputs)."""
+    num_terms = inputs[:, 0].sum()
+    slots = np.zeros((num_terms + len(steps)) * LANES)
+    for first in range(0, len(values), LANES):
+        num_lanes = min(LANES, len(values) - first)
+        slot = 0
+        for place in range(len(inputs)):
+            for lane in range(num_lanes):
+                x = values[first + lane, place]
+                _fuzzify(inputs[place], universes, memberships, x, slots[slot * LANES + lane :: LANES])
+            slot += inputs[place, 0]
+        for index in range(len(steps)):
+            operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
+            result = (num_terms + index) * LANES
+            if operator == MIN:
+                for lane in range(LANES):
+                    x, y = slots[a + lane], slots[b + lane]
+                    slots[result + lane] = x if x < y else y
+            elif operator == PRODUCT:
+                for lane in range(LANES):
+                    slots[result + lane] = slots[a + lane] * slots[b + lane]
+            else:
+                for lane in range(LANES):
+                    slots[result + lane] = combine(operator, slots[a + lane], slots[b + lane])
+        for lane in range(num_lanes):
+            for rule in range(len(rule_slots)):
+                out[first + lane, rule] = slots[rule_slots[rule] * LANES + lane]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _conclude(
+    universe: Floats,
+    memberships: Floats,
+    bounds: Integers,
+    rules: Integers,
+    weights: Floats,
+    runs: Integers,
+    accumulation: int,
+    defuzzifier: int,
+    default: float,
+    firing: Floats,
+    out: Floats,
+) -> None:
+    """Write one output, a `Conclusion`, for firing strengths (n, num_rules)."""
+    num_terms, num_points = memberships.shape
+    cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
+    room = num_points + len(runs)
+    x, y, areas = np.empty(room), np.empty(room), np.empty(room)
+    for sample in range(len(firing)):
+        heights[:] = 0.0
+        for term in range(num_terms):
+            first = bounds[term]
+            cut = firing[sample, rules[first]] * weights[first]
+            for index in range(first + 1, bounds[term + 1]):
+                cut = combine(accumulation, firing[sample, rules[index]] * weights[index], cut)
+            cuts[term] = cut
+            for point in range(num_points):
+                height = memberships[term, point]
+                height = height if height < cut else cut
+                heights[point] = height if height > heights[point] else heights[point]
+        num_crossings = _cross(universe, memberships, runs, cuts, crossings)
+        count = _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
+        highest = y[:count].max()
+        if highest == 0.0:
+            out[sample] = default
+        elif defuzzifier == CENTROID:
+            out[sample] = _centroid(x, y, count)
+        elif defuzzifier == BISECTOR:
+            out[sample] = _bisector(x, y, count, areas)
+        else:
+            out[sample] = _of_maximum(defuzzifier, x, y, count, highest)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, crossings: Floats) -> int:
+    """Write where terms cross their cuts between two points of the universe, ascending; return how many."""
+    count = 0
+    for run in range(len(runs)):
+        term, left, right = runs[run, 0], runs[run, 1], runs[run, 2]
+        cut = cuts[term]
+        threshold = cut if cut > 0.0 else SMALLEST
+        begins_above = memberships[term, left] >= threshold
+        if begins_above == (memberships[term, right] >= threshold):
+            continue
+        while right - left > 1:
+            middle = (left + right) // 2
+            is_left = (memberships[term, middle] >= threshold) == begins_above
+            left = middle if is_left else left
+            right = right if is_left else middle
+        low, rise = memberships[term, left], memberships[term, right] - memberships[term, left]
+        crossing = universe[left] + (cut - low) * (universe[right] - universe[left]) / rise
+        place = count
+        while place > 0 and crossings[place - 1] > crossing:
+            crossings[place] = crossings[place - 1]
+            place -= 1
+        crossings[place] = crossing
+        count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _merge(
+    universe: Floats,
+    memberships: Floats,
+    heights: Floats,
+    cuts: Floats,
+    crossings: Floats,
+    num_crossings: int,
+    x: Floats,
+    y: Floats,
+) -> int:
+    """Write the points of the universe and the crossings in ascending order, each once; return how many."""
+    num_points = len(universe)
+    count, point = 0, 0
+    for index in range(num_crossings):
+        crossing = crossings[index]
+        while point < num_points and universe[point] <= crossing:
+            x[count], y[count] = universe[point], heights[point]
+            point += 1
+            count += 1
+        if count > 0 and x[count - 1] == crossing:
+            continue
+        highest = 0.0
+        if 0 < point < num_points:
+            width, distance = universe[point] - universe[point - 1], crossing - universe[point - 1]
+            for term in range(len(cuts)):
+                low = memberships[term, point - 1]
+                height = (memberships[term, point] - low) / width * distance + low
+                height = height if height < cuts[term] else cuts[term]
+                highest = height if height > highest else highest
+        x[count], y[count] = crossing, highest
+        count += 1
+    while point < num_points:
+        x[count], y[count] = universe[point], heights[point]
+        point += 1
+        count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _centroid(x: Floats, y: Floats, count: int) -> float:
+    """Return the centre of area of a polygon, summed segment by segment."""
+    moment, area = 0.0, 0.0
+    for right in range(1, count):
+        x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
+        width = x2 - x1
+        if y1 == y2:
+            centre, segment = 0.5 * (x1 + x2), width * y1
+        elif y1 == 0.0:
+            centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * y2
+        elif y2 == 0.0:
+            centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * y1
+        else:
+            centre = (2.0 / 3.0 * width * (y2 + 0.5 * y1)) / (y1 + y2) + x1
+            segment = 0.5 * width * (y1 + y2)
+        moment += centre * segment
+        area += segment
+    return moment / max(area, SMALLEST_AREA)
+
+
+@njit(cache=True, error_model="numpy")
+def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
+    """Return where half of the area lies on either side, as `fis_tools.engines.inference` explains it."""
+    total = 0.0
+    for right in range(1, count):
+        y1, y2 = y[right - 1], y[right]
+        width = x[right] - x[right - 1]
+        total += width * y1 if y1 == y2 else 0.5 * width * (y1 + y2)
+        areas[right] = 0.0 if y1 == 0.0 and y2 == 0.0 else total
+    areas[0] = 0.0
+    right = 1
+    while not areas[right] >= total / 2.0:
+        right += 1
+    rest = total / 2.0 - areas[right - 1]
+    x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
+    width = x2 - x1
+    slope = (y2 - y1) / width
+    middle: float
+    if y1 == y2:
+        middle = rest / y1 + x1
+    elif y1 == 0.0:
+        middle = x1 + np.sqrt(2.0 * rest * width / y2)
+    elif y2 == 0.0:
+        middle = x2 - np.sqrt(width * width - 2.0 * rest * width / y1)
+    else:
+        middle = x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope
+    return middle
+
+
+@njit(cache=True, error_model="numpy")
+def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
+    """Return the mean, the least or the greatest of the highest points."""
+    total, found, least, greatest = 0.0, 0, 0.0, 0.0
+    for point in range(count):
+        if y[point] == highest:
+            least = x[point] if found == 0 else least
+            greatest = x[point]
+            total += x[point]
+            found += 1
+    if defuzzifier == MEAN_OF_MAXIMUM:
+        return total / found
+    return least if defuzzifier == SMALLEST_OF_MAXIMUM else greatest

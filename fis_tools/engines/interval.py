@@ -1,0 +1,493 @@
+"""Interval inference, compiled: what the outputs of a system can be while its inputs lie anywhere in a box.
+
+Each number of an inference becomes a lower and an upper bound: memberships over an interval, strengths of
+rules, the cut of each output term. The least and the greatest centroid that cuts inside these bounds allow
+follow from a switch like that of N. N. Karnik and J. M. Mendel (Information Sciences 132, 2001): the
+aggregated set as high as it can be on one side of the centroid and as low on the other. Every step is rounded
+outward; docs/decisions/bounds.md gives the argument.
+
+Bounds are rows of two numbers, the lower first.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fis_tools.engines.interpreter import SMALLEST_AREA, combine
+from fis_tools.engines.program import (
+    CENTROID,
+    DRASTIC_PRODUCT,
+    MAX,
+    MIN,
+    NOT,
+    Antecedents,
+    Conclusion,
+    Program,
+    assemble,
+)
+from fis_tools.model import FuzzySystem
+from fis_tools.model.validate import validate
+
+Floats = NDArray[np.float64]
+
+EPSILON = float(np.finfo(np.float64).eps)
+#: Rounding of an interpolation between two numbers, in units of the larger.
+INTERPOLATION_ERROR = 16 * EPSILON
+
+# Columns of a segment of the output's universe: area and moment of the function below all that can be and of
+# the one above, then the ends of a line below the one and of a line above the other.
+AREA_LOW, MOMENT_LOW, AREA_HIGH, MOMENT_HIGH, LEFT_LOW, RIGHT_LOW, LEFT_HIGH, RIGHT_HIGH = range(8)
+NUM_COLUMNS = 8
+
+
+class NotBounded(ValueError):  # noqa: N818
+    """A system whose outputs cannot be bounded; the text says why."""
+
+
+def pack(system: FuzzySystem) -> Program:
+    """Turn a system into the arrays that interval inference reads.
+
+    Raises
+    ------
+    fis_tools.model.validate.InvalidSystem
+        If the system is wrong in itself.
+    NotBounded
+        If an output is defuzzified by the bisector.
+    """
+    validate(system)
+    for output in system.outputs:
+        if system.defuzzifier_of(output) == "bisector":
+            raise NotBounded(
+                f"output {output.name!r} cannot be bounded: across a gap between fired terms scikit-fuzzy's "
+                "bisector is not the bisector, and may be no number; choose another defuzzifier"
+            )
+    return assemble(system)
+
+
+def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
+    """Bound the outputs over many boxes.
+
+    Parameters
+    ----------
+    program : Program
+        What `pack` returns.
+    low, high : (n, num_inputs)
+        The corners of the boxes, ``low <= high``; infinite ones are taken as the universe's ends.
+
+    Returns
+    -------
+    least, greatest : (n, num_outputs)
+        No output of an input inside the box lies below or above.
+    variation : (n, num_inputs)
+        How much the memberships in each input's terms vary over the box, summed over the terms.
+    """
+    strengths = np.empty((len(low), program.num_rules, 2))
+    variation = np.empty(low.shape)
+    _fire(program.antecedents, low, high, strengths, variation)
+    limits = np.empty((len(program.conclusions), len(low), 2))
+    for conclusion, column in zip(program.conclusions, limits, strict=True):
+        _conclude(conclusion, strengths, column)
+    return limits[:, :, 0].T, limits[:, :, 1].T, variation
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, variation: Floats) -> None:
+    """Bound how strongly each rule fires over each box, before weights."""
+    num_terms = antecedents.inputs[:, 0].sum()
+    slots = np.empty((num_terms + len(antecedents.steps), 2))
+    for box in range(len(low)):
+        slot = 0
+        for place in range(len(antecedents.inputs)):
+            end = slot + antecedents.inputs[place, 0]
+            variation[box, place] = _memberships(
+                antecedents, place, low[box, place], high[box, place], slots[slot:end]
+            )
+            slot = end
+        for step in range(len(antecedents.steps)):
+            operator, left, right = antecedents.steps[step]
+            slots[num_terms + step] = _combine(
+                operator, (slots[left, 0], slots[left, 1]), (slots[right, 0], slots[right, 1])
+            )
+        for rule in range(len(antecedents.rule_slots)):
+            out[box, rule] = slots[antecedents.rule_slots[rule]]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _memberships(antecedents: Antecedents, place: int, low: float, high: float, out: Floats) -> float:
+    """Bound the memberships in the terms of one input over an interval; return how much they vary.
+
+    Between two points of the universe a membership lies between those at the points. The interval grows by
+    what an engine may err in placing an input on the universe.
+    """
+    num_terms, num_points, start, row = antecedents.inputs[place]
+    x = antecedents.universes[start : start + num_points]
+    slack = 4 * EPSILON * max(abs(x[0]), abs(x[-1]))
+    low = min(max(low - slack, x[0]), x[-1])
+    high = min(max(high + slack, x[0]), x[-1])
+    first = min(max(np.searchsorted(x, low, side="right") - 1, 0), num_points - 2)
+    last = min(max(np.searchsorted(x, high, side="left") - 1, first), num_points - 2)
+    from_left = (low - x[first]) / (x[first + 1] - x[first])
+    to_right = (high - x[last]) / (x[last + 1] - x[last])
+    stride = 2 * num_terms
+    variation = 0.0
+    for term in range(num_terms):
+        mu = antecedents.memberships[row + term : row + stride * num_points : stride]
+        left = mu[first] + from_left * (mu[first + 1] - mu[first])
+        right = mu[last] + to_right * (mu[last + 1] - mu[last])
+        least, greatest = min(left, right), max(left, right)
+        for point in range(first + 1, last + 1):
+            least, greatest = min(least, mu[point]), max(greatest, mu[point])
+        variation += greatest - least
+        error = 0.0
+        if mu[first] != mu[first + 1] or mu[last] != mu[last + 1]:
+            error = INTERPOLATION_ERROR * max(mu[first], mu[first + 1], mu[last], mu[last + 1])
+        out[term, 0], out[term, 1] = max(0.0, least - error), greatest + error
+    return variation
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _combine(operator: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """Bound the result of one step. Operators grow with either degree; those that round are widened."""
+    if operator == NOT:
+        return max(0.0, 1.0 - a[1]), 1.0 - a[0]
+    if operator in (MIN, MAX):
+        return combine(operator, a[0], b[0]), combine(operator, a[1], b[1])
+    if operator == DRASTIC_PRODUCT:  # it looks whether a degree is one
+        a, b = (a[0], min(a[1], 1.0)), (b[0], min(b[1], 1.0))
+    return _widened(combine(operator, a[0], b[0]), combine(operator, a[1], b[1]))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _widened(low: float, high: float) -> tuple[float, float]:
+    """Widen bounds by the rounding of some operations on numbers that are not negative; zero stays zero."""
+    return low * (1.0 - 8 * EPSILON), high * (1.0 + 8 * EPSILON)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _conclude(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
+    """Bound one output for bounded firing strengths, (n, rules, 2)."""
+    num_terms, num_points = conclusion.memberships.shape
+    cuts = np.empty((num_terms, 2))
+    heights, segments = np.empty((num_points, 2)), np.empty((num_points - 1, NUM_COLUMNS))
+    sums = np.empty((num_points - 1, 2))
+    for box in range(len(strengths)):
+        _cut(conclusion, strengths[box], cuts)
+        out[box] = _defuzzify(conclusion, cuts, heights, segments, sums)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _cut(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
+    """Bound the height at which each output term is cut."""
+    for term in range(len(out)):
+        first = conclusion.bounds[term]
+        all_together = (0.0, 0.0)
+        for index in range(first, conclusion.bounds[term + 1]):
+            one = (strengths[conclusion.rules[index], 0], strengths[conclusion.rules[index], 1])
+            weight = conclusion.weights[index]
+            if weight != 1.0:
+                one = _widened(weight * one[0], weight * one[1])
+            all_together = one if index == first else _combine(conclusion.accumulation, one, all_together)
+        out[term, 0], out[term, 1] = all_together
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _defuzzify(
+    conclusion: Conclusion, cuts: Floats, heights: Floats, segments: Floats, sums: Floats
+) -> tuple[float, float]:
+    """Bound one output for bounded cuts."""
+    x, default = conclusion.universe, conclusion.default
+    highest_low, highest_high = _heights(conclusion, cuts, heights)
+    if highest_high == 0.0:
+        return default, default
+    low, high = _support(x, heights)
+    if conclusion.defuzzifier != CENTROID:
+        low, high = _of_maximum(conclusion, cuts, highest_low, low, high)
+    else:
+        rounding = 4 * EPSILON * (len(x) + 2 * len(cuts) + 16)
+        centre = 0.5 * (x[0] + x[-1])
+        area = _segments(conclusion, centre, cuts, heights, segments)
+        error = rounding * (x[-1] - x[0])
+        low = max(low, centre + _least_centroid(x, centre, 1.0, segments, sums, error))
+        high = min(high, centre - _least_centroid(x, centre, -1.0, segments, sums, error))
+        slack = rounding * max(abs(x[0]), abs(x[-1]))
+        low, high = low - slack, high + slack
+        if area < SMALLEST_AREA * (1.0 + rounding):
+            low, high = min(low, 0.0), max(high, 0.0)
+    if highest_low == 0.0:
+        low, high = min(low, default), max(high, default)
+    return low, high
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, float]:
+    """Bound the aggregated heights at the points of the universe; return the highest of either bound."""
+    out[:] = 0.0
+    for term in range(len(cuts)):
+        low, high = cuts[term]
+        if high > 0.0:
+            for point in range(len(out)):
+                mu = conclusion.memberships[term, point]
+                out[point, 0] = max(out[point, 0], min(low, mu))
+                out[point, 1] = max(out[point, 1], min(high, mu))
+    return out[:, 0].max(), out[:, 1].max()
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _support(x: Floats, heights: Floats) -> tuple[float, float]:
+    """Return the ends of the segments in which the aggregated set can be above zero."""
+    first, last = 0, len(x) - 1
+    while heights[first, 1] == 0.0:
+        first += 1
+    while heights[last, 1] == 0.0:
+        last -= 1
+    return x[max(first - 1, 0)], x[min(last + 1, len(x) - 1)]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _of_maximum(
+    conclusion: Conclusion, cuts: Floats, highest_low: float, low: float, high: float
+) -> tuple[float, float]:
+    """Bound where the aggregated set is highest: where its upper bound reaches its highest lower bound."""
+    x = conclusion.universe
+    reached = highest_low - INTERPOLATION_ERROR
+    if reached <= 0.0:
+        return low, high
+    left, right = x[-1], x[0]
+    for term in range(len(cuts)):
+        if cuts[term, 1] >= reached:
+            mu = conclusion.memberships[term]
+            for point in range(len(x)):
+                if mu[point] >= reached:
+                    left = min(left, x[point] - _way_down(x, mu, point, point - 1, reached))
+                    right = max(right, x[point] + _way_down(x, mu, point, point + 1, reached))
+    slack = INTERPOLATION_ERROR * max(abs(x[0]), abs(x[-1]))
+    return left - slack, right + slack
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> float:
+    """Return how far from a point towards its neighbour a membership function stays at a height or above."""
+    if other < 0 or other == len(x) or mu[other] >= height:
+        return 0.0
+    way: float = abs(x[other] - x[point]) * (mu[point] - height) / (mu[point] - mu[other])
+    return way
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _is_crossed(conclusion: Conclusion, cuts: Floats, left: int) -> bool:
+    """Tell whether a cut can cross its membership function between a point of the universe and the next."""
+    for term in range(len(cuts)):
+        a, b = conclusion.memberships[term, left], conclusion.memberships[term, left + 1]
+        if a != b and max(a, b) > cuts[term, 0] and min(a, b) < cuts[term, 1]:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _segments(conclusion: Conclusion, centre: float, cuts: Floats, heights: Floats, out: Floats) -> float:
+    """Write a function below and one above all that the aggregated set can be, segment by segment.
+
+    Where no cut can cross its membership function the aggregated set is a straight line between the points.
+    Elsewhere, and beside, points are inserted, with an error. Returns the area of the function below.
+    """
+    x = conclusion.universe
+    relative_error = INTERPOLATION_ERROR * (1.0 + max(abs(x[0]), abs(x[-1])) / np.diff(x).min())
+    area = 0.0
+    was_crossed, is_crossed = False, _is_crossed(conclusion, cuts, 0)
+    for left in range(len(out)):
+        row, width = out[left], x[left + 1] - x[left]
+        row[LEFT_LOW], row[LEFT_HIGH] = heights[left]
+        row[RIGHT_LOW], row[RIGHT_HIGH] = heights[left + 1]
+        will_be_crossed = left + 1 < len(out) and _is_crossed(conclusion, cuts, left + 1)
+        tent_low = tent_high = at_low = at_high = 0.0
+        if is_crossed:
+            tent_low, at_low = _below(conclusion, cuts, left, row)
+            tent_high, at_high = _above(conclusion, cuts, left, row)
+        if was_crossed or is_crossed or will_be_crossed:
+            error = relative_error * _steepest(conclusion, cuts, left)
+            row[LEFT_LOW:LEFT_HIGH] = np.maximum(row[LEFT_LOW:LEFT_HIGH] - error, 0.0)
+            row[LEFT_HIGH:] += error
+            tent_low = max(0.0, tent_low - error)
+        row[AREA_LOW], row[MOMENT_LOW] = _area_and_moment(
+            x[left] - centre, width, row[LEFT_LOW], row[RIGHT_LOW], tent_low, at_low
+        )
+        row[AREA_HIGH], row[MOMENT_HIGH] = _area_and_moment(
+            x[left] - centre, width, row[LEFT_HIGH], row[RIGHT_HIGH], tent_high, at_high
+        )
+        row[LEFT_HIGH:] += tent_high
+        area += row[AREA_LOW]
+        was_crossed, is_crossed = is_crossed, will_be_crossed
+    return area
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _steepest(conclusion: Conclusion, cuts: Floats, left: int) -> float:
+    """Return the largest membership at the ends of a segment in a term that can fire."""
+    largest = 0.0
+    for term in range(len(cuts)):
+        if cuts[term, 1] > 0.0:
+            largest = max(largest, conclusion.memberships[term, left], conclusion.memberships[term, left + 1])
+    return largest
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _area_and_moment(
+    x: float, width: float, left: float, right: float, tent: float, at: float
+) -> tuple[float, float]:
+    """Return area and moment of a line with a tent upon it, `at` from 0 to 1 along the segment from `x`."""
+    line, triangle = 0.5 * width * (left + right), 0.5 * width * tent
+    moment = x * (line + triangle) + width * width * (left / 6.0 + right / 3.0)
+    return line + triangle, moment + triangle * width * (1.0 + at) / 3.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _below(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tuple[float, float]:
+    """Take the term with most area below its lowest cut; write its line and return its tent.
+
+    Each cut term lies below the aggregated set, and a term at its lowest cut below the same at any other.
+    """
+    most, best_tent, best_at = -1.0, 0.0, 0.0
+    for term in range(len(cuts)):
+        if cuts[term, 1] == 0.0:
+            continue
+        cut, a, b = cuts[term, 0], conclusion.memberships[term, left], conclusion.memberships[term, left + 1]
+        start, end = min(cut, a), min(cut, b)
+        tent = at = 0.0
+        if min(a, b) < cut < max(a, b):
+            at = (cut - a) / (b - a)
+            tent = max(0.0, cut - (start + at * (end - start)))
+        if start + end + tent > most:
+            most, best_tent, best_at = start + end + tent, tent, at
+            row[LEFT_LOW], row[RIGHT_LOW] = start, end
+    return best_tent, best_at
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _above(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tuple[float, float]:
+    """Put a tent upon the line that reaches above every point inserted at the highest cuts.
+
+    The terms at their highest cuts lie below the concave function with corners at the points inserted, and so
+    does any polygon with corners on lower ones. Where several points are inserted the line is lifted instead.
+    """
+    count, best_tent, best_at = 0, 0.0, 0.0
+    for term in range(len(cuts)):
+        cut, a, b = cuts[term, 1], conclusion.memberships[term, left], conclusion.memberships[term, left + 1]
+        if not min(a, b) < cut < max(a, b):
+            continue
+        at, height = (cut - a) / (b - a), 0.0
+        for other in range(len(cuts)):
+            a, b = conclusion.memberships[other, left], conclusion.memberships[other, left + 1]
+            height = max(height, min(a + at * (b - a), cuts[other, 1]))
+        tent = height - (row[LEFT_HIGH] + at * (row[RIGHT_HIGH] - row[LEFT_HIGH]))
+        if tent > 0.0:
+            count += 1
+            if tent > best_tent:
+                best_tent, best_at = tent, at
+    if count > 1:
+        row[LEFT_HIGH:] += best_tent
+        return 0.0, 0.0
+    return best_tent, best_at
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _least_centroid(
+    x: Floats, centre: float, sign: float, segments: Floats, sums: Floats, relative_error: float
+) -> float:
+    """Return a number below the centroid of every function between the lower and the upper one.
+
+    With ``sign`` -1 the axis is turned round, so that the result is below the negated centroid. The number t
+    is below if the integral of (x - t) times the function that is high up to t and low beyond is positive,
+    by more than what sums err.
+    """
+    count = len(x) - 1
+    area = moment = 0.0
+    for place in range(count - 1, -1, -1):
+        sums[place, 0], sums[place, 1] = area, moment
+        row = segments[place if sign > 0.0 else count - 1 - place]
+        area += row[AREA_LOW]
+        moment += sign * row[MOMENT_LOW]
+    best: float = sign * ((x[0] if sign > 0.0 else x[count]) - centre)
+    area = moment = 0.0
+    for place in range(count):
+        index = place if sign > 0.0 else count - 1 - place
+        row, width = segments[index], x[index + 1] - x[index]
+        start = sign * ((x[index] if sign > 0.0 else x[index + 1]) - centre)
+        if sign > 0.0:
+            low_left, low_right, high_left, high_right = row[LEFT_LOW:]
+        else:
+            low_right, low_left, high_right, high_left = row[LEFT_LOW:]
+        all_area, all_moment = area + sums[place, 0], moment + sums[place, 1]
+        error = relative_error * (all_area + row[AREA_HIGH])
+        distance = _zero_crossing(
+            all_area, all_moment - start * all_area - error, width, low_left, low_right, high_left, high_right
+        )
+        if distance < 0.0:
+            break
+        best = max(best, start + distance)
+        if distance < width:
+            break
+        area += row[AREA_HIGH]
+        moment += sign * row[MOMENT_HIGH]
+    return best
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _balance(
+    at: float,
+    area: float,
+    moment: float,
+    width: float,
+    low_left: float,
+    low_right: float,
+    high_left: float,
+    high_right: float,
+) -> tuple[float, float]:
+    """Return the integral of (x - t) times the extremal function, and its slope, for t in one segment.
+
+    `area` and `moment`, about the segment's start, are those of the other segments; `at` is t's distance from
+    there.
+    """
+    rest = width - at
+    rise_low, rise_high = (low_right - low_left) / width, (high_right - high_left) / width
+    here = low_left + rise_low * at
+    value = moment - at * area - at * at * (high_left / 2.0 + rise_high * at / 6.0)
+    value += rest * rest * (here / 2.0 + rise_low * rest / 3.0)
+    slope = area + at * (high_left + 0.5 * rise_high * at) + rest * (here + 0.5 * rise_low * rest)
+    return value, -slope
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _zero_crossing(
+    area: float,
+    moment: float,
+    width: float,
+    low_left: float,
+    low_right: float,
+    high_left: float,
+    high_right: float,
+) -> float:
+    """Return the greatest distance at which `_balance` is not negative, or less; -1 if it is at once.
+
+    The balance falls ever faster, so that Newton's steps come from above and secants from below, but for
+    rounding, which `moment` makes up for.
+    """
+    lines = (width, low_left, low_right, high_left, high_right)
+    left, right = 0.0, width
+    value, _ = _balance(left, area, moment, *lines)
+    if value < 0.0:
+        return -1.0
+    beyond, slope = _balance(right, area, moment, *lines)
+    if beyond >= 0.0:
+        return right
+    for _ in range(5):
+        secant = left + (right - left) * value / (value - beyond)
+        newton = right - beyond / slope
+        left = secant
+        value, _ = _balance(left, area, moment, *lines)
+        if value <= 0.0 or newton <= left:
+            break
+        beyond, slope = _balance(newton, area, moment, *lines)
+        right = newton
+        if beyond >= 0.0:
+            break
+    return left

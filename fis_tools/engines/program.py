@@ -1,0 +1,216 @@
+"""Any fuzzy system as numbers, in flat arrays, for `fis_tools.engines.interpreter` to run."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Defuzzifier,
+    Expression,
+    FuzzySystem,
+    Is,
+    Not,
+    Or,
+    OrOperator,
+    Rule,
+    Variable,
+)
+from fis_tools.model.membership import sample_terms
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: What a step does, as numbers: a compiled function knows no words.
+AND_CODES = range(7)
+OR_CODES = range(7, 14)
+NOT = 14
+MIN, PRODUCT, BOUNDED_DIFFERENCE, EINSTEIN_PRODUCT, HAMACHER_PRODUCT, DRASTIC_PRODUCT, NILPOTENT_MINIMUM = (
+    AND_CODES
+)
+MAX, PROBABILISTIC_SUM, BOUNDED_SUM, EINSTEIN_SUM, HAMACHER_SUM, DRASTIC_SUM, NILPOTENT_MAXIMUM = OR_CODES
+OPERATORS: dict[str, int] = {
+    **dict(zip(get_args(AndOperator), AND_CODES, strict=True)),
+    **dict(zip(get_args(OrOperator), OR_CODES, strict=True)),
+}
+DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
+CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
+
+
+class Antecedents(NamedTuple):
+    """Inputs and rules up to their firing strengths.
+
+    Parameters
+    ----------
+    inputs : (num_inputs, 4) int
+        A row an input: number of terms, number of points, where its points begin in `universes` and its
+        memberships in `memberships`.
+    universes : (u,) float
+        The points of each input.
+    memberships : (m,) float
+        For each point of each input the memberships of all its terms, then their slopes to the next point.
+    steps : (num_steps, 3) int
+        What is computed: operator, left slot, right slot. Slots are numbered through: first the memberships
+        of all inputs, then the result of each step.
+    rule_slots : (num_rules,) int
+        Where the firing strength of each rule is found.
+    """
+
+    inputs: Integers
+    universes: Floats
+    memberships: Floats
+    steps: Integers
+    rule_slots: Integers
+
+
+class Conclusion(NamedTuple):
+    """One output from firing strengths on, with the terms that some rule concludes.
+
+    Parameters
+    ----------
+    universe : (num_points,) float
+        Its points.
+    memberships : (num_terms, num_points) float
+        The sampled membership functions.
+    bounds : (num_terms + 1,) int
+        Where the rules of each term begin in `rules` and `weights`.
+    rules : (c,) int
+        The rules that conclude each term, in order.
+    weights : (c,) float
+        What their firing strengths are multiplied by.
+    runs : (r, 3) int
+        Term, first and last point of each stretch in which a membership function does not change its
+        direction, so that a cut crosses it there once at most.
+    accumulation, defuzzifier : int
+        Of `OPERATORS` and `DEFUZZIFIERS`.
+    default : float
+        The output where no rule fires; NaN where none is declared.
+    """
+
+    universe: Floats
+    memberships: Floats
+    bounds: Integers
+    rules: Integers
+    weights: Floats
+    runs: Integers
+    accumulation: int
+    defuzzifier: int
+    default: float
+
+
+@dataclass(frozen=True)
+class Program:
+    """A fuzzy system as numbers.
+
+    Parameters
+    ----------
+    antecedents : Antecedents
+    conclusions : tuple of Conclusion
+        One for each output.
+    """
+
+    antecedents: Antecedents
+    conclusions: tuple[Conclusion, ...]
+
+    @property
+    def num_rules(self) -> int:
+        """How many rules there are."""
+        return len(self.antecedents.rule_slots)
+
+
+def assemble(system: FuzzySystem) -> Program:
+    """Turn a valid system into a program."""
+    return Program(_antecedents(system), tuple(_conclusion(system, output) for output in system.outputs))
+
+
+def _antecedents(system: FuzzySystem) -> Antecedents:
+    rows = [_memberships_with_slopes(variable) for variable in system.inputs]
+    points = [variable.num_points for variable in system.inputs]
+    table = [
+        [len(variable.terms) for variable in system.inputs],
+        points,
+        np.cumsum([0, *points[:-1]]),
+        np.cumsum([0, *(len(row) for row in rows[:-1])]),
+    ]
+    steps, rule_slots = _steps(system)
+    return Antecedents(
+        inputs=np.array(table, dtype=np.int64).T.copy(),
+        universes=np.concatenate([variable.universe for variable in system.inputs]),
+        memberships=np.concatenate(rows),
+        steps=np.array(steps, dtype=np.int64).reshape(-1, 3),
+        rule_slots=np.array(rule_slots, dtype=np.int64),
+    )
+
+
+def _memberships_with_slopes(variable: Variable) -> Floats:
+    sampled = sample_terms(variable)
+    slopes = np.zeros_like(sampled)  # beyond the last point nothing rises
+    slopes[:, :-1] = np.diff(sampled) / np.diff(variable.universe)
+    return np.concatenate([sampled, slopes]).T.ravel()
+
+
+def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
+    """Translate the antecedents; what several rules share is computed once."""
+    terms = [(variable.name, term.name) for variable in system.inputs for term in variable.terms]
+    slots = {term: slot for slot, term in enumerate(terms)}
+    steps: dict[tuple[int, int, int], int] = {}
+
+    def slot_of(expression: Expression, rule: Rule) -> int:
+        match expression:
+            case Is(variable, term):
+                return slots[variable, term]
+            case Not(operand):
+                slot = slot_of(operand, rule)
+                return step(NOT, slot, slot)
+            case And(operands):
+                operator = OPERATORS[system.and_operator_of(rule)]
+            case Or(operands):
+                operator = OPERATORS[system.or_operator_of(rule)]
+        left, *others = (slot_of(operand, rule) for operand in operands)
+        for right in others:
+            left = step(operator, left, right)
+        return left
+
+    def step(operator: int, left: int, right: int) -> int:
+        return steps.setdefault((operator, left, right), len(slots) + len(steps))
+
+    rule_slots = [slot_of(rule.antecedent, rule) for rule in system.rules]
+    return list(steps), rule_slots
+
+
+def _conclusion(system: FuzzySystem, output: Variable) -> Conclusion:
+    concluding: dict[str, list[tuple[int, float]]] = {}
+    for index, rule in enumerate(system.rules):
+        for consequent in rule.consequents:
+            if consequent.variable == output.name:
+                concluding.setdefault(consequent.term, []).append((index, consequent.weight))
+    terms = [index for index, term in enumerate(output.terms) if term.name in concluding]
+    ordered = [concluding[output.terms[index].name] for index in terms]
+    memberships = sample_terms(output)[terms]
+    runs = [(term, *run) for term, sampled in enumerate(memberships) for run in _runs(sampled)]
+    return Conclusion(
+        universe=output.universe,
+        memberships=memberships,
+        bounds=np.cumsum([0, *map(len, ordered)]),
+        rules=np.array([index for pairs in ordered for index, _ in pairs], dtype=np.int64),
+        weights=np.array([weight for pairs in ordered for _, weight in pairs], dtype=np.float64),
+        runs=np.array(runs, dtype=np.int64).reshape(-1, 3),
+        accumulation=OPERATORS[output.accumulation],
+        defuzzifier=DEFUZZIFIERS[system.defuzzifier_of(output)],
+        default=np.nan if output.default is None else output.default,
+    )
+
+
+def _runs(sampled: Floats) -> list[tuple[int, int]]:
+    """Cut a sampled function where it turns; flat stretches go with what is before them."""
+    bounds, direction = [0], 0.0
+    for point, step in enumerate(np.sign(np.diff(sampled))):
+        if step * direction < 0.0:
+            bounds.append(point)
+        direction = step or direction
+    bounds.append(len(sampled) - 1)
+    return list(pairwise(bounds))

@@ -1,0 +1,86 @@
+"""Audits of fuzzy controllers: what a reviewer should look at before signing, and the numbers behind it."""
+
+from collections.abc import Iterator, Mapping
+
+from fis_tools.analysis.arrays import Floats
+from fis_tools.analysis.measures import measure
+from fis_tools.findings.audit import answers, rules, terms, usage
+from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.findings.audit.report import Audit, AuditedSystem
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.validate import nearest, validate
+
+__all__ = ["Audit", "AuditedSystem", "Finding", "Severity", "Thresholds", "audit"]
+
+
+def audit(
+    controller: FuzzyController | FuzzySystem,
+    samples: Mapping[str, Floats] | None = None,
+    thresholds: Thresholds | None = None,
+) -> Audit:
+    """Look for everything in a controller that its reviewer should know.
+
+    Parameters
+    ----------
+    controller : FuzzyController or FuzzySystem
+        What is audited.
+    samples : mapping of str to (n, num_inputs), optional
+        Inputs by the system's name, such as `fis_tools.analysis.flights.inputs_along` returns; with them, the
+        audit tells what the rules did there.
+    thresholds : Thresholds, optional
+        From where on something is a finding.
+
+    Raises
+    ------
+    InvalidSystem
+        If a system has problems, with one line for each.
+    ValueError
+        If samples are for a system that there is not, or of another width than its inputs.
+    """
+    alone = isinstance(controller, FuzzySystem)
+    systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
+    thresholds = thresholds or Thresholds()
+    _check(systems, samples or {})
+    findings: list[Finding] = []
+    audited = []
+    for system in systems:
+        validate(system)
+        measures = measure(system)
+        rows = None if samples is None else samples.get(system.name)
+        audited.append(
+            AuditedSystem(
+                system.name, measures, None if samples is None else 0 if rows is None else len(rows)
+            )
+        )
+        findings += terms.find(system, measures, thresholds)
+        findings += rules.find(system, measures, thresholds)
+        findings += answers.find(system, measures, thresholds)
+        if samples is not None:
+            findings += _used(system, rows, thresholds)
+    findings.sort(key=lambda finding: -finding.severity)
+    return Audit("" if alone else controller.name, tuple(audited), tuple(findings))
+
+
+def _used(system: FuzzySystem, rows: Floats | None, thresholds: Thresholds) -> Iterator[Finding]:
+    if rows is not None and len(rows):
+        yield from usage.find(system, rows, thresholds)
+        return
+    yield Finding(
+        "never-asked",
+        Severity.NOTE,
+        system.name,
+        f"{system.name} was never asked on these flights.",
+        "Fly starts on which it has to decide.",
+    )
+
+
+def _check(systems: tuple[FuzzySystem, ...], samples: Mapping[str, Floats]) -> None:
+    by_name = {system.name: system for system in systems}
+    for name, rows in samples.items():
+        if name not in by_name:
+            raise ValueError(f"samples are given for {name!r}; {nearest(name, by_name)}")
+        wanted = len(by_name[name].inputs)
+        if rows.ndim != 2 or rows.shape[1] != wanted:
+            raise ValueError(
+                f"samples of {name!r} have shape {rows.shape}; give a row a sample, {wanted} numbers each"
+            )

@@ -1,0 +1,130 @@
+"""Findings on what a system answers over the box of its universes: gaps, ways back, ends never reached."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fis_tools.analysis.arrays import evaluate
+from fis_tools.analysis.measures import Measures
+from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.model import FuzzySystem
+from fis_tools.words.amounts import NEGLIGIBLE, Floats, amount, percent, place, span
+
+#: About so many points of the box are evaluated.
+NUM_POINTS = 20_000
+
+
+def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    """Yield what is to be said of the answers of a system, wherever its inputs may be."""
+    yield from _complete(system, measures, thresholds)
+    axes = _axes(system)
+    grid = np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=1)
+    answers = evaluate(system, grid)
+    for place_of_output in range(len(system.outputs)):
+        values = answers[:, place_of_output].reshape([len(axis) for axis in axes])
+        yield from _reach(system, place_of_output, values, thresholds)
+        for axis in range(len(axes)):
+            yield from _ways_back(system, place_of_output, axis, axes, values, thresholds)
+
+
+def _axes(system: FuzzySystem) -> list[Floats]:
+    num_points = max(2, min(201, int(NUM_POINTS ** (1.0 / len(system.inputs)))))
+    return [np.linspace(variable.minimum, variable.maximum, num_points) for variable in system.inputs]
+
+
+def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    found = measures.completeness
+    gap = min(measures.coverage[variable.name].least for variable in system.inputs)
+    is_told = 0.0 < gap < thresholds.coverage and found.least >= gap
+    if found.least >= thresholds.coverage or is_told:
+        return
+    if found.least == 0.0:
+        given = [f"{v.name} = {amount(v, v.default)}" for v in system.outputs if v.default is not None]
+        answer = f"the answer is the default, {', '.join(given)}" if given else "there is no answer"
+        sentence = f"No rule fires at {place(system, found.at)}: {answer}."
+    else:
+        sentence = (
+            f"At {place(system, found.at)} no rule fires by more than {found.least:.2g}: the answer "
+            "rests on what is hardly true."
+        )
+    if not found.is_exact:
+        sentence += " (The least of samples; it may be less elsewhere.)"
+    yield Finding(
+        "completeness",
+        Severity.SERIOUS if found.least < thresholds.fired else Severity.WARNING,
+        system.name,
+        sentence,
+        "Add rules for this region, or widen the terms around it.",
+        evidence={"least": found.least, "at": found.at.tolist(), "exact": found.is_exact},
+    )
+
+
+def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Thresholds) -> Iterator[Finding]:
+    output = system.outputs[which]
+    low, high = float(values.min()), float(values.max())
+    part = (high - low) / span(output)
+    if part >= thresholds.reach:
+        return
+    extent = f"{amount(output, output.minimum)} to {amount(output, output.maximum)}"
+    told = f"stays within {amount(output, low)} to {amount(output, high)}, {percent(part)} of its range,"
+    is_constant = part < NEGLIGIBLE
+    if is_constant:
+        told = f"is {amount(output, low)}"
+    by_area = (
+        "; a centre of area never reaches the ends" if system.defuzzifier_of(output) == "centroid" else ""
+    )
+    yield Finding(
+        "output-reach",
+        Severity.SERIOUS if is_constant else Severity.WARNING,
+        system.name,
+        f"{output.name} {told} at {values.size} inputs all over their ranges ({extent} is declared).",
+        f"Narrow the range to what is used, or narrow the outer terms{by_area} (fis_tools bounds proves how "
+        "far it goes).",
+        output.name,
+        evidence={"low": low, "high": high, "part": part},
+    )
+
+
+def _ways_back(
+    system: FuzzySystem, which: int, axis: int, axes: list[Floats], values: Floats, thresholds: Thresholds
+) -> Iterator[Finding]:
+    variable, output = system.inputs[axis], system.outputs[which]
+    lines = np.moveaxis(values, axis, -1)
+    changes = np.diff(lines, axis=-1)
+    up, down = float(changes[changes > 0].sum()), float(-changes[changes < 0].sum())
+    if not min(up, down) > 0 or min(up, down) / (up + down) > thresholds.against:
+        return
+    way = 1.0 if up >= down else -1.0
+    back = np.maximum.accumulate(way * lines, axis=-1) - way * lines
+    worst = np.unravel_index(int(np.argmax(back)), back.shape)
+    if back[worst] < thresholds.reversal * span(output):
+        return
+    line, end = way * lines[worst[:-1]], int(worst[-1])
+    start = int(end - np.argmax(line[: end + 1][::-1] == line[: end + 1].max()))
+    others = [other for other in range(len(axes)) if other != axis]
+    held = [
+        f"{system.inputs[other].name} = {amount(system.inputs[other], axes[other][index])}"
+        for other, index in zip(others, worst[:-1], strict=True)
+    ]
+    ways = ("rises", "falls") if way > 0 else ("falls", "rises")
+    by = f"{amount(output, float(back[worst]))} ({percent(float(back[worst]) / span(output))} of its range)"
+    yield Finding(
+        "monotonicity-surface",
+        Severity.WARNING,
+        system.name,
+        f"{output.name} mostly {ways[0]} with {variable.name}, but {ways[1]} by {by} from {variable.name} = "
+        f"{amount(variable, axes[axis][start])} to {amount(variable, axes[axis][end])}"
+        + (f", where {', '.join(held)}." if held else "."),
+        "Look at the surface there; the rules of these terms pull against the rest.",
+        variable.name,
+        evidence={
+            "back": float(back[worst]),
+            "from": float(axes[axis][start]),
+            "to": float(axes[axis][end]),
+            "held": {
+                system.inputs[o].name: float(axes[o][i]) for o, i in zip(others, worst[:-1], strict=True)
+            },
+            "rising": up,
+            "falling": down,
+        },
+    )

@@ -1,0 +1,289 @@
+"""Findings on rules as they are written: doubles, contradictions, neighbours that differ, meaning, number."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.measures import Measures, centre
+from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, conjunctions
+from fis_tools.words.amounts import Floats, amount, listed, percent, place, span
+from fis_tools.words.text import antecedent_words, consequent_words
+
+
+@dataclass(frozen=True)
+class Step:
+    """From one cell of a rule table to the next along one input.
+
+    Parameters
+    ----------
+    rules : (int, int)
+        Numbers of the two rules, from 1.
+    change : float
+        Of the consequent's centre, as a fraction of the output's range.
+    """
+
+    rules: tuple[int, int]
+    change: float
+
+
+def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    """Yield what is to be said of the rules of a system."""
+    yield from _weightless(system)
+    yield from _repeated(system)
+    yield from _overlapping(system)
+    for axis in range(len(system.inputs)):
+        steps = _steps(system, axis)
+        yield from _jumps(system, axis, steps, thresholds)
+        yield from _turns(system, axis, steps, thresholds)
+    yield from _meaning(system, measures, thresholds)
+    yield from _many(system, measures, thresholds)
+
+
+def _canonical(expression: Expression) -> tuple[Any, ...]:
+    """Return a form that is equal for antecedents that say the same in another order."""
+    match expression:
+        case Is(variable, term):
+            return ("is", variable, term)
+        case Not(Not(operand)):
+            return _canonical(operand)
+        case Not(operand):
+            return ("not", _canonical(operand))
+        case And(operands) | Or(operands):
+            kind = "and" if isinstance(expression, And) else "or"
+            parts = [_canonical(operand) for operand in operands]
+            told = frozenset(inner for part in parts for inner in (part[1] if part[0] == kind else (part,)))
+            return next(iter(told)) if len(told) == 1 else (kind, told)
+
+
+def _concludes(rule: Rule) -> dict[str, str]:
+    return {consequent.variable: consequent.term for consequent in rule.consequents}
+
+
+def _weightless(system: FuzzySystem) -> Iterator[Finding]:
+    for number, rule in enumerate(system.rules, start=1):
+        idle = [consequent for consequent in rule.consequents if consequent.weight == 0.0]
+        if idle:
+            words = " and ".join(f"{consequent.variable} is {consequent.term}" for consequent in idle)
+            yield Finding(
+                "no-weight",
+                Severity.WARNING,
+                system.name,
+                f"Rule {number} concludes {words} with weight 0, which changes nothing.",
+                "Drop the conclusion, or give it the weight that is meant.",
+                rules=(number,),
+            )
+
+
+def _repeated(system: FuzzySystem) -> Iterator[Finding]:
+    alike: dict[tuple[Any, ...], list[int]] = defaultdict(list)
+    for number, rule in enumerate(system.rules, start=1):
+        alike[_canonical(rule.antecedent)].append(number)
+    for numbers in alike.values():
+        for first, second in combinations(numbers, 2):
+            one, other = _concludes(system.rules[first - 1]), _concludes(system.rules[second - 1])
+            shared = [name for name in one if name in other]
+            if not shared:
+                continue
+            adds_up = any(system.variable(name).accumulation != "max" for name in shared)
+            differ = any(one[name] != other[name] for name in shared)
+            words = antecedent_words(system.rules[first - 1].antecedent)
+            told = [consequent_words(system.rules[number - 1].consequents) for number in (first, second)]
+            yield Finding(
+                "contradicting-rules" if differ else "duplicate-rules",
+                Severity.SERIOUS if differ else Severity.WARNING,
+                system.name,
+                f"Rules {first} and {second} both begin “If {words}”, but one concludes {told[0]}, "
+                f"the other {told[1]}."
+                if differ
+                else f"Rules {first} and {second} say the same: if {words} then {told[0]}.",
+                "Decide which of the two is meant, and drop the other."
+                if differ
+                else f"Drop one of the two{'' if adds_up else '; it counts no more for being said twice'}.",
+                rules=(first, second),
+            )
+
+
+def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
+    """Yield rules that hold wherever a narrower rule does, and conclude something else."""
+    found = conjunctions(system)
+    if found is None or np.all(found[0] >= 0):
+        return
+    cells, consequents = found
+    for wide in np.flatnonzero(np.any(cells < 0, axis=1)):
+        asked = cells[wide] >= 0
+        narrower = np.all(cells[:, asked] == cells[wide, asked], axis=1) & np.any(
+            cells[:, ~asked] >= 0, axis=1
+        )
+        against = np.flatnonzero(narrower & (consequents != consequents[wide]))
+        if len(against):
+            rule = system.rules[wide]
+            told = [
+                f"rule {number + 1} ({consequent_words(system.rules[number].consequents)})"
+                for number in against
+            ]
+            yield Finding(
+                "overlapping-rules",
+                Severity.WARNING,
+                system.name,
+                f"Rule {wide + 1} (if {antecedent_words(rule.antecedent)} then "
+                f"{consequent_words(rule.consequents)}) holds wherever {listed(told)} does, which says "
+                "otherwise: the answer lies between them.",
+                "Make the wider rule ask for what the narrower ones leave, or let them conclude the same.",
+                rules=(int(wide) + 1, *(int(number) + 1 for number in against)),
+            )
+
+
+def _table(system: FuzzySystem) -> tuple[NDArray[np.int64], Floats] | None:
+    """Lay plain conjunctions out as a table with an axis an input, terms in the order of their centres.
+
+    Returns
+    -------
+    numbers : int array
+        Of the rule of each cell, from 1; 0 where there is none, or several.
+    levels : float array
+        The centre of its consequent as a fraction of the output's range.
+    """
+    found = conjunctions(system)
+    if found is None:
+        return None
+    cells, consequents = found
+    output = system.outputs[0]
+    centres = np.array([centre(output, term) for term in output.terms]) / span(output)
+    numbers = np.zeros([len(variable.terms) for variable in system.inputs], dtype=np.int64)
+    count = np.zeros_like(numbers)
+    for index, cell in enumerate(cells):
+        where = tuple(slice(None) if term < 0 else int(term) for term in cell)
+        numbers[where] = index + 1
+        count[where] += 1
+    numbers[count != 1] = 0
+    for axis, variable in enumerate(system.inputs):
+        order = np.argsort([centre(variable, term) for term in variable.terms], kind="stable")
+        numbers = np.take(numbers, order, axis=axis)
+    return numbers, centres[consequents[numbers - 1]]
+
+
+def _steps(system: FuzzySystem, axis: int) -> list[Step]:
+    table = _table(system)
+    if table is None:
+        return []
+    numbers, levels = (np.moveaxis(part, axis, -1) for part in table)
+    pairs = zip(numbers[..., :-1].ravel(), numbers[..., 1:].ravel(), np.diff(levels).ravel(), strict=True)
+    return [Step((int(a), int(b)), float(change)) for a, b, change in pairs if a and b and a != b]
+
+
+def _counted(steps: list[Step]) -> str:
+    return f"{len(steps)} step{'' if len(steps) == 1 else 's'}"
+
+
+def _told(system: FuzzySystem, step: Step) -> str:
+    """Say a step: ``from PL (rule 3) to NS (rule 8)``."""
+    output = system.outputs[0].name
+    words = [f"{_concludes(system.rules[rule - 1])[output]} (rule {rule})" for rule in step.rules]
+    return f"from {words[0]} to {words[1]}"
+
+
+def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Iterator[Finding]:
+    variable = system.inputs[axis]
+    far = sorted((s for s in steps if abs(s.change) > thresholds.jump), key=lambda s: -abs(s.change))
+    if not far:
+        return
+    output = system.outputs[0]
+    jump = amount(output, abs(far[0].change) * span(output))
+    yield Finding(
+        "contradicting-neighbours",
+        Severity.WARNING if len(far) > thresholds.against * len(steps) else Severity.NOTE,
+        system.name,
+        f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
+        f"{'is' if len(far) == 1 else 'are'} more than "
+        f"{percent(thresholds.jump)} of the range of {output.name}; the greatest goes "
+        f"{_told(system, far[0])}, {jump} apart.",
+        "Look at these rules in the table; put a value in between unless the switch is meant.",
+        variable.name,
+        rules=tuple(sorted({rule for step in far for rule in step.rules})),
+        evidence={"steps": len(steps), "jumps": [[*step.rules, step.change] for step in far]},
+    )
+
+
+def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Iterator[Finding]:
+    variable, output = system.inputs[axis], system.outputs[0]
+    rising = [step for step in steps if step.change > 0]
+    falling = [step for step in steps if step.change < 0]
+    against, along = (falling, rising) if len(falling) <= len(rising) else (rising, falling)
+    if not against:
+        return
+    worst = max(against, key=lambda step: abs(step.change))
+    ways = ("rises", "falls") if along is rising else ("falls", "rises")
+    share = len(against) / (len(rising) + len(falling))
+    if share <= thresholds.against:
+        severity = Severity.WARNING
+        sentence = (
+            f"{output.name} {ways[0]} with {variable.name} in {_counted(along)} of the rule table, but "
+            f"{ways[1]} in {len(against)}: most of all {_told(system, worst)}."
+        )
+        cure = "Check these rules: a single step against the others is often a slip."
+    else:
+        severity = Severity.NOTE
+        sentence = (
+            f"The rule table has no direction along {variable.name}: {output.name} rises in "
+            f"{_counted(rising)} and falls in {len(falling)}, {_told(system, worst)} for one."
+        )
+        cure = f"Ask whether {output.name} should follow {variable.name} one way; if so, sort the rules."
+    yield Finding(
+        "monotonicity-table",
+        severity,
+        system.name,
+        sentence,
+        cure,
+        variable.name,
+        rules=tuple(sorted({rule for step in against for rule in step.rules})),
+        evidence={"rising": len(rising), "falling": len(falling)},
+    )
+
+
+def _meaning(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    found = measures.rule_meaning
+    weak = [int(i) for i in np.argsort(found.values, kind="stable") if found.values[i] < thresholds.meaning]
+    if not weak:
+        return
+    worst = weak[0]
+    rule = system.rules[worst]
+    answers = [
+        f"{variable.name} = {amount(variable, answer)} (the rule alone would give {amount(variable, own)})"
+        for variable, answer, own in zip(
+            system.outputs, found.outputs[worst], found.alone[worst], strict=True
+        )
+        if not np.isnan(own)
+    ]
+    yield Finding(
+        "rule-meaning",
+        Severity.WARNING if len(weak) > thresholds.against * len(system.rules) else Severity.NOTE,
+        system.name,
+        f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
+        f"{'it holds' if len(weak) == 1 else 'they hold'} most. The worst is "
+        f"rule {worst + 1} (RMI {found.values[worst]:.2f}): it concludes "
+        f"{consequent_words(rule.consequents)}, but at {place(system, found.points[worst])} "
+        f"the system answers {' and '.join(answers)}.",
+        "Do not read these rules one by one; narrow the terms that overlap them, or make them agree.",
+        rules=tuple(index + 1 for index in weak),
+        evidence={"rmi": found.index, "values": [float(found.values[index]) for index in weak]},
+    )
+
+
+def _many(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    counted = measures.complexity
+    if counted.rules > thresholds.rules:
+        yield Finding(
+            "complexity",
+            Severity.NOTE,
+            system.name,
+            f"{counted.rules} rules with {counted.premises} premises over {counted.input_terms} terms are "
+            f"more than a person keeps in mind (Nauck index {measures.nauck.index:.4f}).",
+            "Drop rules that never matter and merge terms (fis_tools simplify proposes which).",
+            evidence={"rules": counted.rules, "premises": counted.premises, "nauck": measures.nauck.index},
+        )

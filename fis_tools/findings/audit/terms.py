@@ -1,0 +1,272 @@
+"""Findings on variables: whether terms are whole, apart, in order, and what their names say."""
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from fis_tools.analysis.arrays import distinguishability
+from fis_tools.analysis.measures import Measures, centre, statements
+from fis_tools.findings.audit import names
+from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.membership import sample_terms
+from fis_tools.words.amounts import Floats, amount, listed, percent, span
+from fis_tools.words.text import number
+
+
+def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    """Yield what is to be said of the variables of a system."""
+    yield from _unused(system)
+    for variable in (*system.inputs, *system.outputs):
+        yield from _low(system, variable)
+        yield from _covered(system, variable, measures, thresholds)
+        yield from _alike(system, variable, thresholds)
+        yield from _ordered(system, variable)
+        yield from _named(system, variable)
+        yield from _signs(system, variable)
+        yield from _zero(system, variable, thresholds)
+        yield from _even(system, variable, measures, thresholds)
+
+
+def _unused(system: FuzzySystem) -> Iterator[Finding]:
+    used = {(s.variable, s.term) for rule in system.rules for s in statements(rule.antecedent)}
+    used |= {(c.variable, c.term) for rule in system.rules for c in rule.consequents}
+    for variable in (*system.inputs, *system.outputs):
+        idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]
+        is_input = variable in system.inputs
+        if len(idle) == len(variable.terms):
+            does = "no rule asks for it, so it changes nothing" if is_input else "no rule concludes on it"
+            yield Finding(
+                "unused-variable",
+                Severity.SERIOUS,
+                system.name,
+                f"{variable.name} is declared, but {does}.",
+                f"Write rules with {variable.name}, or drop it.",
+                variable.name,
+            )
+        elif idle:
+            does = "asked for by no rule" if is_input else "concluded by no rule"
+            terms = f"{listed(idle, len(idle))} of {variable.name}"
+            yield Finding(
+                "unused-term",
+                Severity.WARNING if is_input else Severity.NOTE,
+                system.name,
+                f"{terms} {'is' if len(idle) == 1 else 'are'} {does}.",
+                "Drop the term, or write the rule that is missing.",
+                variable.name,
+                tuple(idle),
+            )
+
+
+def _low(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
+    for term, highest in zip(variable.terms, sample_terms(variable).max(axis=1), strict=True):
+        if highest < 0.5:
+            yield Finding(
+                "term-height",
+                Severity.SERIOUS if highest == 0 else Severity.WARNING,
+                system.name,
+                f"No value of {variable.name} belongs to {term.name} by more than "
+                f"{number(round(highest, 3))}: its peak lies outside the range or between the "
+                f"{variable.num_points} points of the universe.",
+                "Move the peak into the range, widen the term, or give the universe more points.",
+                variable.name,
+                (term.name,),
+                evidence={"highest": float(highest)},
+            )
+
+
+def _covered(
+    system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds
+) -> Iterator[Finding]:
+    worst = measures.coverage[variable.name]
+    if worst.least >= thresholds.coverage or variable in system.outputs:
+        return
+    least, fired = number(round(worst.least, 3)), measures.completeness.least
+    low, high = _gap(variable, worst.at, thresholds.coverage)
+    severity = Severity.WARNING if fired < thresholds.coverage else Severity.NOTE
+    yield Finding(
+        "coverage",
+        Severity.SERIOUS if fired < thresholds.fired else severity,
+        system.name,
+        f"{variable.name} has a gap from {amount(variable, low)} to {amount(variable, high)}: no term holds "
+        f"by {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the best one by {least}.",
+        f"Widen the terms on both sides until each value belongs to one by {thresholds.coverage:g} or more.",
+        variable.name,
+        evidence={"least": worst.least, "at": worst.at, "from": low, "to": high},
+    )
+
+
+def _gap(variable: Variable, at: float, level: float) -> tuple[float, float]:
+    """Return from where to where, about a value, no term holds by a level."""
+    x, terms = variable.universe, sample_terms(variable)
+    return _covered_up_to(x, terms, at, level), _covered_up_to(x[::-1], terms[:, ::-1], at, level)
+
+
+def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
+    """Return where, on the way along x to a value that is not covered, some term holds by a level last."""
+    is_before = (x - at) * (x[-1] - x[0]) <= 0.0
+    covered = np.flatnonzero(is_before & (terms.max(axis=0) >= level))
+    if not len(covered):
+        return float(x[0])
+    last = int(covered[-1])
+    holds = terms[:, last] >= level
+    here, next_to = terms[holds, last], terms[holds, last + 1]
+    way = float(((here - level) / (here - next_to)).max())
+    return float(x[last] + way * (x[last + 1] - x[last]))
+
+
+def _alike(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
+    likeness = distinguishability(variable)
+    areas = np.asarray(np.trapezoid(sample_terms(variable), variable.universe))
+    for a, b in combinations(range(len(variable.terms)), 2):
+        similarity = float(likeness.similarity[a, b])
+        possibility = float(likeness.possibility[a, b])
+        shared = similarity * (areas[a] + areas[b]) / (1.0 + similarity)
+        narrow, wide = (a, b) if areas[a] <= areas[b] else (b, a)
+        inside = float(shared / areas[narrow]) if areas[narrow] > 0 else 0.0
+        inner, outer = variable.terms[narrow].name, variable.terms[wide].name
+        evidence = {"similarity": similarity, "possibility": possibility, "inside": inside}
+        if similarity > thresholds.look_alike:
+            kind, severity = "look-alike-terms", Severity.WARNING
+            sentence = f"{inner} and {outer} of {variable.name} mean nearly the same: they share "
+            sentence += f"{percent(similarity)} of their areas."
+            cure = "Merge the two terms, or move them apart."
+        elif inside > thresholds.inside:
+            kind, severity = "term-inside-another", Severity.NOTE
+            sentence = f"{percent(inside)} of {inner} of {variable.name} lies under {outer}: "
+            sentence += f"hardly a value is {inner} without being {outer} as much."
+            cure = f"Narrow {outer}, or check that its rules should act together with those of {inner}."
+        elif possibility > thresholds.possibility:
+            kind, severity = "overlapping-terms", Severity.NOTE
+            sentence = f"{inner} and {outer} of {variable.name} hold together by up to {possibility:.2f}: "
+            sentence += "they are hard to tell apart."
+            cure = "Move the two terms apart, or narrow them."
+        else:
+            continue
+        names_of_both = (variable.terms[a].name, variable.terms[b].name)
+        yield Finding(
+            kind, severity, system.name, sentence, cure, variable.name, names_of_both, evidence=evidence
+        )
+
+
+def _ordered(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
+    centres = [centre(variable, term) for term in variable.terms]
+    for place in range(len(centres) - 1):
+        if centres[place] > centres[place + 1]:
+            before, after = variable.terms[place].name, variable.terms[place + 1].name
+            yield Finding(
+                "term-order",
+                Severity.WARNING,
+                system.name,
+                f"{before} of {variable.name} stands before {after} in the list, but lies higher "
+                f"({amount(variable, centres[place])} against {amount(variable, centres[place + 1])}).",
+                "List terms from the lowest to the highest: tables and neighbours are read in this order.",
+                variable.name,
+                (before, after),
+                evidence={"centres": centres},
+            )
+
+
+def _named(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
+    readings = names.read([term.name for term in variable.terms])
+    read = [
+        (r, t, centre(variable, t)) for r, t in zip(readings, variable.terms, strict=True) if r is not None
+    ]
+    pairs = [
+        (low, high)
+        for low, high in combinations(sorted(read, key=lambda entry: entry[0].rank), 2)
+        # zero lies below small and large, but between low and high
+        if (low[0].sign is None) == (high[0].sign is None)
+    ]
+    wrong = [(low, high) for low, high in pairs if low[0].rank < high[0].rank and low[2] > high[2]]
+    falling = len(pairs) > 1 and len(wrong) == len(pairs)
+    for (_, low, low_at), (_, high, high_at) in wrong[:1] if falling else wrong:
+        yield Finding(
+            "name-order",
+            Severity.WARNING if falling else Severity.SERIOUS,
+            system.name,
+            f"{low.name} of {variable.name} lies at {amount(variable, low_at)}, above {high.name} at "
+            f"{amount(variable, high_at)}"
+            + (", and so it is with all its terms: they are named from high to low." if falling else "."),
+            "Exchange the names or the membership functions: every rule that uses them reads wrongly.",
+            variable.name,
+            (low.name, high.name),
+            evidence={"centres": [low_at, high_at]},
+        )
+
+
+def _signs(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
+    readings = names.read([term.name for term in variable.terms])
+    for reading, term in zip(readings, variable.terms, strict=True):
+        here = centre(variable, term)
+        if reading is not None and reading.sign and reading.sign * here < 0:
+            yield Finding(
+                "name-sign",
+                Severity.SERIOUS,
+                system.name,
+                f"{term.name} of {variable.name} peaks at {amount(variable, here)}, on the other side of 0.",
+                "Rename the term, or move it to the side that its name says.",
+                variable.name,
+                (term.name,),
+                evidence={"centre": here},
+            )
+
+
+def _zero(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> Iterator[Finding]:
+    if not variable.minimum <= 0.0 <= variable.maximum:
+        return
+    readings = names.read([term.name for term in variable.terms])
+    at_zero = [float(np.interp(0.0, variable.universe, function)) for function in sample_terms(variable)]
+    for place, (reading, term) in enumerate(zip(readings, variable.terms, strict=True)):
+        if reading is None or reading.sign != 0 or at_zero[place] >= thresholds.zero:
+            continue
+        here, best = centre(variable, term), int(np.argmax(at_zero))
+        instead = f", and more to {variable.terms[best].name} ({at_zero[best]:.2f})" if best != place else ""
+        yield Finding(
+            "zero-off-zero",
+            Severity.SERIOUS if best != place and at_zero[place] < 0.5 else Severity.WARNING,
+            system.name,
+            f"{term.name} of {variable.name} peaks at {amount(variable, here)}, "
+            f"{percent(abs(here) / span(variable))} of the range away from 0: 0 belongs to it by "
+            f"{at_zero[place]:.2f} only{instead}.",
+            f"Move {term.name} to 0, or give it a name that says where it is.",
+            variable.name,
+            (term.name,),
+            evidence={"centre": here, "membership_of_zero": at_zero[place]},
+        )
+
+
+def _even(
+    system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds
+) -> Iterator[Finding]:
+    found = measures.integrity.get(variable.name)
+    if len(variable.terms) > thresholds.terms:
+        yield Finding(
+            "many-terms",
+            Severity.NOTE,
+            system.name,
+            f"{variable.name} has {len(variable.terms)} terms; people keep about {thresholds.terms} apart.",
+            "Merge terms that act alike (fis_tools simplify proposes some).",
+            variable.name,
+            evidence={"terms": len(variable.terms)},
+        )
+    if found is None or found.gm3m >= thresholds.partition:
+        return
+    moved = int(np.argmin(found.displacement))
+    stretched = int(np.argmin(found.area))
+    parts = [f"{variable.terms[moved].name} has moved most (displacement {found.displacement[moved]:.2f})"]
+    parts.append(
+        f"{variable.terms[stretched].name} has changed its width most (area {found.area[stretched]:.2f})"
+    )
+    yield Finding(
+        "uneven-partition",
+        Severity.NOTE,
+        system.name,
+        f"The terms of {variable.name} are far from an even partition, GM3M {found.gm3m:.2f}: "
+        f"{' and '.join(parts)}.",
+        "Read the words by their pictures, not by their names, or tune within narrower bounds.",
+        variable.name,
+        (variable.terms[moved].name, variable.terms[stretched].name),
+        evidence={"gm3m": found.gm3m},
+    )

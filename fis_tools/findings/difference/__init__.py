@@ -1,0 +1,125 @@
+"""What changed from one fuzzy controller to another: variables, terms, rules, and what comes out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fis_tools.findings.difference import page, words
+from fis_tools.findings.difference.change import (
+    Fact,
+    OutputChange,
+    RuleChange,
+    SystemDifference,
+    TermChange,
+    VariableChange,
+)
+from fis_tools.findings.difference.comparison import compare_rules, compare_variables, new_names, system_facts
+from fis_tools.findings.difference.outputs import Floats, compare_outputs
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.validate import validate
+
+__all__ = [
+    "Difference",
+    "Fact",
+    "OutputChange",
+    "RuleChange",
+    "SystemDifference",
+    "TermChange",
+    "VariableChange",
+    "difference",
+]
+
+
+@dataclass(frozen=True, repr=False)
+class Difference:
+    """What changed from one controller to another.
+
+    Parameters
+    ----------
+    before, after : str
+        What the controllers are called.
+    facts : tuple of Fact
+        Attributes that changed, and the name.
+    systems : tuple of SystemDifference
+        In the order in which the systems now stand, those that are no more last; those in which nothing
+        changed as well.
+    """
+
+    before: str
+    after: str
+    facts: tuple[Fact, ...]
+    systems: tuple[SystemDifference, ...]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the controllers are the same, but for where they come from."""
+        return not self.facts and all(system.is_empty for system in self.systems)
+
+    @property
+    def text(self) -> str:
+        """The difference for a terminal."""
+        return words.write(f"{self.before} → {self.after}", self.facts, self.systems)
+
+    @property
+    def html(self) -> str:
+        """The difference as a page that needs nothing but itself."""
+        return page.write(f"{self.before} → {self.after}", self.facts, self.systems)
+
+    def __repr__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return page.fragment(f"{self.before} → {self.after}", self.facts, self.systems)
+
+
+def difference(
+    before: FuzzyController | FuzzySystem,
+    after: FuzzyController | FuzzySystem,
+    samples: Mapping[str, Floats] | None = None,
+) -> Difference:
+    """Compare two controllers, system by system.
+
+    Parameters
+    ----------
+    before, after : FuzzyController or FuzzySystem
+        Without problems. Two systems are compared whatever they are called; those of controllers by name.
+    samples : mapping of str to (n, num_inputs), optional
+        Inputs by the system's name, such as `fis_tools.analysis.flights.inputs_along` returns: outputs are
+        compared over them too, besides all that the ranges of the inputs hold.
+
+    Raises
+    ------
+    InvalidSystem
+        If a system has problems.
+    """
+    old, new = _systems(before), _systems(after)
+    if isinstance(before, FuzzySystem) and isinstance(after, FuzzySystem):
+        old = {after.name: before}
+    facts = tuple(_facts(before, after))
+    for system in (*old.values(), *new.values()):
+        validate(system)
+    compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
+    gone = [SystemDifference(system, None) for system in old.values()]
+    return Difference(before.name, after.name, facts, (*compared, *gone))
+
+
+def _systems(controller: FuzzyController | FuzzySystem) -> dict[str, FuzzySystem]:
+    systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
+    return {system.name: system for system in systems}
+
+
+def _facts(before: FuzzyController | FuzzySystem, after: FuzzyController | FuzzySystem) -> list[Fact]:
+    facts = [Fact("name", before.name, after.name)]
+    old, new = (dict(c.attributes) if isinstance(c, FuzzyController) else {} for c in (before, after))
+    facts += [Fact(key, old.get(key, "none"), new.get(key, "none")) for key in sorted({*old, *new})]
+    return [fact for fact in facts if fact.before != fact.after]
+
+
+def _compare(
+    before: FuzzySystem | None, after: FuzzySystem, samples: Mapping[str, Floats] | None
+) -> SystemDifference:
+    if before is None:
+        return SystemDifference(None, after)
+    variables = compare_variables(before, after)
+    rules = compare_rules(before, after, new_names(variables))
+    outputs = compare_outputs(before, after, None if samples is None else samples.get(after.name))
+    return SystemDifference(before, after, system_facts(before, after), variables, rules, outputs)

@@ -1,0 +1,203 @@
+"""Two systems compared part by part: variables, terms, rules."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
+from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model.membership import sample
+from fis_tools.words.text import antecedent_words, number
+
+Floats = NDArray[np.float64]
+#: How a number is written.
+Write = Callable[[float], str]
+
+#: A term that is gone and one that is new count as one renamed where they are so alike.
+RENAMED_FROM = 0.7
+#: New names of terms, by variable and old name.
+Names = dict[tuple[str, str], str]
+
+
+def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
+    """Compare what a system says of itself."""
+    facts = [
+        Fact(what, getattr(before, field), getattr(after, field))
+        for what, field in (
+            ("and operator", "and_operator"),
+            ("or operator", "or_operator"),
+            ("defuzzifier", "defuzzifier"),
+        )
+    ]
+    for what, old, new in (
+        ("inputs", before.inputs, after.inputs),
+        ("outputs", before.outputs, after.outputs),
+    ):
+        names = [[variable.name for variable in variables] for variables in (old, new)]
+        if set(names[0]) == set(names[1]):
+            facts.append(Fact(f"order of {what}", ", ".join(names[0]), ", ".join(names[1])))
+    return tuple(fact for fact in facts if fact.before != fact.after)
+
+
+def compare_variables(before: FuzzySystem, after: FuzzySystem) -> tuple[VariableChange, ...]:
+    """Compare the variables of two systems, by their names."""
+    changes = []
+    for kind, old, new in (("input", before.inputs, after.inputs), ("output", before.outputs, after.outputs)):
+        gone = {variable.name: variable for variable in old}
+        for variable in new:
+            same = gone.pop(variable.name, None)
+            if same is None:
+                changes.append(VariableChange(kind, None, variable))
+            elif same != variable:
+                facts, terms = tuple(_variable_facts(same, variable)), tuple(_compare_terms(same, variable))
+                changes.append(VariableChange(kind, same, variable, facts, terms))
+        changes += [VariableChange(kind, variable, None) for variable in gone.values()]
+    return tuple(changes)
+
+
+def _variable_facts(before: Variable, after: Variable) -> Iterator[Fact]:
+    for what, words in _TOLD.items():
+        if words(before, repr) != words(after, repr):
+            write = number if words(before, number) != words(after, number) else repr
+            yield Fact(what, words(before, write), words(after, write))
+    order = [[term.name for term in variable.terms] for variable in (before, after)]
+    if order[0] != order[1] and set(order[0]) == set(order[1]):
+        yield Fact("order of terms", ", ".join(order[0]), ", ".join(order[1]))
+
+
+def _points_words(variable: Variable, write: Write) -> str:
+    if variable.points is None:
+        return f"{variable.num_points}, even"
+    return f"{variable.num_points} of its own: {', '.join(map(write, variable.points))}"
+
+
+#: What a variable says of itself besides its terms, numbers written in some way.
+_TOLD: dict[str, Callable[[Variable, Write], str]] = {
+    "unit": lambda v, _: v.unit or "none",
+    "range": lambda v, write: f"{write(v.minimum)} to {write(v.maximum)}",
+    "points": _points_words,
+    "default": lambda v, write: "none" if v.default is None else write(v.default),
+    "defuzzifier": lambda v, _: v.defuzzifier or "the system's",
+    "accumulation": lambda v, _: v.accumulation,
+    "description": lambda v, _: v.description or "none",
+}
+
+
+def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
+    """Yield the terms that changed: those that there are now, then those that are gone."""
+    gone = {term.name: term for term in before.terms}
+    pairs = [(gone.pop(term.name, None), term) for term in after.terms]
+    for place, (old, new) in enumerate(pairs):
+        if old is None and gone:
+            likest = max(gone.values(), key=lambda term: _similarity(before, term, after, new))
+            if _similarity(before, likest, after, new) >= RENAMED_FROM:
+                pairs[place] = (gone.pop(likest.name), new)
+    for old, new in pairs:
+        if old is None:
+            yield TermChange(None, new)
+        elif old != new or not _is_same_function(before, old, after, new):
+            moved = _middle(after, new) - _middle(before, old)
+            width = max(v.maximum - v.minimum for v in (before, after))
+            yield TermChange(old, new, moved, abs(moved) / width, _similarity(before, old, after, new))
+    for old in gone.values():
+        yield TermChange(old, None)
+
+
+def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -> bool:
+    is_same_universe = np.array_equal(before.universe, after.universe)
+    return not is_same_universe or np.array_equal(sample(before, old), sample(after, new))
+
+
+def _middle(variable: Variable, term: Term) -> float:
+    """Return the middle of the parameters that say where a term is: of its highest points."""
+    mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
+    if mean is not None:
+        return float(mean)
+    values = sample(variable, term)
+    return float(np.mean(variable.universe[values == values.max()]))
+
+
+def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
+    """Return the area under the lower of two functions over that under the higher one."""
+    points = np.union1d(before.universe, after.universe)
+    points = np.union1d(points, np.linspace(points[0], points[-1], 2001))
+    one, other = (
+        np.interp(points, variable.universe, sample(variable, term), left=0.0, right=0.0)
+        for variable, term in ((before, old), (after, new))
+    )
+    joint = float(np.trapezoid(np.maximum(one, other), points))
+    return float(np.trapezoid(np.minimum(one, other), points)) / joint if joint > 0.0 else 1.0
+
+
+def new_names(variables: Sequence[VariableChange]) -> Names:
+    """Return what terms that were renamed are called now."""
+    return {
+        (change.variable.name, term.before.name): term.after.name
+        for change in variables
+        for term in change.terms
+        if term.before is not None and term.after is not None
+    }
+
+
+def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tuple[RuleChange, ...]:
+    """Compare the rules of two systems, by what they ask for; the order of rules and statements is nothing.
+
+    A term that was renamed counts as the same.
+    """
+    gone: dict[str, list[tuple[int, Rule]]] = {}
+    for index, rule in enumerate(before.rules, start=1):
+        gone.setdefault(_key(_renamed(rule.antecedent, names)), []).append((index, rule))
+    changes = []
+    for index, rule in enumerate(after.rules, start=1):
+        same = gone.get(_key(rule.antecedent), [])
+        meant = _meaning(rule)
+        place = next((i for i, (_, old) in enumerate(same) if _meaning(renamed(old, names)) == meant), None)
+        if place is not None:
+            same.pop(place)
+        else:
+            changes.append(RuleChange(None, rule, index))
+    for position, change in enumerate(changes):
+        assert change.after is not None  # noqa: S101 - they have just been made
+        same = gone.get(_key(change.after.antecedent), [])
+        if same:
+            changes[position] = replace(change, before=same.pop(0)[1])
+    left = sorted((entry for entries in gone.values() for entry in entries), key=lambda entry: entry[0])
+    return (*changes, *(RuleChange(rule, None, index) for index, rule in left))
+
+
+def renamed(rule: Rule, names: Names) -> Rule:
+    """Return a rule with the new names of its terms."""
+    consequents = tuple(
+        Consequent(c.variable, names.get((c.variable, c.term), c.term), c.weight) for c in rule.consequents
+    )
+    return replace(rule, antecedent=_renamed(rule.antecedent, names), consequents=consequents)
+
+
+def _renamed(expression: Expression, names: Names) -> Expression:
+    match expression:
+        case Is(variable, term):
+            return Is(variable, names.get((variable, term), term))
+        case Not(operand):
+            return Not(_renamed(operand, names))
+        case And(operands) | Or(operands):
+            return type(expression)(tuple(_renamed(operand, names) for operand in operands))
+
+
+def _key(expression: Expression) -> str:
+    """Return the same text for antecedents that differ in the order of their statements only."""
+    match expression:
+        case And(operands) | Or(operands) if len(operands) > 1:
+            return f"{type(expression).__name__}({', '.join(sorted(map(_key, operands)))})"
+        case And((operand,)) | Or((operand,)):
+            return _key(operand)
+        case Not(operand):
+            return f"Not({_key(operand)})"
+    return antecedent_words(expression)
+
+
+def _meaning(rule: Rule) -> tuple[object, ...]:
+    """Return what makes rules of one antecedent the same."""
+    consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
+    return consequents, rule.label, rule.and_operator, rule.or_operator

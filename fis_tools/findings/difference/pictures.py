@@ -1,0 +1,131 @@
+"""The terms of a variable as they were and as they are, over each other, as an SVG inside a page."""
+
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.findings.difference.change import VariableChange
+from fis_tools.model import Term, Variable
+from fis_tools.model.membership import sample
+from fis_tools.words.text import number, with_unit
+
+Floats = NDArray[np.float64]
+
+WIDTH, SIDE, LINE, CURVES, BELOW = 720.0, 34.0, 17.0, 130.0, 40.0
+CHARACTER = 7.2
+NUM_COLOURS = 7
+
+
+def draw(change: VariableChange) -> str:
+    """Draw the terms of a variable that stands before and after: dashed as they were, solid as they are.
+
+    Terms that did not change are thin.
+    """
+    variables = [v for v in (change.before, change.after) if v is not None]
+    low, high = min(v.minimum for v in variables), max(v.maximum for v in variables)
+    curves, labels = _curves(change)
+    levels = _levels([(name, _across(peak, low, high)) for name, peak, _ in labels])
+    top = LINE * (max(levels, default=0) + 1) + 9.0
+    height = top + CURVES + BELOW
+    parts = [
+        f'<svg class="terms" viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
+        f'aria-label="terms of {escape(change.variable.name, quote=True)}, before and after">'
+    ]
+    parts += _axes(change.variable, low, high, top)
+    for variable, term, style in curves:
+        points = " ".join(
+            f"{_across(x, low, high):.1f},{top + CURVES * (1.0 - y):.1f}"
+            for x, y in zip(variable.universe, sample(variable, term), strict=True)
+        )
+        parts.append(f'<polyline class="{style}" points="{points}"/>')
+    for (name, peak, style), level in zip(labels, levels, strict=True):
+        anchor, x = _anchor(name, _across(peak, low, high))
+        y = top - 9.0 - LINE * level
+        parts.append(
+            f'<text class="{style}" text-anchor="{anchor}" x="{x:.1f}" y="{y:g}">{escape(name)}</text>'
+        )
+    return "\n".join([*parts, "</svg>"])
+
+
+def _curves(
+    change: VariableChange,
+) -> tuple[list[tuple[Variable, Term, str]], list[tuple[str, float, str]]]:
+    """Return what to draw, unchanged terms first, and where which name belongs."""
+    curves: list[tuple[Variable, Term, str]] = []
+    labels = []
+    assert change.before is not None  # noqa: S101 - see `draw`
+    assert change.after is not None  # noqa: S101
+    changed = {term.after.name: term for term in change.terms if term.after is not None}
+    for place, term in enumerate(change.after.terms):
+        colour = f"term-{place % NUM_COLOURS}"
+        one = changed.get(term.name)
+        if one is None:
+            curves.insert(0, (change.after, term, f"same {colour}"))
+        else:
+            if one.before is not None:
+                curves.append((change.before, one.before, f"before {colour}"))
+            curves.append((change.after, term, f"after {colour}"))
+        labels.append((term.name, _peak(change.after, term), f"{'after' if one else 'same'} {colour}"))
+    for one in change.terms:
+        if one.after is None and one.before is not None:
+            curves.append((change.before, one.before, "before gone"))
+            labels.append((one.before.name, _peak(change.before, one.before), "before gone"))
+    return curves, labels
+
+
+def _peak(variable: Variable, term: Term) -> float:
+    values = sample(variable, term)
+    return float(np.mean(variable.universe[values == values.max()]))
+
+
+def _across(x: float, low: float, high: float) -> float:
+    return SIDE + (WIDTH - 2.0 * SIDE) * (x - low) / (high - low)
+
+
+def _anchor(name: str, x: float) -> tuple[str, float]:
+    half = 0.5 * CHARACTER * len(name)
+    if x - half < 0.0:
+        return "start", max(x, 2.0)
+    return ("end", min(x, WIDTH - 2.0)) if x + half > WIDTH else ("middle", x)
+
+
+def _levels(labels: list[tuple[str, float]]) -> list[int]:
+    """Give each label the lowest line on which it does not run into another."""
+    taken: list[float] = []
+    levels = [0] * len(labels)
+    for place in np.argsort([x for _, x in labels], kind="stable"):
+        name, x = labels[place]
+        length = CHARACTER * len(name)
+        anchor, x = _anchor(name, x)
+        start = x - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * length
+        level = next((level for level, end in enumerate(taken) if end <= start), len(taken))
+        taken[level : level + 1] = [start + length + CHARACTER]
+        levels[place] = level
+    return levels
+
+
+def _axes(variable: Variable, low: float, high: float, top: float) -> list[str]:
+    bottom = top + CURVES
+    parts = [
+        f'<line class="axis" x1="{SIDE:g}" x2="{WIDTH - SIDE:g}" y1="{y:g}" y2="{y:g}"/>'
+        for y in (top, bottom)
+    ]
+    parts += [
+        f'<text class="tick" text-anchor="end" x="{SIDE - 6.0:g}" y="{y + 4.0:g}">{value}</text>'
+        for value, y in ((1, top), (0, bottom))
+    ]
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        x, value = _across(low + share * (high - low), low, high), low + share * (high - low)
+        anchor = "middle" if 0.0 < share < 1.0 else "start" if share == 0.0 else "end"
+        parts.append(f'<line class="axis" x1="{x:.1f}" x2="{x:.1f}" y1="{bottom:g}" y2="{bottom + 5.0:g}"/>')
+        text = number(round(value, 12))
+        parts.append(
+            f'<text class="tick" text-anchor="{anchor}" x="{x:.1f}" y="{bottom + 18.0:g}">{text}</text>'
+        )
+    middle = WIDTH / 2.0
+    name = escape(with_unit(variable))
+    parts.append(
+        f'<text class="tick" text-anchor="middle" x="{middle:g}" y="{bottom + 35.0:g}">{name}</text>'
+    )
+    return parts

@@ -1,0 +1,84 @@
+"""An output over two inputs as it was, as it is, and what lies between, as a picture inside a page."""
+
+import base64
+from dataclasses import replace
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.arrays import Surface, surface
+from fis_tools.engines.compiler import compile as compiled
+from fis_tools.findings.difference.change import SystemDifference
+from fis_tools.findings.difference.outputs import over_both_ranges
+from fis_tools.model import FuzzySystem, Variable
+
+Floats = NDArray[np.float64]
+
+#: Points along each axis.
+NUM_POINTS = 61
+
+
+def draw(system: SystemDifference) -> list[str]:
+    """Draw each output that moved, over the last two inputs, the others in the middle of their ranges.
+
+    There is nothing to draw where the inputs are others than before, or fewer than two.
+    """
+    if system.before is None or system.after is None or len(system.after.inputs) < 2:
+        return []
+    moved = {change.output.name for change in system.outputs if change.largest > 0.0}
+    return [
+        _picture(system.before, system.after, output)
+        for output in system.after.outputs
+        if output.name in moved
+    ]
+
+
+def changed_surfaces(
+    before: FuzzySystem, after: FuzzySystem, output: str
+) -> tuple[Surface, Surface, Surface]:
+    """Evaluate an output of two systems over the ranges of both: as it was, as it is, and what it changed by.
+
+    Parameters
+    ----------
+    before, after : FuzzySystem
+        Of inputs of the same names, two or more, and with this output.
+    output : str
+        Which output.
+    """
+    y, x = (variable.name for variable in after.inputs[-2:])
+    grid = surface(over_both_ranges(before, after), x, y, output=output, num_points=NUM_POINTS)
+    across, along = np.meshgrid(grid.x, grid.y)
+    inputs = {name: np.full(across.size, value) for name, value in grid.fixed.items()}
+    inputs |= {x: across.ravel(), y: along.ravel()}
+    old, new = (
+        np.asarray(compiled(one)(inputs)[output]).reshape(grid.values.shape) for one in (before, after)
+    )
+    change = replace(grid.output, name=f"change of {output}")
+    return (
+        replace(grid, values=old),
+        replace(grid, values=new),
+        replace(grid, values=new - old, output=change),
+    )
+
+
+def _picture(before: FuzzySystem, after: FuzzySystem, output: Variable) -> str:
+    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
+
+    surfaces = changed_surfaces(before, after, output.name)
+    shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
+    limits = (float(shown.min()), float(shown.max()))
+    figure = render.Figure(figsize=(12.6, 3.7), layout="constrained")
+    for one, words, ax in zip(
+        surfaces, ("before", "after", "after less before"), figure.subplots(1, 3), strict=True
+    ):
+        render.draw_surface(
+            one, ax, None if one is surfaces[2] or limits[0] == limits[1] else limits, title=words
+        )
+    content = base64.b64encode(render.encode(figure, "png", 100)).decode("ascii")
+    held = render.held_words(after, surfaces[0].fixed)
+    told = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
+    return (
+        f'<figure class="surfaces"><img alt="{escape(told)}" src="data:image/png;base64,{content}">'
+        f"<figcaption>{escape(told)}</figcaption></figure>"
+    )

@@ -1,0 +1,67 @@
+"""Explanations: which rules moved an output and how far, what would flip it, what each did over a flight."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fis_tools.analysis.contribution import contributions
+from fis_tools.engines.inference import infer
+from fis_tools.findings.explanation.flips import Flip, compiled_once, flips, row
+from fis_tools.findings.explanation.report import ExplainedOutput, Explanation, Move
+from fis_tools.findings.explanation.shares import RuleShare, Shares, shares
+
+__all__ = [
+    "ExplainedOutput",
+    "Explanation",
+    "Flip",
+    "Move",
+    "RuleShare",
+    "Shares",
+    "explain",
+    "flips",
+    "shares",
+]
+
+
+def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: float = 0.0) -> Explanation:
+    """Explain one inference: what each rule did to the outputs, and what would flip them.
+
+    Parameters
+    ----------
+    system : FuzzySystem, CompiledSystem, or what `fis_tools.engines.compiler.compile` takes
+    inputs : (num_inputs,) array, or mapping of names to numbers
+        Clipped to the universes.
+    crossing : float
+        The value whose other side is looked for, in the unit of the outputs; 0 asks for the sign.
+
+    Raises
+    ------
+    ValueError
+        If inputs are missing, unknown or NaN, or `crossing` is not finite.
+    """
+    compiled = compiled_once(system)
+    given = row(compiled, inputs)
+    inference = infer(compiled.system, given)
+    moved = contributions(compiled, given[np.newaxis])[0]
+    found = flips(compiled, given, crossing)
+    outputs = []
+    for place, output in enumerate(inference.outputs):
+        strengths = inference.firing_strengths
+        concluding = [
+            number
+            for number, rule in enumerate(compiled.system.rules)
+            if strengths[number] > 0.0
+            and any(c.variable == output.variable.name and c.weight > 0.0 for c in rule.consequents)
+        ]
+        moves = [
+            Move(number + 1, float(strengths[number]), float(moved[number, place])) for number in concluding
+        ]
+        moves.sort(key=lambda move: (-abs(move.moved), -move.strength))
+        of_output = tuple(flip for flip in found if flip.output == output.variable)
+        outputs.append(
+            ExplainedOutput(
+                output.variable, output.value, output.is_default, tuple(moves), float(crossing), of_output
+            )
+        )
+    return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs))

@@ -1,0 +1,192 @@
+"""The smallest change of one input that takes an output to the other side of a value."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fis_tools.engines.compiler import CompiledSystem, compile
+from fis_tools.engines.inference import infer
+from fis_tools.model import Variable
+from fis_tools.words.amounts import span
+
+Floats = NDArray[np.float64]
+
+#: Steps of the search from one point of a universe to the next.
+STEPS = 8
+#: How near a flip is located, as a fraction of the input's range.
+LOCATED = 1e-9
+#: Nearer to a value than this, as a fraction of its range, an output is on neither side of it.
+TOUCHING = 1e-12
+
+
+@dataclass(frozen=True)
+class Flip:
+    """What happens on the way from an input to one end of its range, the other inputs held.
+
+    Parameters
+    ----------
+    output, input : Variable
+    way : int
+        1 towards the upper end, -1 towards the lower one.
+    given : float
+        The input where the way begins, in its unit.
+    side : int
+        On which side of the value the output is there: 1, -1, or 0 for neither.
+    last, first : float or None
+        The input before and after the nearest place where the output comes to the other side (from neither:
+        to either); they are `LOCATED` of the range apart at most. None where no value of the input does it.
+    output_at_last, output_at_first : float or None
+        The output at both.
+    takes_default : bool
+        Whether no rule fires at `first`, so that the output is its default.
+    """
+
+    output: Variable
+    input: Variable
+    way: int
+    given: float
+    side: int
+    last: float | None = None
+    first: float | None = None
+    output_at_last: float | None = None
+    output_at_first: float | None = None
+    takes_default: bool = False
+
+    @property
+    def change(self) -> float | None:
+        """How far the input must change, with its sign."""
+        return None if self.first is None else self.first - self.given
+
+    @property
+    def share(self) -> float:
+        """The size of the change as a share of the input's range; infinite where none does it."""
+        return np.inf if self.change is None else abs(self.change) / span(self.input)
+
+
+def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float = 0.0) -> tuple[Flip, ...]:
+    """Find for each output the smallest changes of one input that take it across a value.
+
+    Each way is searched at `STEPS` places between neighbouring points of the universe, then halved; a visit
+    to the other side that is shorter than such a step can be missed. Jumps count.
+
+    Parameters
+    ----------
+    system : FuzzySystem, CompiledSystem, or what `fis_tools.engines.compiler.compile` takes
+    inputs : (num_inputs,) array, or mapping of names to numbers
+        Where to start; clipped to the universes.
+    value : float
+        What is to be crossed, in the unit of the outputs.
+
+    Returns
+    -------
+    tuple of Flip
+        By output; for each the smallest changes first, as shares of the ranges, and two for each input.
+
+    Raises
+    ------
+    ValueError
+        If inputs are missing, unknown or NaN, or the value is not finite.
+    """
+    compiled = compiled_once(system)
+    given = row(compiled, inputs)
+    if not np.isfinite(value):
+        raise ValueError(f"the value to cross is {value}; give a finite number")
+    ways = list(_ways(compiled, given))
+    outputs = np.split(compiled(np.concatenate([rows for *_, rows in ways])) - value, _ends(ways))
+    found: list[Flip] = []
+    for place, output in enumerate(compiled.system.outputs):
+        of_output = []
+        for (index, way, rows), differences in zip(ways, outputs, strict=True):
+            sides = _sides(output, differences[:, place])
+            variable = compiled.system.inputs[index]
+            start = Flip(output, variable, way, float(given[index]), int(sides[0]))
+            across = np.flatnonzero(_is_across(sides, sides[0]))
+            flip = start
+            if len(across):
+                bracket = rows[across[0] - 1 : across[0] + 1]
+                flip = _located(compiled, place, start, bracket, index, value)
+            of_output.append(flip)
+        found += sorted(of_output, key=lambda flip: flip.share)
+    return tuple(found)
+
+
+def compiled_once(system: object) -> CompiledSystem:
+    """Compile a system, if that is not done yet."""
+    return system if isinstance(system, CompiledSystem) else compile(system)
+
+
+def row(compiled: CompiledSystem, inputs: ArrayLike | Mapping[str, float]) -> Floats:
+    """Return inputs as one row of numbers, checked.
+
+    Raises
+    ------
+    ValueError
+        If there are too few or too many, one is unknown, or one is NaN.
+    """
+    if isinstance(inputs, Mapping):
+        compiled({name: np.asarray(number, dtype=np.float64).reshape(1) for name, number in inputs.items()})
+        return np.array([float(inputs[variable.name]) for variable in compiled.system.inputs])
+    values = np.asarray(inputs, dtype=np.float64)
+    if values.ndim != 1:
+        raise ValueError(f"inputs have shape {values.shape}; pass one number for each input")
+    compiled(values[np.newaxis])
+    return values
+
+
+def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, Floats]]:
+    """Yield each input, each way, and the rows to look at from where the system takes it to that end."""
+    variables = compiled.system.inputs
+    start = np.clip(given, [v.minimum for v in variables], [v.maximum for v in variables])
+    for index, variable in enumerate(variables):
+        parts = np.arange(STEPS) / STEPS
+        universe = variable.universe
+        fine = (universe[:-1, np.newaxis] + np.diff(universe)[:, np.newaxis] * parts).ravel()
+        fine = np.append(fine, universe[-1])
+        here = start[index]
+        for way, beyond in ((1, fine[fine > here]), (-1, fine[fine < here][::-1])):
+            rows = np.tile(start, (1 + len(beyond), 1))
+            rows[1:, index] = beyond
+            yield index, way, rows
+
+
+def _ends(ways: list[tuple[int, int, Floats]]) -> list[int]:
+    return [int(end) for end in np.cumsum([len(rows) for *_, rows in ways])[:-1]]
+
+
+def _sides(output: Variable, differences: Floats) -> Floats:
+    return np.where(np.abs(differences) <= TOUCHING * span(output), 0.0, np.sign(differences))
+
+
+def _is_across(sides: Floats, start: float) -> NDArray[np.bool_]:
+    across: NDArray[np.bool_] = sides != 0.0 if start == 0.0 else sides == -start
+    return across
+
+
+def _located(
+    compiled: CompiledSystem, place: int, start: Flip, bracket: Floats, index: int, value: float
+) -> Flip:
+    """Halve a bracket of two rows until the flip is located, and evaluate both sides step by step."""
+    last, first = bracket.copy()
+    while abs(first[index] - last[index]) > LOCATED * span(start.input):
+        middle = last.copy()
+        middle[index] = 0.5 * (last[index] + first[index])
+        side = _sides(start.output, compiled(middle[np.newaxis])[:, place] - value)
+        if _is_across(side, start.side)[0]:
+            first = middle
+        else:
+            last = middle
+    before, after = (infer(compiled.system, one).outputs[place] for one in (last, first))
+    return Flip(
+        start.output,
+        start.input,
+        start.way,
+        start.given,
+        start.side,
+        float(last[index]),
+        float(first[index]),
+        before.value,
+        after.value,
+        after.is_default,
+    )

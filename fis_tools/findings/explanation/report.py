@@ -1,0 +1,264 @@
+"""An explanation of one inference, and how it is told: in a terminal, in a notebook, as plain data."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.findings.explanation.flips import Flip
+from fis_tools.model import FuzzySystem, Variable
+from fis_tools.words.amounts import NEGLIGIBLE, amount, percent, span
+from fis_tools.words.text import aligned, sentence
+
+Floats = NDArray[np.float64]
+
+#: Rules that moved an output by less than this share of its range are told on demand, and beyond so many.
+WORTH_TELLING = 0.01
+MOST_RULES = 8
+#: An output that changes by more than this share of its range at a flip jumps there.
+JUMP = 1e-3
+#: A change of less than this share of an input's range is any change at all.
+ANY_CHANGE = 1e-7
+
+
+@dataclass(frozen=True)
+class Move:
+    """What one rule did to one output.
+
+    Parameters
+    ----------
+    rule : int
+        The rule's number, from 1 as in every listing.
+    strength : float
+        How strongly it fires, before weights.
+    moved : float
+        The output less what it would be had the rule been silent, in the output's unit.
+    """
+
+    rule: int
+    strength: float
+    moved: float
+
+
+@dataclass(frozen=True)
+class ExplainedOutput:
+    """Why one output is what it is.
+
+    Parameters
+    ----------
+    variable : Variable
+    value : float
+    is_default : bool
+        Whether no rule that concludes on it fires.
+    moves : tuple of Move
+        The rules that fire and conclude on it, those that moved it most first.
+    crossing : float
+        The value that the flips are about.
+    flips : tuple of Flip
+        The smallest changes first.
+    """
+
+    variable: Variable
+    value: float
+    is_default: bool
+    moves: tuple[Move, ...]
+    crossing: float
+    flips: tuple[Flip, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Explanation:
+    """Why a system answers as it does.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+    inputs : tuple of float
+        As given, in the order of the system's inputs.
+    outputs : tuple of ExplainedOutput
+    """
+
+    system: FuzzySystem
+    inputs: tuple[float, ...]
+    outputs: tuple[ExplainedOutput, ...]
+
+    def text(self, *, everything: bool = False) -> str:
+        """Tell it in a terminal, the most important first; `everything` with rules that hardly moved it."""
+        lines = [f"{self.system.name} at {self._place()}"]
+        for output in self.outputs:
+            told, rest = self._moves(output, everything)
+            lines += ["", _value(output)]
+            lines += aligned([list(cells) for cells in told], 2) if told else []
+            lines += [f"  {rest}"] if rest else []
+            lines += ["", f"{_question(output)}:", *(f"  {words}" for words in _flip_words(output))]
+        return "\n".join(lines) + "\n"
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_markdown_(self) -> str:
+        lines = [f"**{self.system.name}** at {self._place()}"]
+        for output in self.outputs:
+            told, rest = self._moves(output, everything=False)
+            lines += ["", _value(output), ""]
+            lines += ["| moved | fires by | rule |", "|---|---|---|"] if told else []
+            lines += [
+                f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |" for cells in told
+            ]
+            lines += ["", rest] if rest else []
+            lines += ["", f"{_question(output)}:", "", *(f"- {words}" for words in _flip_words(output))]
+        return "\n".join(lines)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the explanation as plain JSON data; numbers are in the units of their variables.
+
+        Keys are ``system``, ``inputs`` (by name, as given) and ``outputs``; of each ``output`` its ``unit``,
+        ``value``, whether that is its ``default``, the ``rules`` that fire, those that moved it most first
+        (number, ``sentence``, ``strength``, ``moved``), and what takes it across ``crossing``: ``flips``, an
+        entry for each ``input`` and ``way`` (``up``, ``down``), the smallest first, with the ``change``, the
+        inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it), and
+        whether no rule fires there (``takes_default``).
+        """
+        names = [variable.name for variable in self.system.inputs]
+        return {
+            "system": self.system.name,
+            "inputs": dict(zip(names, self.inputs, strict=True)),
+            "outputs": [
+                {
+                    "output": output.variable.name,
+                    "unit": output.variable.unit,
+                    "value": output.value,
+                    "default": output.is_default,
+                    "rules": [
+                        {
+                            "rule": move.rule,
+                            "sentence": sentence(self.system.rules[move.rule - 1]),
+                            "strength": move.strength,
+                            "moved": move.moved,
+                        }
+                        for move in output.moves
+                    ],
+                    "crossing": output.crossing,
+                    "flips": [_plain_flip(flip) for flip in output.flips],
+                }
+                for output in self.outputs
+            ],
+        }
+
+    def _place(self) -> str:
+        words = []
+        for variable, given in zip(self.system.inputs, self.inputs, strict=True):
+            end = min(max(given, variable.minimum), variable.maximum)
+            note = f" (taken as {amount(variable, end)}, the end of its range)" if end != given else ""
+            words.append(f"{variable.name} = {amount(variable, given)}{note}")
+        return ", ".join(words)
+
+    def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[tuple[str, str, str]], str]:
+        """Return the rules that are told, as cells, and a sentence on the others."""
+        variable, moves = output.variable, output.moves
+        told = [move for move in moves if abs(move.moved) >= WORTH_TELLING * span(variable)][:MOST_RULES]
+        told = list(moves) if everything else told or list(moves[:1])
+        rows = [
+            (
+                _signed(variable, move.moved),
+                f"fires by {move.strength:.2f}",
+                f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
+            )
+            for move in told
+        ]
+        rest = moves[len(told) :]
+        if not rest:
+            return rows, ""
+        most = abs(rest[0].moved)
+        fire = "1 more rule fires, but" if len(rest) == 1 else f"{len(rest)} more rules fire, but each"
+        is_something = most > NEGLIGIBLE * span(variable)
+        moved = (
+            f"moved it by {amount(variable, most)} at most" if is_something else "could be missing as well"
+        )
+        return rows, f"{fire} {moved}"
+
+
+def _question(output: ExplainedOutput) -> str:
+    variable, side = output.variable, output.flips[0].side
+    value = amount(variable, output.crossing)
+    if side == 0:
+        return f"What would move {variable.name} away from {value}, one input changed alone"
+    if output.crossing == 0.0:
+        sign = "negative" if side > 0 else "positive"
+        return f"What would make {variable.name} {sign}, one input changed alone"
+    return (
+        f"What would take {variable.name} {'below' if side > 0 else 'above'} {value}, one input changed alone"
+    )
+
+
+def _signed(variable: Variable, value: float) -> str:
+    words = amount(variable, value)
+    return words if words.startswith(("-", "0 ")) or words == "0" else f"+{words}"
+
+
+def _value(output: ExplainedOutput) -> str:
+    told = f"{output.variable.name} = {amount(output.variable, output.value)}"
+    if output.is_default:
+        return f"{told}, its default: no rule that concludes on it fires"
+    return f"{told}; how far each rule moved it, against the same inference without the rule:"
+
+
+def _flip_words(output: ExplainedOutput) -> Iterator[str]:
+    """Say what flips, the smallest change first, then which inputs do not do it."""
+    variable, crossing = output.variable, output.crossing
+    if not variable.minimum < crossing < variable.maximum and all(f.change is None for f in output.flips):
+        yield (
+            f"nothing can: {variable.name} lies between {amount(variable, variable.minimum)} and "
+            f"{amount(variable, variable.maximum)}, on one side of {amount(variable, crossing)}"
+        )
+        return
+    for flip in output.flips:
+        if flip.change is None or flip.first is None:
+            continue
+        way = "up" if flip.way > 0 else "down"
+        if flip.share <= ANY_CHANGE:
+            words = f"{flip.input.name} {way} by any change"
+        else:
+            words = (
+                f"{flip.input.name} {way} by {amount(flip.input, abs(flip.change))}, to "
+                f"{amount(flip.input, flip.first)} ({percent(flip.share)} of its range)"
+            )
+        yield words + _landing(flip)
+    for name in dict.fromkeys(flip.input.name for flip in output.flips):
+        stuck = [flip for flip in output.flips if flip.input.name == name and flip.change is None]
+        if len(stuck) == 2:
+            variable = stuck[0].input
+            extent = f"from {amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
+            yield f"{name} alone cannot: no value does, {extent}"
+        elif stuck:
+            flip, word = stuck[0], "up" if stuck[0].way > 0 else "down"
+            end = flip.input.maximum if flip.way > 0 else flip.input.minimum
+            if (end - flip.given) * flip.way > 0.0:
+                yield f"{name} {word}: no value does, as far as {amount(flip.input, end)}"
+
+
+def _landing(flip: Flip) -> str:
+    if flip.output_at_first is None or flip.output_at_last is None:
+        return ""
+    if flip.takes_default:
+        return f"; there no rule fires, and it takes its default, {amount(flip.output, flip.output_at_first)}"
+    if abs(flip.output_at_first - flip.output_at_last) > JUMP * span(flip.output):
+        jump = f"{amount(flip.output, flip.output_at_last)} to {amount(flip.output, flip.output_at_first)}"
+        return f"; there it jumps from {jump}"
+    return ""
+
+
+def _plain_flip(flip: Flip) -> dict[str, Any]:
+    return {
+        "input": flip.input.name,
+        "unit": flip.input.unit,
+        "way": "up" if flip.way > 0 else "down",
+        "change": flip.change,
+        "last": flip.last,
+        "first": flip.first,
+        "output_at_last": flip.output_at_last,
+        "output_at_first": flip.output_at_first,
+        "takes_default": flip.takes_default,
+    }

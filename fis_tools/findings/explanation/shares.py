@@ -1,0 +1,182 @@
+"""The share of each rule in what a system did over many samples, such as a flight."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.arrays import FIRED, rule_usage
+from fis_tools.analysis.contribution import contributions
+from fis_tools.findings.explanation.flips import compiled_once
+from fis_tools.model import FuzzySystem
+from fis_tools.words.amounts import amount, percent
+from fis_tools.words.text import aligned, sentence, with_unit
+
+Floats = NDArray[np.float64]
+
+#: Rules are told until they make this share of all movement, and no more than so many.
+TOLD_SHARE = 0.95
+MOST_RULES = 12
+
+
+@dataclass(frozen=True)
+class RuleShare:
+    """What one rule did over the samples.
+
+    Parameters
+    ----------
+    number : int
+        The rule's, from 1 as in every listing.
+    share : float
+        Of all that the rules moved: its contribution over the sum of all. Contributions are measured against
+        the output's range; of several outputs the one that the rule moves most counts.
+    moved : tuple of float
+        How far it moved each output, the mean size of its contributions, in the outputs' units.
+    fired, leading : float
+        Fractions of the samples in which it fires at `fis_tools.analysis.arrays.FIRED` or more, and in which
+        no rule fires stronger.
+    strongest : float
+        Its greatest firing strength.
+    """
+
+    number: int
+    share: float
+    moved: tuple[float, ...]
+    fired: float
+    leading: float
+    strongest: float
+
+
+@dataclass(frozen=True, repr=False)
+class Shares:
+    """What the rules of a system did over samples, the greatest share first."""
+
+    system: FuzzySystem
+    num_samples: int
+    rules: tuple[RuleShare, ...]
+
+    def text(self, *, everything: bool = False) -> str:
+        """Tell in a terminal which rules decide; those that hardly move anything only if asked for."""
+        told = self._told(everything)
+        lines = [self._summary(), *aligned(self._rows(told), 2)]
+        if len(told) < len(self.rules):
+            lines.append(f"  {self._rest(told)}")
+        return "\n".join(lines) + "\n"
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_markdown_(self) -> str:
+        told = self._told(everything=False)
+        head, *rows = ([cell.replace("|", "\\|") for cell in cells] for cells in self._rows(told))
+        lines = [self._summary(), "", f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+        lines += [f"| {' | '.join(cells)} |" for cells in rows]
+        return "\n".join([*lines, "", self._rest(told) if len(told) < len(self.rules) else ""])
+
+    def plain(self) -> dict[str, Any]:
+        """Return the shares as plain JSON data.
+
+        Keys are ``system``, ``samples`` (how many) and ``rules``, the greatest share first: its number
+        (``rule``), ``sentence``, and as in `RuleShare` ``share``, ``moved`` (by the output's name),
+        ``fired``, ``leading`` and ``strongest``.
+        """
+        outputs = [variable.name for variable in self.system.outputs]
+        return {
+            "system": self.system.name,
+            "samples": self.num_samples,
+            "rules": [
+                {
+                    "rule": rule.number,
+                    "sentence": sentence(self.system.rules[rule.number - 1]),
+                    "share": rule.share,
+                    "moved": dict(zip(outputs, rule.moved, strict=True)),
+                    "fired": rule.fired,
+                    "leading": rule.leading,
+                    "strongest": rule.strongest,
+                }
+                for rule in self.rules
+            ],
+        }
+
+    def _told(self, everything: bool) -> tuple[RuleShare, ...]:
+        if everything:
+            return self.rules
+        before = np.cumsum([0.0, *(rule.share for rule in self.rules[:-1])])
+        count = int(np.count_nonzero(before < TOLD_SHARE))
+        moving = sum(rule.share > 0.0 for rule in self.rules)
+        return self.rules[: max(1, min(count, moving, MOST_RULES))]
+
+    def _summary(self) -> str:
+        first = self.rules[0]
+        silent = sum(rule.fired == 0.0 for rule in self.rules)
+        decides = (
+            f"rule {first.number} decides most, with {percent(first.share)} of all that rules moved"
+            if first.share > 0.0
+            else "no rule moved anything alone"
+        )
+        return (
+            f"{self.system.name} over {self.num_samples} inferences: {decides}; {silent} of "
+            f"{len(self.rules)} rules never fire at {FIRED:g} or more"
+        )
+
+    def _rest(self, told: tuple[RuleShare, ...]) -> str:
+        rest = max(0.0, 1.0 - sum(rule.share for rule in told))
+        others = len(self.rules) - len(told)
+        if rest < 1e-12 or not any(rule.share for rule in self.rules):
+            return f"the other {others} moved nothing"
+        return f"the other {others} make {percent(rest)}"
+
+    def _rows(self, told: tuple[RuleShare, ...]) -> list[list[str]]:
+        outputs = self.system.outputs
+        moved = ["moved" if len(outputs) == 1 else f"moved {with_unit(v)}" for v in outputs]
+        rows = [["share", *moved, "fired", "leading", "max", "rule"]]
+        for rule in told:
+            amounts = [amount(v, value) for v, value in zip(outputs, rule.moved, strict=True)]
+            rows.append(
+                [
+                    f"{100 * rule.share:5.1f} %",
+                    *amounts,
+                    f"{100 * rule.fired:5.1f} %",
+                    f"{100 * rule.leading:5.1f} %",
+                    f"{rule.strongest:.2f}",
+                    f"{rule.number}. {sentence(self.system.rules[rule.number - 1])}",
+                ]
+            )
+        return rows
+
+
+def shares(system: object, samples: Floats) -> Shares:
+    """Measure the share of each rule in what a system did.
+
+    Parameters
+    ----------
+    system : FuzzySystem, CompiledSystem, or what `fis_tools.engines.compiler.compile` takes
+    samples : (n, num_inputs)
+        A row a sample, at least one, such as a flight's (`fis_tools.analysis.flights.inputs_along`).
+
+    Raises
+    ------
+    ValueError
+        If there are no samples, or they do not fit the system.
+    """
+    compiled = compiled_once(system)
+    usage = rule_usage(compiled.firing_strengths(samples))
+    moved = np.abs(contributions(compiled, samples)).mean(axis=0)
+    spans = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
+    weights = (moved / spans).max(axis=1)
+    total = float(weights.sum())
+    parts = weights / total if total > 0.0 else weights
+    order = np.lexsort((-usage.fired, -parts))
+    rules = tuple(
+        RuleShare(
+            int(place) + 1,
+            float(parts[place]),
+            tuple(moved[place].tolist()),
+            float(usage.fired[place]),
+            float(usage.leading[place]),
+            float(usage.max_strength[place]),
+        )
+        for place in order
+    )
+    return Shares(compiled.system, len(samples), rules)

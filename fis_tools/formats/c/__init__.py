@@ -1,0 +1,1 @@
+"""C99 source that infers without any library."""

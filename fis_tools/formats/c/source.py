@@ -1,0 +1,313 @@
+"""Controllers as C99: one file that stands alone, for flight code and hardware in the loop.
+
+What is written takes the steps of `fis_tools.engines.inference` in the same order and with the same
+arithmetic. Tables are constant, loops bounded, nothing is allocated, nothing global changes, and only
+``math.h`` is included.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import reduce
+from textwrap import wrap
+
+import numpy as np
+
+from fis_tools.engines.program import assemble
+from fis_tools.formats.c.parts import ALWAYS, BY_WORD, DEFUZZIFIER_NAMES, OPERATOR_NAMES
+from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model.membership import sample
+from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
+
+WIDTH = 110
+
+#: What the written file compiles with. Not ``-Wfloat-equal``: equal heights are told apart on purpose.
+WARNINGS = (
+    "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wundef -Wcast-qual "
+    "-Wstrict-prototypes -Wmissing-prototypes -Werror"
+)
+
+_OPENING = """\
+#include <math.h>
+
+#ifdef __FAST_MATH__
+#error "compile without -ffast-math: results depend on exact comparisons"
+#endif
+"""
+
+
+def write(controller: FuzzyController) -> str:
+    """Write all systems of a controller as one C99 source file, a function each.
+
+    A system with one output becomes ``double infer_NAME(const double inputs[K])``, one with several
+    ``void infer_NAME(const double inputs[K], double outputs[M])``. Inputs stand in the system's order and are
+    clipped to their universes; if one is NaN, so is every output. Where no rule fires an output is its
+    default, or NaN where it has none. Numbers are the shortest decimals that read back as the same doubles.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    """
+    identifiers = _identifiers(system.name for system in controller.systems)
+    parts = [_Part(name, system) for name, system in zip(identifiers, controller.systems, strict=True)]
+    called = {word for part in parts for word in part.words_called()}
+    return "\n".join(
+        [
+            _header(controller),
+            _OPENING,
+            *(f"{part.signature};" for part in parts),
+            "",
+            *ALWAYS,
+            *(text for word, text in BY_WORD.items() if word in called),
+            *(block for part in parts for block in (*part.tables(), part.function())),
+        ]
+    )
+
+
+def _header(controller: FuzzyController) -> str:
+    facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
+    return _comment(
+        f"Fuzzy controller {controller.name}, in C99.",
+        "",
+        *([*facts, ""] if facts else []),
+        "Each function at the end infers one fuzzy system as scikit-fuzzy 0.5 does: memberships are linear "
+        "between the points of a universe, terms are cut at the strength of their rules and joined by their "
+        "maximum, and points are inserted where a cut crosses its own term. Inputs are clipped to their "
+        "universes; if one is NaN, so is every output. Tables are constant, no memory is allocated, and the "
+        "functions may run in several threads.",
+        "",
+        f"Compiles with: gcc {WARNINGS}",
+        "",
+        "Doubles must be IEEE 754, in plain double precision. For a processor with fused multiply-add, "
+        "-ffp-contract=off keeps the last digits.",
+    )
+
+
+def _comment(*paragraphs: str, indent: str = "") -> str:
+    lines = [
+        line
+        for text in paragraphs
+        for line in wrap(_plain(text), WIDTH - 4, break_long_words=False, break_on_hyphens=False) or [""]
+    ]
+    if len(lines) == 1:
+        return f"{indent}/* {lines[0]} */"
+    return "\n".join([f"{indent}/*", *(f"{indent} * {line}".rstrip() for line in lines), f"{indent} */"])
+
+
+def _plain(text: str) -> str:
+    """Keep a text from ending its comment, from opening another and from spelling a trigraph."""
+    printable = "".join(letter if letter.isprintable() else " " for letter in text)
+    return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+
+
+def _identifiers(names: Iterable[str]) -> list[str]:
+    """Turn names into words that can be part of a C identifier, no two alike."""
+    found: list[str] = []
+    for name in names:
+        word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed"
+        numbered = (f"{word}_{count}" for count in range(2, len(found) + 3))
+        found.append(next(choice for choice in (word, *numbered) if choice not in found))
+    return found
+
+
+class _Part:
+    """One system of a controller on its way to C."""
+
+    def __init__(self, name: str, system: FuzzySystem) -> None:
+        variables = (*system.inputs, *system.outputs)
+        words = _identifiers(variable.name for variable in variables)
+        self.name = name
+        self.system = system
+        self.words = {variable.name: word for variable, word in zip(variables, words, strict=True)}
+        self.conclusions = dict(
+            zip((output.name for output in system.outputs), assemble(system).conclusions, strict=True)
+        )
+        #: the terms of each output that some rule concludes, in the rows of its table
+        self.concluded = {output.name: self._concluded(output) for output in system.outputs}
+
+    def _concluded(self, output: Variable) -> list[Term]:
+        names = {c.term for rule in self.system.rules for c in rule.consequents if c.variable == output.name}
+        return [term for term in output.terms if term.name in names]
+
+    @property
+    def signature(self) -> str:
+        """The function's declaration without its end."""
+        inputs = f"const double inputs[{len(self.system.inputs)}]"
+        if len(self.system.outputs) == 1:
+            return f"double infer_{self.name}({inputs})"
+        return f"void infer_{self.name}({inputs}, double outputs[{len(self.system.outputs)}])"
+
+    def words_called(self) -> set[str]:
+        """Return the operators and defuzzifiers that the function calls: a compiler warns of idle ones."""
+        system = self.system
+        called = {word for rule in system.rules for word in self._operators(rule, rule.antecedent)}
+        for output in system.outputs:
+            conclusion = self.conclusions[output.name]
+            called |= {system.defuzzifier_of(output)} if len(conclusion.rules) else set()
+            called |= {output.accumulation} if np.any(np.diff(conclusion.bounds) > 1) else set()
+        return called
+
+    def _operators(self, rule: Rule, expression: Expression) -> Iterator[str]:
+        match expression:
+            case Not(operand):
+                yield "not"
+                yield from self._operators(rule, operand)
+            case And(operands) | Or(operands):
+                if len(operands) > 1:
+                    yield self._operator(rule, expression)
+                for operand in operands:
+                    yield from self._operators(rule, operand)
+
+    def _operator(self, rule: Rule, expression: And | Or) -> str:
+        if isinstance(expression, And):
+            return self.system.and_operator_of(rule)
+        return self.system.or_operator_of(rule)
+
+    def tables(self) -> Iterator[str]:
+        """Write universes and sampled membership functions."""
+        for variable in self.system.inputs:
+            yield self._table(variable, variable.terms)
+        for variable in self.system.outputs:
+            if self.concluded[variable.name]:
+                yield self._table(variable, self.concluded[variable.name])
+
+    def _table(self, variable: Variable, terms: Sequence[Term]) -> str:
+        size = f"[{variable.num_points}]"
+        lines = [
+            f"static const double universe_{self._place(variable)}{size} = {{",
+            *_numbers(variable.universe.tolist(), "    "),
+            "};",
+            f"static const double memberships_{self._place(variable)}[{len(terms)}]{size} = {{",
+        ]
+        for term in terms:
+            lines.append(_comment(f"{term.name}: {shape_words(term)}", indent="    "))
+            lines += ["    {", *_numbers(sample(variable, term).tolist(), "        "), "    },"]
+        return "\n".join([*lines, "};", ""])
+
+    def _place(self, variable: Variable) -> str:
+        return f"{self.name}__{self.words[variable.name]}"
+
+    def function(self) -> str:
+        """Write the function: fuzzify the inputs, fire the rules one by one, defuzzify the outputs."""
+        system = self.system
+        places = ["The result"] if len(system.outputs) == 1 else [
+            f"outputs[{place}]" for place in range(len(system.outputs))
+        ]  # fmt: skip
+        about = [f"{system.name}: {summary(system)}."]
+        about += [f"inputs[{place}] is {_extent(variable)}." for place, variable in enumerate(system.inputs)]
+        about += [
+            f"{place} is {_extent(output)}; {_default_words(output)} when no rule fires."
+            for place, output in zip(places, system.outputs, strict=True)
+        ]
+        body = [*self._declarations(), *self._fuzzification(), *self._rules(), *self._results()]
+        lines = [_comment(*about), self.signature, "{", *(f"    {line}".rstrip() for line in body), "}", ""]
+        return "\n".join(lines)
+
+    def _declarations(self) -> Iterator[str]:
+        for variable in self.system.inputs:
+            yield f"double {self._degrees(variable.name)}[{len(variable.terms)}];"
+        for name, terms in self.concluded.items():
+            if terms:
+                yield f"double {self._cuts(name)}[{len(terms)}];"
+        points = max(len(c.universe) + len(c.runs) for c in self.conclusions.values())
+        crossings = max(len(c.runs) for c in self.conclusions.values())
+        yield f"double crossings[{crossings}];"
+        yield f"double x[{points}];"
+        yield f"double y[{points}];"
+        yield "double strength;"
+        yield "int count;"
+        yield ""
+
+    def _fuzzification(self) -> Iterator[str]:
+        missing = " || ".join(f"isnan(inputs[{place}])" for place in range(len(self.system.inputs)))
+        yield from _wrapped(f"if ({missing}) {{")
+        if len(self.system.outputs) == 1:
+            yield "    return NAN;"
+        else:
+            yield from (f"    outputs[{place}] = NAN;" for place in range(len(self.system.outputs)))
+            yield "    return;"
+        yield "}"
+        for place, variable in enumerate(self.system.inputs):
+            table, size = self._place(variable), f"{variable.num_points}"
+            yield from _wrapped(
+                f"fuzzify(inputs[{place}], universe_{table}, {size}, &memberships_{table}[0][0], "
+                f"{len(variable.terms)}, {self._degrees(variable.name)});"
+            )
+
+    def _rules(self) -> Iterator[str]:
+        cut: set[str] = set()
+        accumulations = {output.name: output.accumulation for output in self.system.outputs}
+        for place, rule in enumerate(self.system.rules, start=1):
+            label = f" [{rule.label}]" if rule.label else ""
+            yield ""
+            yield from _comment(f"Rule {place}{label}: {sentence(rule)}.").splitlines()
+            yield from _wrapped(f"strength = {self._degree(rule, rule.antecedent)};")
+            for consequent in rule.consequents:
+                terms = [term.name for term in self.concluded[consequent.variable]]
+                target = f"{self._cuts(consequent.variable)}[{terms.index(consequent.term)}]"
+                value = "strength" if consequent.weight == 1.0 else f"strength * {float(consequent.weight)!r}"
+                if target in cut:
+                    value = f"{OPERATOR_NAMES[accumulations[consequent.variable]]}({value}, {target})"
+                cut.add(target)
+                yield f"{target} = {value};"
+
+    def _degree(self, rule: Rule, expression: Expression) -> str:
+        match expression:
+            case Is(variable, term):
+                index = self.system.variable(variable).term_index(term)
+                return f"{self._degrees(variable)}[{index}]"
+            case Not(operand):
+                return f"{OPERATOR_NAMES['not']}({self._degree(rule, operand)})"
+        operator = OPERATOR_NAMES[self._operator(rule, expression)]
+        operands = [self._degree(rule, operand) for operand in expression.operands]
+        return reduce(lambda left, right: f"{operator}({left}, {right})", operands)
+
+    def _results(self) -> Iterator[str]:
+        is_one = len(self.system.outputs) == 1
+        for place, output in enumerate(self.system.outputs):
+            target = "return" if is_one else f"outputs[{place}] ="
+            default = "NAN" if output.default is None else repr(float(output.default))
+            yield ""
+            if not self.concluded[output.name]:
+                yield f"{target} {default}; /* no rule concludes it */"
+                continue
+            table, size = self._place(output), len(self.concluded[output.name])
+            yield from _wrapped(
+                f"count = aggregate(universe_{table}, {output.num_points}, &memberships_{table}[0][0], "
+                f"{self._cuts(output.name)}, {size}, crossings, x, y);"
+            )
+            defuzzifier = DEFUZZIFIER_NAMES[self.system.defuzzifier_of(output)]
+            yield f"{target} greatest(y, count) > 0.0 ? {defuzzifier}(x, y, count) : {default};"
+
+    def _degrees(self, variable: str) -> str:
+        return f"degrees_{self.words[variable]}"
+
+    def _cuts(self, variable: str) -> str:
+        return f"cuts_{self.words[variable]}"
+
+
+def _extent(variable: Variable) -> str:
+    return f"{with_unit(variable)}, {number(variable.minimum)} to {number(variable.maximum)}"
+
+
+def _default_words(output: Variable) -> str:
+    return "NaN" if output.default is None else number(output.default)
+
+
+def _numbers(values: Sequence[float], indent: str) -> list[str]:
+    """Write numbers that read back as the same doubles, as many on a line as fit."""
+    return wrap(
+        ", ".join(map(repr, values)),
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _wrapped(statement: str) -> list[str]:
+    """Break a long statement between its words."""
+    return wrap(
+        statement, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
+    )

@@ -1,0 +1,258 @@
+"""The comment by which a foreign file carries what its format has no place for, and how it is read back.
+
+The comment is one line: a mark with a version, then the whole controller as JSON, as
+`fis_tools.formats.own.mapping` describes it. It is believed only as far as the file still shows what the
+controller looks like in this format. Where a person has changed the file, what can be seen counts, and the
+comment gives only what the change did not touch. Reading it executes nothing.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from fis_tools.formats.exchange.antecedents import NotExpressible, Statement, mentions, renamed
+from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, Dialect, Said, middle, say
+from fis_tools.formats.own import json as strict_json
+from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
+from fis_tools.formats.own.plain import Unreadable
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
+from fis_tools.model.validate import ControllerFileError, controller_problems
+from fis_tools.words.text import number
+
+#: What the comment begins with; the number is the version of this way of carrying.
+MARK = "fis_tools carries 1: "
+_ANY_MARK = "fis_tools carries "
+#: A fact of a controller whose file was changed after it was written.
+EDITED = ("edited", "the exchange file was changed by hand after it was written")
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file, and what it does not say.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    losses : tuple of str
+        What the format has no place for, a sentence each.
+    """
+
+    text: str
+    losses: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A controller, and what was assumed to read it.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        It has no problems.
+    assumptions : tuple of str
+        What the file did not state, a sentence each.
+    """
+
+    controller: FuzzyController
+    assumptions: tuple[str, ...]
+
+
+def comment(controller: FuzzyController) -> str:
+    """Return a controller as one line of ASCII that ends no comment of any format.
+
+    Raises
+    ------
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the controller.
+    """
+    content = json.dumps(to_mapping(controller), separators=(",", ":"), allow_nan=False)
+    return MARK + content.replace("--", "-\\u002d").replace("*", "\\u002a")
+
+
+def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialect: Dialect) -> Reading:
+    """Complete what a file shows with what its comment carries, or with assumptions.
+
+    Parameters
+    ----------
+    visible : FuzzySystem
+        What the file shows; an output's default is None where it states none.
+    comments : iterable of (line number, text)
+        All comments of the file, without their signs.
+    dialect : Dialect
+        The format.
+
+    Raises
+    ------
+    ControllerFileError
+        If the comment is damaged, or the system has problems.
+    """
+    carried = _find(comments)
+    complete = replace(visible, outputs=tuple(_with_default(output) for output in visible.outputs))
+    _refuse_problems(FuzzyController(visible.name, (complete,)))
+    if carried is None:
+        return Reading(FuzzyController(visible.name, (complete,)), _assumptions(visible, dialect))
+    try:
+        said = say(carried.systems[0], dialect)
+    except NotExpressible as error:
+        raise ControllerFileError(
+            f"the comment '{_ANY_MARK}…' is not of this file ({error}); delete it to read what the file shows"
+        ) from error
+    if said.system == complete:
+        return Reading(carried, ())
+    adopted = FuzzyController(
+        carried.name,
+        (_adopt(complete, carried.systems[0], said),),
+        carried.attributes,
+        tuple(sorted({**dict(carried.provenance), **dict([EDITED])}.items())),
+    )
+    _refuse_problems(adopted)
+    return Reading(
+        adopted,
+        ("the file was changed after it was written: what it shows counts, its comment gives only the rest",),
+    )
+
+
+def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
+    found = [(line, text.strip()) for line, text in comments if text.strip().startswith(_ANY_MARK)]
+    if not found:
+        return None
+    line, text = found[0]
+    cure = "get a whole copy, or delete this comment to read what the file shows"
+    if len(found) > 1:
+        raise ControllerFileError(f"line {found[1][0]}: a second comment '{_ANY_MARK}…'; keep one of them")
+    if not text.startswith(MARK):
+        raise ControllerFileError(
+            f"line {line}: the comment is not of version {MARK.strip(' :')!r}; read the file with the "
+            "program that wrote it, or delete this comment to read what the file shows"
+        )
+    try:
+        controller = from_mapping(strict_json.read(text.removeprefix(MARK)))
+    except (Unreadable, ControllerFileError) as error:
+        raise ControllerFileError(f"line {line}: the comment is damaged ({error}); {cure}") from error
+    if len(controller.systems) != 1:
+        raise ControllerFileError(f"line {line}: the comment carries several systems; {cure}")
+    return controller
+
+
+def _with_default(output: Variable) -> Variable:
+    if output.default is not None:
+        return output
+    return replace(output, default=middle(output.minimum, output.maximum))
+
+
+def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
+    points = f"{INPUT_POINTS} points for each input"
+    if not dialect.holds_resolution:
+        points += f" and {OUTPUT_POINTS} for each output, as MATLAB takes"
+    found = [f"{visible.name}: universes of {points}, more where a table of points needs them"]
+    found += (
+        f"{visible.name}: {output.name} is {number(middle(output.minimum, output.maximum))} when no rule "
+        "fires, the middle of its range"
+        for output in visible.outputs
+        if output.default is None
+    )
+    return tuple(found)
+
+
+def _refuse_problems(controller: FuzzyController) -> None:
+    found = controller_problems(controller)
+    if found:
+        more = [f"… and {len(found) - MOST_PROBLEMS} more"] if len(found) > MOST_PROBLEMS else []
+        raise ControllerFileError("\n".join(found[:MOST_PROBLEMS] + more))
+
+
+# Adopting: what of the original still looks as it did when it was written.
+
+
+def _adopt(visible: FuzzySystem, original: FuzzySystem, said: Said) -> FuzzySystem:
+    """Take from the original every piece that the file still shows as it was written."""
+    pairs = {
+        shown.name: (source, shown)
+        for source, shown in zip(
+            (*original.inputs, *original.outputs), (*said.system.inputs, *said.system.outputs), strict=True
+        )
+    }
+
+    def adopted(variables: Sequence[Variable]) -> tuple[Variable, ...]:
+        return tuple(_adopt_variable(v, *pairs[v.name]) if v.name in pairs else v for v in variables)
+
+    inputs, outputs = adopted(visible.inputs), adopted(visible.outputs)
+    everything = zip((*visible.inputs, *visible.outputs), (*inputs, *outputs), strict=True)
+    names = {
+        (shown.name, term.name): (known.name, other.name)
+        for shown, known in everything
+        for term, other in zip(shown.terms, known.terms, strict=True)
+    }
+    return replace(
+        visible,
+        name=original.name if visible.name == said.system.name else visible.name,
+        inputs=inputs,
+        outputs=outputs,
+        rules=_adopt_rules(visible, original, said, names),
+    )
+
+
+def _adopt_variable(visible: Variable, original: Variable, said: Variable) -> Variable:
+    terms = {shown.name: (source, shown) for source, shown in zip(original.terms, said.terms, strict=True)}
+    is_same = {term.name: term.name in terms and term == terms[term.name][1] for term in visible.terms}
+    extent = ("minimum", "maximum", "num_points", "points")
+    keeps_universe = all(getattr(visible, key) == getattr(said, key) for key in extent) and all(
+        is_same[term.name] for term in visible.terms if isinstance(term.membership, Sampled)
+    )
+
+    def adopted(term: Term) -> Term:
+        if term.name not in terms:
+            return term
+        source = terms[term.name][0]
+        takes_all = is_same[term.name] and (keeps_universe or not isinstance(source.membership, Sampled))
+        return source if takes_all else Term(source.name, term.membership)
+
+    keys = ("name", "unit", "default", "description", *(extent if keeps_universe else ()))
+    kept = {key: getattr(original, key) for key in keys if getattr(visible, key) == getattr(said, key)}
+    return replace(visible, terms=tuple(adopted(term) for term in visible.terms), **kept)
+
+
+def _adopt_rules(
+    visible: FuzzySystem,
+    original: FuzzySystem,
+    said: Said,
+    names: Mapping[Statement, Statement],
+) -> tuple[Rule, ...]:
+    """Take each rule of the original whose wording still stands in one piece; name the others as it does."""
+    waiting = dict(zip(said.rules, original.rules, strict=True))
+    longest = max(map(len, waiting), default=1)
+    is_same_system = _operators(visible) == _operators(said.system)
+    rules: list[Rule] = []
+    place = 0
+    while place < len(visible.rules):
+        for length in range(longest, 0, -1):
+            group = visible.rules[place : place + length]
+            if is_same_system and group in waiting and _are_named(waiting[group], names):
+                rules.append(_explicit(waiting.pop(group), original, visible))
+                break
+        else:
+            length = 1
+            rules.append(renamed(visible.rules[place], names))
+        place += length
+    return tuple(rules)
+
+
+def _operators(system: FuzzySystem) -> tuple[str, str]:
+    return system.and_operator, system.or_operator
+
+
+def _are_named(rule: Rule, names: Mapping[Statement, Statement]) -> bool:
+    """Tell whether everything that a rule of the original speaks of is still there."""
+    known = set(names.values())
+    return all(statement in known for statement in mentions(rule))
+
+
+def _explicit(rule: Rule, original: FuzzySystem, visible: FuzzySystem) -> Rule:
+    """Give a rule of the original its operators where those of the system are not the same any more."""
+    conjunction, disjunction = original.and_operator_of(rule), original.or_operator_of(rule)
+    return replace(
+        rule,
+        and_operator=rule.and_operator if visible.and_operator == original.and_operator else conjunction,
+        or_operator=rule.or_operator if visible.or_operator == original.or_operator else disjunction,
+    )

@@ -1,0 +1,316 @@
+"""What a format of another program can say of a fuzzy system, and what of a system is lost in it.
+
+`say` turns a system into the one that a reader of the format sees who knows nothing else: names are
+identifiers, rules have the form that the format knows, and what it has no place for is what `fis_tools`
+assumes of such a file. The law of every format is that reading what was written gives `say` back.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from fis_tools.formats.exchange.antecedents import (
+    NotExpressible,
+    flat_antecedents,
+    in_order,
+    parts_of,
+    renamed,
+    with_plain_not,
+)
+from fis_tools.formats.exchange.identifiers import Names
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Consequent,
+    FuzzyController,
+    FuzzySystem,
+    MembershipFunction,
+    Or,
+    OrOperator,
+    Rule,
+    Sampled,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+)
+
+#: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
+OUTPUT_POINTS = 101
+#: Points of an input's universe where a file states none. Other programs evaluate the functions themselves,
+#: so the points must be close enough to stand for them.
+INPUT_POINTS = 1001
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What a format can say.
+
+    Parameters
+    ----------
+    title : str
+        What a file of it is called in a sentence.
+    holds_units, holds_descriptions, holds_defaults, holds_resolution : bool
+        Which facts of a variable it has a place for; the resolution is the number of points of an output.
+    is_nested : bool
+        Whether an antecedent may nest conjunctions and disjunctions.
+    repeats_inputs : bool
+        Whether an antecedent may say two things of one input.
+    repeats_outputs : bool
+        Whether a rule may conclude two things on one output.
+    has_rule_operators : bool
+        Whether rules may combine statements in ways of their own.
+    has_output_defuzzifiers : bool
+        Whether outputs may be defuzzified in ways of their own.
+    has_walls : bool
+        Whether triangles and trapezoids may rise or fall at once; otherwise a wall at an end of the range
+        becomes a flank outside of it, which changes nothing inside.
+    has_unique_names : bool
+        Whether all names of a file, terms too, must differ.
+    is_read : bool
+        Whether there is a reader, so that a comment carries what has no place.
+    """
+
+    title: str
+    holds_units: bool = False
+    holds_descriptions: bool = False
+    holds_defaults: bool = True
+    holds_resolution: bool = False
+    is_nested: bool = False
+    repeats_inputs: bool = True
+    repeats_outputs: bool = True
+    has_rule_operators: bool = True
+    has_output_defuzzifiers: bool = True
+    has_walls: bool = True
+    has_unique_names: bool = False
+    is_read: bool = True
+
+
+@dataclass(frozen=True)
+class Said:
+    """A system as a format says it.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        What a reader of the format sees.
+    rules : tuple of tuple of Rule
+        What each rule of the original became.
+    """
+
+    system: FuzzySystem
+    rules: tuple[tuple[Rule, ...], ...]
+
+
+def only_system(controller: FuzzyController, dialect: Dialect) -> FuzzySystem:
+    """Return the one system of a controller.
+
+    Raises
+    ------
+    NotExpressible
+        If it has several.
+    """
+    if len(controller.systems) != 1:
+        raise NotExpressible(
+            f"{dialect.title} holds one system, but the controller has {len(controller.systems)}; write each "
+            "into a file of its own"
+        )
+    return controller.systems[0]
+
+
+def say(system: FuzzySystem, dialect: Dialect) -> Said:
+    """Turn a valid system into what a format says of it.
+
+    Raises
+    ------
+    NotExpressible
+        If the format cannot say it without changing what it computes.
+    """
+    for output in system.outputs:
+        if output.accumulation != "max":
+            raise NotExpressible(
+                f"output {output.name!r} combines rules that conclude one term by {output.accumulation}, "
+                f"which {dialect.title} cannot say; export as json"
+            )
+    names = Names(system, are_unique=dialect.has_unique_names)
+    groups = [
+        [renamed(said, names.statements) for said in _said_rules(place, rule, system, dialect)]
+        for place, rule in enumerate(system.rules, start=1)
+    ]
+    own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
+    if len(set(own_ways)) > 1 and not dialect.has_output_defuzzifiers:
+        raise NotExpressible(
+            f"the outputs are defuzzified by {', '.join(own_ways)}, and {dialect.title} knows one way for "
+            "all; export as fll or json"
+        )
+    outputs = (_said_variable(variable, names, dialect, is_output=True) for variable in system.outputs)
+    said = settle(
+        FuzzySystem(
+            name=names.system,
+            inputs=tuple(_said_variable(v, names, dialect, is_output=False) for v in system.inputs),
+            outputs=tuple(replace(o, defuzzifier=way) for o, way in zip(outputs, own_ways, strict=True)),
+            rules=tuple(rule for group in groups for rule in group),
+            and_operator=system.and_operator,
+            or_operator=system.or_operator,
+        )
+    )
+    if not dialect.has_rule_operators and any(rule.has_own_operators for rule in said.rules):
+        raise NotExpressible(
+            f"rules combine their statements in different ways, and {dialect.title} knows one way for all; "
+            "export as fll, fml or json"
+        )
+    ends = np.cumsum([0, *map(len, groups)])
+    return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)))
+
+
+def settle(system: FuzzySystem) -> FuzzySystem:
+    """Move operators and defuzzifiers to the system, and leave to rules and outputs what differs from it.
+
+    The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
+    """
+    own = [_used_operators(system, rule) for rule in system.rules]
+    and_operator = next((each for each, _ in own if each is not None), system.and_operator)
+    or_operator = next((each for _, each in own if each is not None), system.or_operator)
+    defuzzifier = system.defuzzifier_of(system.outputs[0]) if system.outputs else system.defuzzifier
+    rules = (
+        replace(
+            rule,
+            and_operator=None if conjunction == and_operator else conjunction,
+            or_operator=None if disjunction == or_operator else disjunction,
+        )
+        for rule, (conjunction, disjunction) in zip(system.rules, own, strict=True)
+    )
+    ways = (system.defuzzifier_of(output) for output in system.outputs)
+    outputs = (
+        replace(output, defuzzifier=None if way == defuzzifier else way)
+        for output, way in zip(system.outputs, ways, strict=True)
+    )
+    return replace(
+        system,
+        outputs=tuple(outputs),
+        rules=tuple(rules),
+        and_operator=and_operator,
+        or_operator=or_operator,
+        defuzzifier=defuzzifier,
+    )
+
+
+def _used_operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator | None, OrOperator | None]:
+    kinds = {type(part) for part in parts_of(rule.antecedent)}
+    return (
+        system.and_operator_of(rule) if And in kinds else None,
+        system.or_operator_of(rule) if Or in kinds else None,
+    )
+
+
+def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
+    """Say a rule as one or several, with the names of the original."""
+    operators = system.and_operator_of(rule), system.or_operator_of(rule)
+    try:
+        if dialect.is_nested:
+            antecedents = [with_plain_not(rule.antecedent, *operators)]
+        else:
+            antecedents = flat_antecedents(rule.antecedent, *operators, repeats_inputs=dialect.repeats_inputs)
+    except NotExpressible as reason:
+        raise NotExpressible(
+            f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
+            f"{'json' if dialect.is_nested else 'fll or json'}"
+        ) from reason
+    if not dialect.repeats_inputs:
+        inputs = [variable.name for variable in system.inputs]
+        antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
+    outputs = [output.name for output in system.outputs]
+    groups = list(_consequent_groups(rule.consequents, outputs, dialect))
+    return [Rule(antecedent, group, "", *operators) for antecedent in antecedents for group in groups]
+
+
+def _consequent_groups(
+    consequents: Sequence[Consequent], outputs: Sequence[str], dialect: Dialect
+) -> Iterator[tuple[Consequent, ...]]:
+    """Part consequents into groups of one weight, and of different outputs where they may not repeat."""
+    groups: list[list[Consequent]] = []
+    for consequent in consequents:
+        for group in groups:
+            is_repeated = any(other.variable == consequent.variable for other in group)
+            if group[0].weight == consequent.weight and (dialect.repeats_outputs or not is_repeated):
+                group.append(consequent)
+                break
+        else:
+            groups.append([consequent])
+    for group in groups:
+        if dialect.repeats_outputs:
+            yield tuple(group)
+        else:
+            yield tuple(sorted(group, key=lambda consequent: outputs.index(consequent.variable)))
+
+
+def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
+    has_table = any(isinstance(term.membership, Sampled) for term in variable.terms)
+    if has_table:
+        num_points, points = universe_of(variable.minimum, variable.maximum, variable.universe.tolist())
+    elif is_output:
+        num_points, points = (variable.num_points if dialect.holds_resolution else OUTPUT_POINTS), None
+    else:
+        num_points, points = INPUT_POINTS, None
+    default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
+    return Variable(
+        name=names.variables[variable.name],
+        unit=one_line(variable.unit) if dialect.holds_units else "",
+        minimum=float(variable.minimum),
+        maximum=float(variable.maximum),
+        terms=tuple(
+            Term(
+                names.terms[variable.name, term.name],
+                term.membership if dialect.has_walls else without_walls(variable, term.membership),
+            )
+            for term in variable.terms
+        ),
+        num_points=num_points,
+        points=points,
+        default=default if is_output else None,
+        description=one_line(variable.description) if dialect.holds_descriptions else "",
+    )
+
+
+def without_walls(variable: Variable, membership: MembershipFunction) -> MembershipFunction:
+    """Turn the walls of a triangle or trapezoid at the ends of a range into flanks outside of it."""
+    width = variable.maximum - variable.minimum
+    match membership:
+        case Triangular(left, peak, right):
+            low, high = _feet(variable, (left, peak, peak, right), width)
+            return Triangular(low, peak, high)
+        case Trapezoidal(left, left_top, right_top, right):
+            low, high = _feet(variable, (left, left_top, right_top, right), width)
+            return Trapezoidal(low, left_top, right_top, high)
+    return membership
+
+
+def _feet(
+    variable: Variable, corners: tuple[float, float, float, float], width: float
+) -> tuple[float, float]:
+    left, left_top, right_top, right = corners
+    return (
+        left_top - width if left == left_top <= variable.minimum else left,
+        right_top + width if right == right_top >= variable.maximum else right,
+    )
+
+
+def universe_of(
+    minimum: float, maximum: float, points: Sequence[float]
+) -> tuple[int, tuple[float, ...] | None]:
+    """Return the number of points of a universe, and the points where they are not evenly spaced."""
+    if np.array_equal(np.linspace(minimum, maximum, len(points)), points):
+        return len(points), None
+    return len(points), tuple(points)
+
+
+def middle(minimum: float, maximum: float) -> float:
+    """Return what MATLAB's evalfis gives where no rule fires: the middle of the output's range."""
+    return 0.5 * minimum + 0.5 * maximum
+
+
+def one_line(text: str) -> str:
+    """Return a text that stands in one line and opens no comment."""
+    return " ".join("".join(c if c.isprintable() and c != "#" else " " for c in text).split())

@@ -1,0 +1,152 @@
+"""Fuzzy Control Language (IEC 61131-7): written only, for programmable controllers and fuzzylite.
+
+The language knows straight lines between points and nothing else. Triangles and trapezoids are written by
+their corners; any other shape by its points on the universe, between which this program takes straight lines
+too, so nothing is lost by it.
+"""
+
+from collections.abc import Iterator
+from itertools import groupby, pairwise
+
+from fis_tools.formats.exchange.carried import Written
+from fis_tools.formats.exchange.dialect import Dialect, only_system, say
+from fis_tools.formats.exchange.foreign import rule_words
+from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.own.mapping import to_mapping
+from fis_tools.model import (
+    AndOperator,
+    Defuzzifier,
+    FuzzyController,
+    FuzzySystem,
+    OrOperator,
+    Rule,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+)
+from fis_tools.model.membership import sample
+
+DIALECT = Dialect(title="an FCL file", is_nested=True, is_read=False)
+
+#: The standard's words, and fuzzylite's for what the standard does not know.
+_AND: dict[AndOperator, str] = {
+    "min": "MIN",
+    "product": "PROD",
+    "bounded_difference": "BDIF",
+    "einstein_product": "EPROD",
+    "hamacher_product": "HPROD",
+    "drastic_product": "DPROD",
+    "nilpotent_minimum": "NMIN",
+}
+_OR: dict[OrOperator, str] = {
+    "max": "MAX",
+    "probabilistic_sum": "ASUM",
+    "bounded_sum": "BSUM",
+    "einstein_sum": "ESUM",
+    "hamacher_sum": "HSUM",
+    "drastic_sum": "DSUM",
+    "nilpotent_maximum": "NMAX",
+}
+_METHODS: dict[Defuzzifier, str] = {
+    "centroid": "COG",
+    "bisector": "COA",
+    "mom": "MM",
+    "som": "LM",
+    "lom": "RM",
+}
+_STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COA", "LM", "RM"}
+
+
+def write(controller: FuzzyController) -> Written:
+    """Write a controller with one system; nothing is carried in comments, because nothing reads them back.
+
+    Raises
+    ------
+    fis_tools.formats.exchange.antecedents.NotExpressible
+        If the format cannot say what the system computes.
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the controller.
+    """
+    to_mapping(controller)
+    original = only_system(controller, DIALECT)
+    said = say(original, DIALECT)
+    system = said.system
+    lines = [f"FUNCTION_BLOCK {system.name}", ""]
+    for kind, variables in (("VAR_INPUT", system.inputs), ("VAR_OUTPUT", system.outputs)):
+        lines += [kind, *(f"  {variable.name} : REAL;" for variable in variables), "END_VAR", ""]
+    for shown, variable in zip(system.inputs, original.inputs, strict=True):
+        lines += [f"FUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable), "END_FUZZIFY", ""]
+    for shown, variable in zip(system.outputs, original.outputs, strict=True):
+        lines += [f"DEFUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable)]
+        method = _METHODS[system.defuzzifier_of(shown)]
+        lines += [f"  METHOD : {method};", "  ACCU : MAX;", f"  DEFAULT := {shown.default!r};"]
+        lines += ["END_DEFUZZIFY", ""]
+    place = 0
+    blocks = groupby(
+        system.rules, key=lambda rule: (system.and_operator_of(rule), system.or_operator_of(rule))
+    )
+    for number, (operators, rules) in enumerate(blocks, start=1):
+        lines += [
+            f"RULEBLOCK rules_{number}",
+            f"  AND : {_AND[operators[0]]};",
+            f"  OR : {_OR[operators[1]]};",
+        ]
+        lines += ["  ACT : MIN;"]
+        for rule in rules:
+            place += 1
+            lines.append(f"  RULE {place} : {rule_words(rule)};")
+        lines += ["END_RULEBLOCK", ""]
+    lines.append("END_FUNCTION_BLOCK")
+    return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(system)))
+
+
+def _range(variable: Variable) -> str:
+    return f"  RANGE := ({variable.minimum!r} .. {variable.maximum!r});"
+
+
+def _term_lines(shown: Variable, variable: Variable) -> Iterator[str]:
+    for name, term in zip(shown.terms, variable.terms, strict=True):
+        points = " ".join(f"({x!r}, {y!r})" for x, y in _points(variable, term))
+        yield f"  TERM {name.name} := {points};"
+
+
+def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
+    """Return points between which the membership function is straight, level beyond them."""
+    shape = term.membership
+    corners: list[tuple[float, float]] = []
+    if isinstance(shape, Triangular):
+        corners = [(shape.left, 0.0), (shape.peak, 1.0), (shape.right, 0.0)]
+    elif isinstance(shape, Trapezoidal):
+        corners = [(shape.left, 0.0), (shape.left_top, 1.0), (shape.right_top, 1.0), (shape.right, 0.0)]
+    if corners:
+        inside = _without_walls_at_the_ends(corners, variable)
+        if all(left[0] < right[0] for left, right in pairwise(inside)):
+            return [(float(x), y) for x, y in inside]
+    values = sample(variable, term)
+    return [(float(x), float(y)) for x, y in zip(variable.universe, values, strict=True)]
+
+
+def _without_walls_at_the_ends(
+    corners: list[tuple[float, float]], variable: Variable
+) -> list[tuple[float, float]]:
+    """Drop the foot of a flank that is a wall at an end of the range, or a plateau of no width."""
+    kept = list(dict.fromkeys(corners))
+    if kept[0][0] == kept[1][0] <= variable.minimum:
+        kept = kept[1:]
+    if kept[-1][0] == kept[-2][0] >= variable.maximum:
+        kept = kept[:-1]
+    return kept
+
+
+def _strangers(system: FuzzySystem) -> Iterator[str]:
+    """Tell what the standard does not know."""
+    words = {_METHODS[system.defuzzifier_of(output)] for output in system.outputs}
+    for rule in system.rules:
+        words |= _operator_words(system, rule)
+    for word in sorted(words - _STANDARD):
+        yield f"{word} is not in IEC 61131-7; fuzzylite knows it"
+
+
+def _operator_words(system: FuzzySystem, rule: Rule) -> set[str]:
+    return {_AND[system.and_operator_of(rule)], _OR[system.or_operator_of(rule)]}

@@ -1,0 +1,393 @@
+"""MATLAB's `.fis` files: read and written, Mamdani systems with minimum implication and maximum aggregation.
+
+The form is that of Fuzzy Logic Toolbox's `writefis`; GNU Octave's `readfis` and fuzzylite read it too. A
+Gaussian's numbers are the standard deviation and the mean, in this order. A rule is a line of term numbers,
+0 where it does not speak of a variable and negative for `not`: ``1 -2, 3 (0.5) : 1``, weight in parentheses,
+1 for `and`, 2 for `or`.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import get_args
+
+from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.antecedents import operands_of, statement_of
+from fis_tools.formats.exchange.carried import Reading, Written, comment, understand
+from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.fis_sections import (
+    Section,
+    numbers_in,
+    quoted_word,
+    section_of,
+    sections_of,
+    whole_number,
+)
+from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.losses import losses
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Consequent,
+    Defuzzifier,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    OrOperator,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
+from fis_tools.model.validate import ControllerFileError
+
+DIALECT = Dialect(
+    title="a .fis file",
+    holds_defaults=False,
+    repeats_inputs=False,
+    repeats_outputs=False,
+    has_rule_operators=False,
+    has_output_defuzzifiers=False,
+    has_walls=False,
+)
+
+_SHAPES: foreign.ShapeWords = {
+    "gaussmf": (Gaussian, ("standard_deviation", "mean")),
+    "trimf": (Triangular, ("left", "peak", "right")),
+    "trapmf": (Trapezoidal, ("left", "left_top", "right_top", "right")),
+    "gauss2mf": (
+        TwoSidedGaussian,
+        ("left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
+    ),
+    "gbellmf": (GeneralizedBell, ("width", "slope", "centre")),
+    "sigmf": (Sigmoid, ("slope", "inflection")),
+    "dsigmf": (
+        SigmoidDifference,
+        ("first_slope", "first_inflection", "second_slope", "second_inflection"),
+    ),
+    "psigmf": (SigmoidProduct, ("first_slope", "first_inflection", "second_slope", "second_inflection")),
+    "smf": (SShape, ("foot", "top")),
+    "zmf": (ZShape, ("top", "foot")),
+    "pimf": (PiShape, ("left", "left_top", "right_top", "right")),
+}
+_FLANKS: foreign.FlankWords = {
+    "linsmf": foreign.rising,
+    "linzmf": foreign.falling,
+    "rectmf": foreign.level,
+}
+_AND: dict[str, AndOperator] = {
+    "min": "min",
+    "prod": "product",
+    **{name: name for name in get_args(AndOperator) if name not in {"min", "product"}},
+    "algebraic_product": "product",
+}
+_OR: dict[str, OrOperator] = {
+    "max": "max",
+    "probor": "probabilistic_sum",
+    **{name: name for name in get_args(OrOperator) if name not in {"max", "probabilistic_sum"}},
+    "algebraic_sum": "probabilistic_sum",
+}
+_DEFUZZIFIERS: dict[str, Defuzzifier] = {name: name for name in get_args(Defuzzifier)}
+#: What MATLAB itself knows.
+_MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum"}
+
+
+def write(controller: FuzzyController) -> Written:
+    """Write a controller with one system.
+
+    Raises
+    ------
+    fis_tools.formats.exchange.antecedents.NotExpressible
+        If the format cannot say what the system computes.
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the controller.
+    """
+    carried = comment(controller)
+    said = say(only_system(controller, DIALECT), DIALECT)
+    lines = [f"% {carried}", *_system_lines(said.system)]
+    for kind, variables in (("Input", said.system.inputs), ("Output", said.system.outputs)):
+        for place, variable in enumerate(variables, start=1):
+            lines += ["", f"[{kind}{place}]", *_variable_lines(variable)]
+    lines += ["", "[Rules]", *(_rule_line(said.system, rule) for rule in said.system.rules)]
+    return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(said.system)))
+
+
+def _system_lines(system: FuzzySystem) -> list[str]:
+    conjunction = next(word for word, name in _AND.items() if name == system.and_operator)
+    disjunction = next(word for word, name in _OR.items() if name == system.or_operator)
+    return [
+        "[System]",
+        f"Name='{system.name}'",
+        "Type='mamdani'",
+        "Version=2.0",
+        f"NumInputs={len(system.inputs)}",
+        f"NumOutputs={len(system.outputs)}",
+        f"NumRules={len(system.rules)}",
+        f"AndMethod='{conjunction}'",
+        f"OrMethod='{disjunction}'",
+        "ImpMethod='min'",
+        "AggMethod='max'",
+        f"DefuzzMethod='{system.defuzzifier}'",
+    ]
+
+
+def _variable_lines(variable: Variable) -> list[str]:
+    lines = [
+        f"Name='{variable.name}'",
+        f"Range=[{variable.minimum!r} {variable.maximum!r}]",
+        f"NumMFs={len(variable.terms)}",
+    ]
+    for place, term in enumerate(variable.terms, start=1):
+        if isinstance(term.membership, Sampled):
+            points = foreign.sampled_points(variable, term.membership)
+            word, values = "discretemf", [number for point in points for number in point]
+        else:
+            word, values = foreign.shape_words(term.membership, _SHAPES)
+        lines.append(f"MF{place}='{term.name}':'{word}',[{' '.join(map(repr, values))}]")
+    return lines
+
+
+def _rule_line(system: FuzzySystem, rule: Rule) -> str:
+    joined = isinstance(rule.antecedent, Or)
+    asked: dict[str, int] = {}
+    for leaf in operands_of(rule.antecedent):
+        statement = statement_of(leaf)
+        index = system.variable(statement.variable).term_index(statement.term) + 1
+        asked[statement.variable] = -index if isinstance(leaf, Not) else index
+    concluded = {c.variable: system.variable(c.variable).term_index(c.term) + 1 for c in rule.consequents}
+    left = " ".join(str(asked.get(variable.name, 0)) for variable in system.inputs)
+    right = " ".join(str(concluded.get(variable.name, 0)) for variable in system.outputs)
+    return f"{left}, {right} ({rule.consequents[0].weight!r}) : {2 if joined else 1}"
+
+
+def _strangers(system: FuzzySystem) -> Iterator[str]:
+    """Tell what only some readers of `.fis` files understand."""
+    tables = [f"{v.name} {term.name}" for v, term in _terms(system) if isinstance(term.membership, Sampled)]
+    if tables:
+        yield f"tables of points are written as discretemf, which only fuzzylite knows: {', '.join(tables)}"
+    unread = [
+        f"{variable.name} {term.name}" for variable, term in _terms(system) if _is_unread_by_octave(term)
+    ]
+    if unread:
+        yield (
+            f"Octave reads no walls inside a range and no bells with a slope between whole numbers: "
+            f"{', '.join(unread)}; MATLAB and fuzzylite do"
+        )
+    used: set[str] = (
+        {system.and_operator} if any(isinstance(r.antecedent, And) for r in system.rules) else set()
+    )
+    used |= {system.or_operator} if any(isinstance(r.antecedent, Or) for r in system.rules) else set()
+    for operator in sorted(used - _MATLAB_OPERATORS):
+        yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
+
+
+def _terms(system: FuzzySystem) -> Iterator[tuple[Variable, Term]]:
+    return ((v, term) for v in (*system.inputs, *system.outputs) for term in v.terms)
+
+
+def _is_unread_by_octave(term: Term) -> bool:
+    match term.membership:
+        case Triangular(left, peak, right):
+            return peak in {left, right}
+        case Trapezoidal(left, left_top, right_top, right):
+            return left == left_top or right_top == right
+        case GeneralizedBell(_, slope, _):
+            return slope != int(slope)
+    return False
+
+
+# Reading.
+
+
+def read(text: str) -> Reading:
+    """Read a `.fis` file.
+
+    Raises
+    ------
+    fis_tools.model.validate.ControllerFileError
+        If it is damaged or says what a fuzzy system of ours cannot; with the line.
+    """
+    sections, comments = sections_of(text)
+    return understand(_system(sections), comments, DIALECT)
+
+
+_SYSTEM_KEYS = ("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules")
+_METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod")
+
+
+def _system(sections: dict[str, Section]) -> FuzzySystem:
+    head = section_of(sections, "[System]")
+    entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
+    for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
+        if key not in entries:
+            raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
+    _refuse_other_methods(entries)
+    counts = {key: whole_number(entries, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
+    expected = [f"[Input{place}]" for place in range(1, counts["NumInputs"] + 1)]
+    expected += [f"[Output{place}]" for place in range(1, counts["NumOutputs"] + 1)]
+    for title, section in sections.items():
+        if title not in {*expected, "[System]", "[Rules]"}:
+            raise ControllerFileError(
+                f"line {section.line}: {title[:40]} is not one of the sections that [System] counts; "
+                "correct NumInputs or NumOutputs, or drop it"
+            )
+    variables = [_variable(section_of(sections, title)) for title in expected]
+    inputs, outputs = variables[: counts["NumInputs"]], variables[counts["NumInputs"] :]
+    rules = section_of(sections, "[Rules]").lines
+    if len(rules) != counts["NumRules"]:
+        raise ControllerFileError(
+            f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(rules)} lines; correct the "
+            "number, or get a whole copy of the file"
+        )
+    joins = (
+        foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
+        foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
+    )
+    return settle(
+        FuzzySystem(
+            name=quoted_word(entries, "Name")[0] if "Name" in entries else "unnamed",
+            inputs=tuple(inputs),
+            outputs=tuple(outputs),
+            rules=tuple(_rule(line, content, inputs, outputs) for line, content in rules),
+            and_operator=joins[0],
+            or_operator=joins[1],
+            defuzzifier=foreign.choice(_DEFUZZIFIERS, *quoted_word(entries, "DefuzzMethod"), ""),
+        )
+    )
+
+
+def _refuse_other_methods(entries: dict[str, tuple[int, str]]) -> None:
+    for key, only, reason in (
+        ("Type", "mamdani", "other systems conclude numbers, not fuzzy sets"),
+        ("ImpMethod", "min", "it is the one implication that is read"),
+        ("AggMethod", "max", "it is the one aggregation that is read"),
+    ):
+        word, where = quoted_word(entries, key)
+        if word != only:
+            raise ControllerFileError(f"{where} is {word[:40]!r}; expected {only!r}: {reason}")
+
+
+def _variable(section: Section) -> Variable:
+    entries = section.entries(
+        ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
+    )
+    for key in ("Name", "Range", "NumMFs"):
+        if key not in entries:
+            raise ControllerFileError(
+                f"{section.title} has no {key}; add it, or get a whole copy of the file"
+            )
+    for key, only in (("Enabled", 1.0), ("LockPrevious", 0.0)):
+        if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
+            raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
+    is_output = section.title.startswith("[Output")
+    num_terms = whole_number(entries, "NumMFs")
+    keys = [f"MF{place}" for place in range(1, num_terms + 1)]
+    found = [key for key in entries if key.startswith("MF")]
+    if sorted(found) != sorted(keys):
+        raise ControllerFileError(
+            f"{section.title} says NumMFs={num_terms} but has {', '.join(found) or 'none'}; number them from "
+            "MF1 on, or get a whole copy of the file"
+        )
+    line, value = entries["Range"]
+    low, high = numbers_in(value, f"line {line}: Range", 2)
+    extent = Extent(low, high)
+    default = entries.get("Default")
+    states_default = is_output and default is not None and default[1].lower() != "nan"
+    return foreign.variable(
+        quoted_word(entries, "Name")[0],
+        extent,
+        [_term(*entries[key], extent) for key in keys],
+        is_output=is_output,
+        default=foreign.number(default[1], f"line {default[0]}: Default")
+        if default and states_default
+        else None,
+    )
+
+
+_TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(?P<numbers>\[[^\]]*\])")
+
+
+def _term(line: int, value: str, extent: Extent) -> tuple[str, MembershipFunction | Table]:
+    where = f"line {line}"
+    parts = _TERM.fullmatch(value)
+    if parts is None:
+        raise ControllerFileError(f"{where}: {value[:40]!r} is no term; expected 'name':'trimf',[0 1 2]")
+    values = numbers_in(parts["numbers"], where)
+    if parts["shape"] == "discretemf":
+        return parts["name"], foreign.table(values, where)
+    return parts["name"], foreign.shape(parts["shape"], values, extent, _SHAPES, _FLANKS, where)
+
+
+_RULE = re.compile(
+    r"(?P<asked>[^,():]*),(?P<concluded>[^,():]*)\((?P<weight>[^,():]*)\)\s*:\s*(?P<join>[12])"
+)
+
+
+def _rule(line: int, content: str, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Rule:
+    where = f"line {line}"
+    parts = _RULE.fullmatch(content)
+    if parts is None:
+        raise ControllerFileError(
+            f"{where}: {content[:40]!r} is no rule; expected term numbers, weight and connection as in "
+            f"'{'1 ' * len(inputs)}, {'1 ' * len(outputs)}(1) : 1'"
+        )
+    asked = _term_numbers(parts["asked"], inputs, where)
+    concluded = _term_numbers(parts["concluded"], outputs, where)
+    weight = foreign.number(parts["weight"], where)
+    leaves = [
+        Not(Is(variable.name, name)) if is_negated else Is(variable.name, name)
+        for variable, name, is_negated in asked
+    ]
+    if not leaves or not concluded:
+        raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
+    if any(is_negated for _, _, is_negated in concluded):
+        raise ControllerFileError(
+            f"{where}: the rule concludes 'not'; conclude a term, made for it if need be"
+        )
+    return Rule(
+        _joined(leaves, is_or=parts["join"] == "2"),
+        tuple(Consequent(variable.name, name, weight) for variable, name, _ in concluded),
+    )
+
+
+def _joined(leaves: Sequence[Expression], *, is_or: bool) -> Expression:
+    if len(leaves) == 1:
+        return leaves[0]
+    return Or(tuple(leaves)) if is_or else And(tuple(leaves))
+
+
+def _term_numbers(words: str, variables: Sequence[Variable], where: str) -> list[tuple[Variable, str, bool]]:
+    """Read one term number for each variable: the variable, the term, whether it is negated."""
+    values = foreign.numbers(words.split(), where)
+    if len(values) != len(variables):
+        raise ControllerFileError(
+            f"{where}: {len(values)} term numbers for {len(variables)} variables; give one each"
+        )
+    found = []
+    for value, variable in zip(values, variables, strict=True):
+        if value != int(value):
+            raise ControllerFileError(
+                f"{where}: the term number {value:g} of {variable.name} has a hedge (very, somewhat …) in "
+                "its fraction; define a term for it and name that"
+            )
+        if abs(value) > len(variable.terms):
+            raise ControllerFileError(
+                f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
+            )
+        if value:
+            found.append((variable, variable.terms[abs(int(value)) - 1].name, value < 0))
+    return found

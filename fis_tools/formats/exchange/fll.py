@@ -1,0 +1,366 @@
+"""FuzzyLite Language files (`.fll`): read and written, Mamdani systems with minimum implication.
+
+The form is that of fuzzylite 6 and its Python and Java siblings: blocks of ``key: value`` lines. The number
+after a defuzzifier counts the intervals that an output's range is cut into, one less than the points of a
+universe. Rules are sentences, ``if a is low and (b is high or c is not low) then d is up with 0.5``.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+
+from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
+from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.fll_rules import Operators, read_rule
+from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.own.mapping import MOST_POINTS
+from fis_tools.model import (
+    AndOperator,
+    Defuzzifier,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    MembershipFunction,
+    OrOperator,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
+from fis_tools.model.validate import ControllerFileError
+
+DIALECT = Dialect(title="an .fll file", holds_descriptions=True, holds_resolution=True, is_nested=True)
+
+#: The last line of a file of ours: a copy that was cut is told by it from a whole one.
+END = "end of file"
+
+_SHAPES: foreign.ShapeWords = {
+    "Gaussian": (Gaussian, ("mean", "standard_deviation")),
+    "Triangle": (Triangular, ("left", "peak", "right")),
+    "Trapezoid": (Trapezoidal, ("left", "left_top", "right_top", "right")),
+    "GaussianProduct": (
+        TwoSidedGaussian,
+        ("left_mean", "left_standard_deviation", "right_mean", "right_standard_deviation"),
+    ),
+    "Bell": (GeneralizedBell, ("centre", "width", "slope")),
+    "Sigmoid": (Sigmoid, ("inflection", "slope")),
+    "SigmoidDifference": (
+        SigmoidDifference,
+        ("first_inflection", "first_slope", "second_slope", "second_inflection"),
+    ),
+    "SigmoidProduct": (
+        SigmoidProduct,
+        ("first_inflection", "first_slope", "second_slope", "second_inflection"),
+    ),
+    "SShape": (SShape, ("foot", "top")),
+    "ZShape": (ZShape, ("top", "foot")),
+    "PiShape": (PiShape, ("left", "left_top", "right_top", "right")),
+}
+
+
+def _ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
+    """Return a ramp, which falls where its first number is the greater one."""
+    if start <= end:
+        return foreign.rising(start, end, low, high)
+    return foreign.falling(end, start, low, high)
+
+
+_FLANKS: foreign.FlankWords = {"Ramp": _ramp, "Rectangle": foreign.level}
+AND_WORDS: dict[str, AndOperator] = {
+    "Minimum": "min",
+    "AlgebraicProduct": "product",
+    "BoundedDifference": "bounded_difference",
+    "EinsteinProduct": "einstein_product",
+    "HamacherProduct": "hamacher_product",
+    "DrasticProduct": "drastic_product",
+    "NilpotentMinimum": "nilpotent_minimum",
+}
+OR_WORDS: dict[str, OrOperator] = {
+    "Maximum": "max",
+    "AlgebraicSum": "probabilistic_sum",
+    "BoundedSum": "bounded_sum",
+    "EinsteinSum": "einstein_sum",
+    "HamacherSum": "hamacher_sum",
+    "DrasticSum": "drastic_sum",
+    "NilpotentMaximum": "nilpotent_maximum",
+}
+_DEFUZZIFIERS: dict[str, Defuzzifier] = {
+    "Centroid": "centroid",
+    "Bisector": "bisector",
+    "MeanOfMaximum": "mom",
+    "SmallestOfMaximum": "som",
+    "LargestOfMaximum": "lom",
+}
+
+
+def write(controller: FuzzyController) -> Written:
+    """Write a controller with one system.
+
+    Raises
+    ------
+    fis_tools.formats.exchange.antecedents.NotExpressible
+        If the format cannot say what the system computes.
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the controller.
+    """
+    carried = comment(controller)
+    said = say(only_system(controller, DIALECT), DIALECT)
+    system = said.system
+    lines = [f"# {carried}", f"Engine: {system.name}"]
+    for variable in system.inputs:
+        lines += ["InputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: true"]
+        lines += _term_lines(variable)
+    for variable in system.outputs:
+        lines += ["OutputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: false"]
+        lines += [*_output_lines(system, variable), *_term_lines(variable)]
+    for operators, rules in groupby(system.rules, key=lambda rule: _operators(system, rule)):
+        lines += [*_block_lines(*operators), *(f"  rule: {foreign.rule_words(rule)}" for rule in rules)]
+    return Written("\n".join([*lines, f"# {END}"]) + "\n", losses(controller, said, DIALECT))
+
+
+def _extent_lines(variable: Variable) -> list[str]:
+    about = [f"  description: {variable.description}"] if variable.description else []
+    return [*about, "  enabled: true", f"  range: {variable.minimum!r} {variable.maximum!r}"]
+
+
+def _term_lines(variable: Variable) -> Iterator[str]:
+    for term in variable.terms:
+        if isinstance(term.membership, Sampled):
+            points = foreign.sampled_points(variable, term.membership)
+            word, values = "Discrete", [number for point in points for number in point]
+        else:
+            word, values = foreign.shape_words(term.membership, _SHAPES)
+        yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
+
+
+def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
+    defuzzifier = system.defuzzifier_of(output)
+    word = next(word for word, name in _DEFUZZIFIERS.items() if name == defuzzifier)
+    return [
+        "  aggregation: Maximum",
+        f"  defuzzifier: {word} {output.num_points - 1}",
+        f"  default: {output.default!r}",
+        "  lock-previous: false",
+    ]
+
+
+def _operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator, OrOperator]:
+    return system.and_operator_of(rule), system.or_operator_of(rule)
+
+
+def _block_lines(and_operator: AndOperator, or_operator: OrOperator) -> list[str]:
+    conjunction = next(word for word, name in AND_WORDS.items() if name == and_operator)
+    disjunction = next(word for word, name in OR_WORDS.items() if name == or_operator)
+    return [
+        "RuleBlock:",
+        "  enabled: true",
+        f"  conjunction: {conjunction}",
+        f"  disjunction: {disjunction}",
+        "  implication: Minimum",
+        "  activation: General",
+    ]
+
+
+# Reading.
+
+
+@dataclass
+class _Block:
+    """A block of a file: its kind, its name and its lines, each with its number."""
+
+    kind: str
+    name: str
+    line: int
+    entries: dict[str, tuple[int, str]] = field(default_factory=dict)
+    repeated: list[tuple[int, str]] = field(default_factory=list)
+
+
+#: The keys of each block; the last may stand in many lines.
+_KEYS = {
+    "Engine": ("description", ""),
+    "InputVariable": ("description", "enabled", "range", "lock-range", "term"),
+    "OutputVariable": (
+        *("description", "enabled", "range", "lock-range", "aggregation", "accumulation", "defuzzifier"),
+        *("default", "lock-previous", "term"),
+    ),
+    "RuleBlock": (
+        *("description", "enabled", "conjunction", "disjunction", "implication", "activation"),
+        "rule",
+    ),
+}
+
+
+def read(text: str) -> Reading:
+    """Read an `.fll` file.
+
+    Raises
+    ------
+    fis_tools.model.validate.ControllerFileError
+        If it is damaged or says what a fuzzy system of ours cannot; with the line.
+    """
+    comments: list[tuple[int, str]] = []
+    blocks: list[_Block] = []
+    for line, raw in enumerate(text.splitlines(), start=1):
+        content, sign, remark = raw.partition("#")
+        if sign:
+            comments.append((line, remark.strip()))
+        if content.strip():
+            _take(blocks, line, content.strip())
+    if any(remark.startswith(MARK) for _, remark in comments) and comments[-1][1] != END:
+        raise ControllerFileError(
+            f"the last line '# {END}' is missing, so the file may be cut; get a whole copy, or add the line "
+            "if it is whole"
+        )
+    return understand(_system(blocks), comments, DIALECT)
+
+
+def _take(blocks: list[_Block], line: int, content: str) -> None:
+    """Add a line to the block that it opens or belongs to."""
+    key, colon, value = (part.strip() for part in content.partition(":"))
+    if not colon:
+        raise ControllerFileError(f"line {line}: {content[:40]!r} is no 'key: value'; correct it")
+    if key in _KEYS:
+        blocks.append(_Block(key, value, line))
+        return
+    if not blocks:
+        raise ControllerFileError(f"line {line}: {key[:40]!r} stands before 'Engine:'; is this an .fll file?")
+    block = blocks[-1]
+    known = _KEYS[block.kind]
+    foreign.choice(dict.fromkeys(known), key, f"line {line}: in {block.kind} the key", "")
+    if key == known[-1]:
+        block.repeated.append((line, value))
+    elif key in block.entries:
+        raise ControllerFileError(f"line {line}: {key} appears twice in one {block.kind}; keep one of them")
+    else:
+        block.entries[key] = (line, value)
+
+
+def _system(blocks: Sequence[_Block]) -> FuzzySystem:
+    engines = [block for block in blocks if block.kind == "Engine"]
+    if len(engines) != 1 or blocks[0] is not engines[0]:
+        raise ControllerFileError(
+            f"the file has {len(engines)} engines; it must begin with one, 'Engine: name'"
+        )
+    for block in blocks:
+        _refuse_setting(block, "enabled", ("true",))
+    inputs = tuple(_variable(block) for block in blocks if block.kind == "InputVariable")
+    outputs = tuple(_variable(block) for block in blocks if block.kind == "OutputVariable")
+    rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
+    for block in rule_blocks:
+        _refuse_setting(block, "implication", ("Minimum",))
+        _refuse_setting(block, "activation", ("General", "none", "Minimum"))
+    operators = [_block_operators(block) for block in rule_blocks]
+    first = next(iter(operators), (None, None))
+    rules = [
+        replace(
+            read_rule(line, words, operators[place]),
+            and_operator=operators[place][0],
+            or_operator=operators[place][1],
+        )
+        for place, block in enumerate(rule_blocks)
+        for line, words in block.repeated
+    ]
+    return settle(
+        FuzzySystem(
+            name=engines[0].name or "unnamed",
+            inputs=inputs,
+            outputs=outputs,
+            rules=tuple(rules),
+            and_operator=first[0] or "min",
+            or_operator=first[1] or "max",
+        )
+    )
+
+
+def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
+    if key in block.entries:
+        line, value = block.entries[key]
+        if value not in allowed:
+            raise ControllerFileError(
+                f"line {line}: {key} of a {block.kind} is {value[:40]!r}, which cannot be read; expected "
+                f"{' or '.join(allowed)}: change it or take the part out"
+            )
+
+
+def _block_operators(block: _Block) -> Operators:
+    """Return a block's operators; None where it has none."""
+    conjunction: AndOperator | None = None
+    disjunction: OrOperator | None = None
+    if block.entries.get("conjunction", (0, "none"))[1] not in {"none", ""}:
+        line, word = block.entries["conjunction"]
+        conjunction = foreign.choice(AND_WORDS, word, f"line {line}: the conjunction", "")
+    if block.entries.get("disjunction", (0, "none"))[1] not in {"none", ""}:
+        line, word = block.entries["disjunction"]
+        disjunction = foreign.choice(OR_WORDS, word, f"line {line}: the disjunction", "")
+    return conjunction, disjunction
+
+
+def _variable(block: _Block) -> Variable:
+    is_output = block.kind == "OutputVariable"
+    for key in ("range", "defuzzifier") if is_output else ("range",):
+        if key not in block.entries:
+            raise ControllerFileError(f"line {block.line}: {block.kind} {block.name} has no {key}; add it")
+    for key in ("aggregation", "accumulation"):
+        _refuse_setting(block, key, ("Maximum",))
+    _refuse_setting(block, "lock-previous", ("false",))
+    line, value = block.entries["range"]
+    ends = foreign.numbers(value.split(), f"line {line}: the range")
+    if len(ends) != 2:
+        raise ControllerFileError(f"line {line}: the range has {len(ends)} numbers; expected two")
+    extent = Extent(*ends)
+    terms = [_term(line, words, extent) for line, words in block.repeated]
+    description = block.entries.get("description", (0, ""))[1]
+    if not is_output:
+        return foreign.variable(block.name, extent, terms, is_output=False, description=description)
+    defuzzifier, num_points = _defuzzifier(*block.entries["defuzzifier"])
+    line, default = block.entries.get("default", (block.line, "nan"))
+    return foreign.variable(
+        block.name,
+        extent,
+        terms,
+        is_output=True,
+        num_points=num_points,
+        default=None if default == "nan" else foreign.number(default, f"line {line}: the default"),
+        description=description,
+        defuzzifier=defuzzifier,
+    )
+
+
+def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, int | None]:
+    """Return how an output is defuzzified, and the points of its universe where the file states them."""
+    word, *rest = words.split() or [""]
+    cure = "; outputs of Takagi-Sugeno and Tsukamoto systems are not read"
+    defuzzifier = foreign.choice(_DEFUZZIFIERS, word, f"line {line}: the defuzzifier", cure)
+    if not rest:
+        return defuzzifier, None
+    where = f"line {line}: the resolution of the defuzzifier"
+    return defuzzifier, foreign.count(" ".join(rest), where, MOST_POINTS - 1) + 1
+
+
+def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunction | Table]:
+    where = f"line {line}"
+    name, shape, *rest = [*words.split(), "", ""][:2] + words.split()[2:]
+    if not shape:
+        raise ControllerFileError(
+            f"{where}: {words[:40]!r} is no term; expected a name, a shape and its numbers"
+        )
+    values = foreign.numbers(rest, where)
+    known_count = len(_SHAPES[shape][1]) if shape in _SHAPES else 2
+    if shape == "Discrete":
+        return name, foreign.table(values, where)
+    if len(values) == known_count + 1:
+        height = values.pop()
+        if height != 1.0:
+            raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
+    return name, foreign.shape(shape, values, extent, _SHAPES, _FLANKS, where)

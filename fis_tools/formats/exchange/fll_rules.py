@@ -1,0 +1,141 @@
+"""The rules of an `.fll` file: sentences with and, or, not and parentheses, `and` before `or`."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fis_tools.formats.exchange import foreign
+from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, OrOperator, Rule
+from fis_tools.model.validate import MAX_NESTING, ControllerFileError
+
+#: The operators of a block of rules; None where it has none.
+Operators = tuple[AndOperator | None, OrOperator | None]
+
+
+@dataclass
+class _Words:
+    """The words of a rule that are still to be read."""
+
+    words: list[str]
+    where: str
+    place: int = 0
+
+    def peek(self) -> str:
+        """Return the next word, or nothing at the end."""
+        return self.words[self.place] if self.place < len(self.words) else ""
+
+    def take(self, expected: str = "") -> str:
+        """Return the next word; where one is expected, it must be this one."""
+        word = self.peek()
+        if not word or (expected and word != expected):
+            found = repr(word[:40]) if word else "its end"
+            raise ControllerFileError(
+                f"{self.where}: the rule has {found} where {expected or 'a name'!r} must be; correct it"
+            )
+        self.place += 1
+        return word
+
+
+_HEDGES = ("any", "extremely", "seldom", "somewhat", "very")
+
+
+def read_rule(line: int, text: str, operators: Operators) -> Rule:
+    """Read a rule.
+
+    Parameters
+    ----------
+    line : int
+        Where it stands.
+    text : str
+        Such as ``if a is low or b is not high then c is up with 0.5``.
+    operators : (and operator, or operator)
+        Those of its block; None where that has none.
+
+    Raises
+    ------
+    ControllerFileError
+        If it is no rule, or says what one of ours cannot.
+    """
+    words = _Words(re.findall(r"[()]|[^\s()]+", text), f"line {line}")
+    words.take("if")
+    antecedent = _disjunction(words, operators, 0)
+    words.take("then")
+    concluded = [_conclusion(words)]
+    while words.peek() == "and":
+        words.take()
+        concluded.append(_conclusion(words))
+    weight = 1.0
+    if words.peek() == "with":
+        words.take()
+        weight = foreign.number(words.take(), f"line {line}: the weight")
+    if words.peek():
+        raise ControllerFileError(f"line {line}: {words.peek()[:40]!r} follows the rule; correct it")
+    return Rule(antecedent, tuple(Consequent(variable, term, weight) for variable, term in concluded))
+
+
+def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
+    operands = [_conjunction(words, operators, depth)]
+    while words.peek() == "or":
+        words.take()
+        if operators[1] is None:
+            raise ControllerFileError(
+                f"{words.where}: the rule says 'or', but its block has no disjunction; add it"
+            )
+        operands.append(_conjunction(words, operators, depth))
+    return operands[0] if len(operands) == 1 else Or(_flattened(Or, operands))
+
+
+def _conjunction(words: _Words, operators: Operators, depth: int) -> Expression:
+    operands = [_proposition(words, operators, depth)]
+    while words.peek() == "and":
+        words.take()
+        if operators[0] is None:
+            raise ControllerFileError(
+                f"{words.where}: the rule says 'and', but its block has no conjunction; add it"
+            )
+        operands.append(_proposition(words, operators, depth))
+    return operands[0] if len(operands) == 1 else And(_flattened(And, operands))
+
+
+def _flattened(kind: type[And | Or], operands: Sequence[Expression]) -> tuple[Expression, ...]:
+    found: list[Expression] = []
+    for operand in operands:
+        found += operand.operands if isinstance(operand, kind) else (operand,)
+    return tuple(found)
+
+
+def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
+    if words.peek() == "(":
+        if depth >= MAX_NESTING:
+            raise ControllerFileError(f"{words.where}: nested more than {MAX_NESTING} deep; split the rule")
+        words.take()
+        inner = _disjunction(words, operators, depth + 1)
+        words.take(")")
+        return inner
+    variable = words.take()
+    words.take("is")
+    is_negated = False
+    while words.peek() == "not":
+        words.take()
+        is_negated = not is_negated
+    _refuse_hedge(words)
+    statement = Is(variable, words.take())
+    return Not(statement) if is_negated else statement
+
+
+def _conclusion(words: _Words) -> tuple[str, str]:
+    variable = words.take()
+    words.take("is")
+    if words.peek() == "not":
+        raise ControllerFileError(
+            f"{words.where}: the rule concludes 'not'; conclude a term, made for it if need be"
+        )
+    _refuse_hedge(words)
+    return variable, words.take()
+
+
+def _refuse_hedge(words: _Words) -> None:
+    if words.peek() in _HEDGES:
+        raise ControllerFileError(
+            f"{words.where}: the hedge {words.peek()!r} cannot be read; define a term for it and name that"
+        )

@@ -1,0 +1,424 @@
+"""Fuzzy Markup Language files (`.fml`, `.xml`), IEEE Std 1855: read and written, Mamdani rule bases.
+
+What is written has the elements of the standard: a knowledge base of variables and terms, a rule base of flat
+rules with a connector, an operator and a weight each, ``not`` as the modifier of a clause. All names of a
+file differ, as its schema asks. Shapes that the standard does not know are written as its custom shapes,
+which only `fis_tools` reads.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from html import escape
+
+from fis_tools.formats.exchange import foreign, xml
+from fis_tools.formats.exchange.antecedents import operands_of, statement_of
+from fis_tools.formats.exchange.carried import Reading, Written, comment, understand
+from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.exchange.xml import Element
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Consequent,
+    Defuzzifier,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    OrOperator,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
+from fis_tools.model.validate import ControllerFileError
+
+DIALECT = Dialect(title="an FML file", holds_units=True, has_unique_names=True)
+
+NAMESPACE = "http://www.ieee1855.org"
+
+_SHAPES: foreign.ShapeWords = {
+    "gaussianShape": (Gaussian, ("mean", "standard_deviation")),
+    "triangularShape": (Triangular, ("left", "peak", "right")),
+    "trapezoidShape": (Trapezoidal, ("left", "left_top", "right_top", "right")),
+    "sShape": (SShape, ("foot", "top")),
+    "zShape": (ZShape, ("top", "foot")),
+}
+_FLANKS: foreign.FlankWords = {
+    "rightLinearShape": foreign.rising,
+    "leftLinearShape": foreign.falling,
+    "rectangularShape": foreign.level,
+}
+#: Shapes beyond the standard, with all their numbers in the order of the model.
+_CUSTOM: foreign.ShapeWords = {
+    word: (kind, tuple(each.name for each in fields(kind)))
+    for word, kind in (
+        ("custom_generalized_bell", GeneralizedBell),
+        ("custom_two_sided_gaussian", TwoSidedGaussian),
+        ("custom_sigmoid", Sigmoid),
+        ("custom_sigmoid_difference", SigmoidDifference),
+        ("custom_sigmoid_product", SigmoidProduct),
+        ("custom_pi_shape", PiShape),
+    )
+}
+_AND: dict[str, AndOperator] = {
+    "MIN": "min",
+    "PROD": "product",
+    "BDIF": "bounded_difference",
+    "EPROD": "einstein_product",
+    "HPROD": "hamacher_product",
+    "DRP": "drastic_product",
+    "NILMIN": "nilpotent_minimum",
+}
+_OR: dict[str, OrOperator] = {
+    "MAX": "max",
+    "PROBOR": "probabilistic_sum",
+    "BSUM": "bounded_sum",
+    "ESUM": "einstein_sum",
+    "HSUM": "hamacher_sum",
+    "DRS": "drastic_sum",
+    "NILMAX": "nilpotent_maximum",
+}
+_DEFUZZIFIERS: dict[str, Defuzzifier] = {
+    "COG": "centroid",
+    "COA": "bisector",
+    "MOM": "mom",
+    "LM": "som",
+    "RM": "lom",
+}
+
+
+def write(controller: FuzzyController) -> Written:
+    """Write a controller with one system.
+
+    Raises
+    ------
+    fis_tools.formats.exchange.antecedents.NotExpressible
+        If the format cannot say what the system computes.
+    fis_tools.model.validate.InvalidSystem
+        If something is wrong with the controller.
+    """
+    carried = comment(controller)
+    said = say(only_system(controller, DIALECT), DIALECT)
+    system = said.system
+    conjunction, disjunction = _operator_words(system.and_operator, system.or_operator)
+    taken = {system.name, *(v.name for v in (*system.inputs, *system.outputs))}
+    taken |= {term.name for variable in (*system.inputs, *system.outputs) for term in variable.terms}
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f"<!-- {carried} -->",
+        f'<fuzzySystem xmlns="{NAMESPACE}"{_attributes(name=system.name)}>',
+        "  <knowledgeBase>",
+        *(line for variable in system.inputs for line in _variable_lines(system, variable, is_output=False)),
+        *(line for variable in system.outputs for line in _variable_lines(system, variable, is_output=True)),
+        "  </knowledgeBase>",
+        "  <mamdaniRuleBase"
+        + _attributes(
+            name=_unused("rules", taken), activationMethod="MIN", andMethod=conjunction, orMethod=disjunction
+        )
+        + ">",
+    ]
+    for place, rule in enumerate(system.rules, start=1):
+        lines += _rule_lines(system, rule, _unused(f"rule_{place}", taken))
+    lines += ["  </mamdaniRuleBase>", "</fuzzySystem>"]
+    return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(system)))
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    return name if name not in taken else _unused(f"{name}_", taken)
+
+
+def _attributes(**words: str) -> str:
+    return "".join(f' {key}="{escape(word)}"' for key, word in words.items())
+
+
+def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool) -> Iterator[str]:
+    words = {
+        "name": variable.name,
+        "scale": variable.unit,
+        "domainleft": repr(variable.minimum),
+        "domainright": repr(variable.maximum),
+        "type": "output" if is_output else "input",
+    }
+    if is_output:
+        defuzzifier = system.defuzzifier_of(variable)
+        words["accumulation"] = "MAX"
+        words["defuzzifier"] = next(word for word, name in _DEFUZZIFIERS.items() if name == defuzzifier)
+        words["defaultValue"] = repr(variable.default)
+    yield f"    <fuzzyVariable{_attributes(**words)}>"
+    for term in variable.terms:
+        yield f"      <fuzzyTerm{_attributes(name=term.name, complement='false')}>"
+        yield from (f"        {line}" for line in _shape_lines(variable, term))
+        yield "      </fuzzyTerm>"
+    yield "    </fuzzyVariable>"
+
+
+def _shape_lines(variable: Variable, term: Term) -> Iterator[str]:
+    if isinstance(term.membership, Sampled):
+        yield '<pointSetShape interpolationMethod="linear">'
+        for x, y in foreign.sampled_points(variable, term.membership):
+            yield f"  <point{_attributes(x=repr(x), y=repr(y))}/>"
+        yield "</pointSetShape>"
+        return
+    word, values = foreign.shape_words(term.membership, {**_SHAPES, **_CUSTOM})
+    if word in _SHAPES:
+        numbers = {f"param{place}": repr(value) for place, value in enumerate(values, start=1)}
+        yield f"<{word}{_attributes(**numbers)}/>"
+        return
+    yield f'<customShape name="{word}">'
+    yield from (f"  <parameter{_attributes(value=repr(value))}/>" for value in values)
+    yield "</customShape>"
+
+
+def _operator_words(and_operator: AndOperator, or_operator: OrOperator) -> tuple[str, str]:
+    conjunction = next(word for word, name in _AND.items() if name == and_operator)
+    disjunction = next(word for word, name in _OR.items() if name == or_operator)
+    return conjunction, disjunction
+
+
+def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
+    conjunction, disjunction = _operator_words(system.and_operator_of(rule), system.or_operator_of(rule))
+    words = {
+        "name": name,
+        "andMethod": conjunction,
+        "orMethod": disjunction,
+        "connector": "or" if isinstance(rule.antecedent, Or) else "and",
+        "weight": repr(rule.consequents[0].weight),
+    }
+    yield f"    <rule{_attributes(**words)}>"
+    yield "      <antecedent>"
+    for leaf in operands_of(rule.antecedent):
+        statement = statement_of(leaf)
+        modifier = _attributes(modifier="not") if isinstance(leaf, Not) else ""
+        yield _clause(statement.variable, statement.term, modifier, 8)
+    yield "      </antecedent>"
+    yield "      <consequent>"
+    yield "        <then>"
+    yield from (_clause(c.variable, c.term, "", 10) for c in rule.consequents)
+    yield "        </then>"
+    yield "      </consequent>"
+    yield "    </rule>"
+
+
+def _clause(variable: str, term: str, modifier: str, indent: int) -> str:
+    inside = f"<variable>{variable}</variable><term>{term}</term>"
+    return f"{' ' * indent}<clause{modifier}>{inside}</clause>"
+
+
+def _strangers(system: FuzzySystem) -> Iterator[str]:
+    """Tell what only `fis_tools` reads."""
+    custom = [
+        f"{variable.name} {term.name}"
+        for variable in (*system.inputs, *system.outputs)
+        for term in variable.terms
+        if any(type(term.membership) is kind for kind, _ in _CUSTOM.values())
+    ]
+    if custom:
+        names = ", ".join(custom)
+        yield f"IEEE 1855 does not know the shapes of {names}: they are custom shapes, which fis_tools reads"
+
+
+# Reading.
+
+
+def read(text: str) -> Reading:
+    """Read an FML file.
+
+    Raises
+    ------
+    fis_tools.model.validate.ControllerFileError
+        If it is damaged or hostile, or says what a fuzzy system of ours cannot; with the line.
+    """
+    root, comments = xml.read(text)
+    return understand(_system(root), comments, DIALECT)
+
+
+def _system(root: Element) -> FuzzySystem:
+    if root.name != "fuzzySystem":
+        raise ControllerFileError(
+            f"line {root.line}: the document is a {root.name[:40]!r}; expected a 'fuzzySystem' of IEEE 1855"
+        )
+    bases = list(root.all("knowledgeBase"))
+    rule_bases = [child for child in root.children if child.name != "knowledgeBase"]
+    for base in rule_bases:
+        if base.name != "mamdaniRuleBase":
+            raise ControllerFileError(
+                f"line {base.line}: {base.name[:40]!r} cannot be read; expected 'mamdaniRuleBase': "
+                "Takagi-Sugeno, Tsukamoto and AnYa rules conclude no fuzzy sets"
+            )
+    if len(bases) != 1 or len(rule_bases) != 1:
+        raise ControllerFileError(
+            f"the system has {len(bases)} knowledge bases and {len(rule_bases)} rule bases; expected one each"
+        )
+    variables = [_variable(child) for child in bases[0].children]
+    (rule_base,) = rule_bases
+    _expect(rule_base, "activationMethod", ("MIN",))
+    conjunction, disjunction = (
+        rule_base.attributes.get("andMethod", "MIN"),
+        rule_base.attributes.get("orMethod", "MAX"),
+    )
+    return settle(
+        FuzzySystem(
+            name=root.attributes.get("name", "").strip() or "unnamed",
+            inputs=tuple(variable for variable, is_output in variables if not is_output),
+            outputs=tuple(variable for variable, is_output in variables if is_output),
+            rules=tuple(_rule(child, rule_base) for child in rule_base.children),
+            and_operator=foreign.choice(_AND, conjunction, f"line {rule_base.line}: andMethod", ""),
+            or_operator=foreign.choice(_OR, disjunction, f"line {rule_base.line}: orMethod", ""),
+        )
+    )
+
+
+def _attribute(element: Element, key: str) -> str:
+    if key not in element.attributes:
+        raise ControllerFileError(f"line {element.line}: {element.name} has no {key}; add it")
+    return element.attributes[key].strip()
+
+
+def _number(element: Element, key: str) -> float:
+    return foreign.number(_attribute(element, key), f"line {element.line}: {key}")
+
+
+def _expect(element: Element, key: str, allowed: Sequence[str]) -> None:
+    word = element.attributes.get(key, allowed[0])
+    if word.upper() not in allowed:
+        raise ControllerFileError(
+            f"line {element.line}: {key} is {word[:40]!r} and cannot be read; expected {' or '.join(allowed)}"
+        )
+
+
+def _variable(element: Element) -> tuple[Variable, bool]:
+    if element.name != "fuzzyVariable":
+        raise ControllerFileError(
+            f"line {element.line}: {element.name[:40]!r} cannot be read; expected a 'fuzzyVariable'"
+        )
+    _expect(element, "type", ("INPUT", "OUTPUT"))
+    is_output = element.attributes.get("type", "input").lower() == "output"
+    extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
+    terms = [_term(child, extent) for child in element.children]
+    defuzzifier: Defuzzifier | None = None
+    if is_output:
+        _expect(element, "accumulation", ("MAX",))
+        word = element.attributes.get("defuzzifier", "COG")
+        defuzzifier = foreign.choice(_DEFUZZIFIERS, word, f"line {element.line}: the defuzzifier", "")
+    return (
+        foreign.variable(
+            _attribute(element, "name"),
+            extent,
+            terms,
+            is_output=is_output,
+            unit=element.attributes.get("scale", "").strip(),
+            default=_default(element) if is_output else None,
+            defuzzifier=defuzzifier,
+        ),
+        is_output,
+    )
+
+
+def _default(element: Element) -> float:
+    """Return what an output is when no rule fires; the standard says 0 where a file says nothing."""
+    return _number(element, "defaultValue") if "defaultValue" in element.attributes else 0.0
+
+
+def _term(element: Element, extent: Extent) -> tuple[str, MembershipFunction | Table]:
+    where = f"line {element.line}"
+    if element.name != "fuzzyTerm" or len(element.children) != 1:
+        raise ControllerFileError(
+            f"{where}: expected a 'fuzzyTerm' with one shape; correct {element.name[:40]!r}"
+        )
+    _expect(element, "complement", ("FALSE",))
+    (shape,) = element.children
+    name = _attribute(element, "name")
+    if shape.name == "pointSetShape":
+        _expect(shape, "interpolationMethod", ("LINEAR",))
+        pairs = [(_number(point, "x"), _number(point, "y")) for point in shape.all("point")]
+        return name, foreign.table([number for pair in pairs for number in pair], f"line {shape.line}")
+    if shape.name == "customShape":
+        values = [_number(parameter, "value") for parameter in shape.all("parameter")]
+        return name, foreign.shape(
+            _attribute(shape, "name"), values, extent, _CUSTOM, {}, f"line {shape.line}"
+        )
+    numbers = sorted(key for key in shape.attributes if key.startswith("param"))
+    values = [_number(shape, key) for key in numbers]
+    if shape.name in {"leftGaussianShape", "rightGaussianShape"}:
+        return name, _half_gaussian(shape, values, extent)
+    return name, foreign.shape(shape.name, values, extent, _SHAPES, _FLANKS, f"line {shape.line}")
+
+
+def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> TwoSidedGaussian:
+    """Read a Gaussian that is one on one side of its mean."""
+    if len(values) != 2:
+        raise ControllerFileError(f"line {shape.line}: {shape.name} has {len(values)} numbers; expected 2")
+    mean, width = values
+    if shape.name == "leftGaussianShape":
+        return TwoSidedGaussian(min(mean, extent.low), width, mean, width)
+    return TwoSidedGaussian(mean, width, max(mean, extent.high), width)
+
+
+def _rule(element: Element, base: Element) -> Rule:
+    where = f"line {element.line}"
+    if element.name != "rule":
+        raise ControllerFileError(f"{where}: expected a 'rule'; correct {element.name[:40]!r}")
+    _expect(element, "connector", ("AND", "OR"))
+    is_or = element.attributes.get("connector", "and").lower() == "or"
+    words = {**base.attributes, **element.attributes}
+    weight = foreign.number(element.attributes.get("weight", "1"), f"{where}: the weight")
+    asked = [_clause_of(clause, ("not",)) for clause in _only(element, "antecedent").children]
+    consequent = _only(element, "consequent")
+    if any(True for _ in consequent.all("else")):
+        raise ControllerFileError(
+            f"{where}: 'else' cannot be read; write it as a rule of its own, with 'not'"
+        )
+    concluded = [_clause_of(clause, ()) for clause in _only(consequent, "then").children]
+    leaves: list[Expression] = [
+        Not(Is(variable, term)) if is_negated else Is(variable, term) for variable, term, is_negated in asked
+    ]
+    if not leaves or not concluded:
+        raise ControllerFileError(
+            f"{where}: the rule asks or concludes nothing; give it a clause on each side"
+        )
+    rule = Rule(
+        leaves[0] if len(leaves) == 1 else Or(tuple(leaves)) if is_or else And(tuple(leaves)),
+        tuple(Consequent(variable, term, weight) for variable, term, _ in concluded),
+    )
+    return replace(
+        rule,
+        and_operator=foreign.choice(_AND, words.get("andMethod", "MIN"), f"{where}: andMethod", ""),
+        or_operator=foreign.choice(_OR, words.get("orMethod", "MAX"), f"{where}: orMethod", ""),
+    )
+
+
+def _only(element: Element, name: str) -> Element:
+    found = list(element.all(name))
+    if len(found) != 1:
+        raise ControllerFileError(
+            f"line {element.line}: {element.name} has {len(found)} {name}; expected one"
+        )
+    return found[0]
+
+
+def _clause_of(element: Element, modifiers: Sequence[str]) -> tuple[str, str, bool]:
+    """Return the variable and the term of a clause, and whether it is negated."""
+    if element.name != "clause":
+        raise ControllerFileError(f"line {element.line}: expected a 'clause'; correct {element.name[:40]!r}")
+    modifier = element.attributes.get("modifier", "")
+    if modifier and modifier not in modifiers:
+        raise ControllerFileError(
+            f"line {element.line}: the modifier {modifier[:40]!r} cannot be read; define a term for it"
+        )
+    return _only(element, "variable").text.strip(), _only(element, "term").text.strip(), bool(modifier)

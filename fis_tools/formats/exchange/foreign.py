@@ -1,0 +1,230 @@
+"""What files of other programs have in common: numbers, choices, shapes and tables of points.
+
+Everything that is wrong in a file is told with the place where it stands.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+
+from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, universe_of
+from fis_tools.formats.own.mapping import MOST_POINTS
+from fis_tools.model import (
+    Defuzzifier,
+    MembershipFunction,
+    Rule,
+    Sampled,
+    Term,
+    Trapezoidal,
+    Variable,
+)
+from fis_tools.model.validate import ControllerFileError, nearest
+from fis_tools.words.text import antecedent_words
+
+_Choice = TypeVar("_Choice")
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+def number(word: str, where: str) -> float:
+    """Read a finite number.
+
+    Raises
+    ------
+    ControllerFileError
+        If it is none.
+    """
+    value = float(word) if _NUMBER.fullmatch(word.strip()) else math.nan
+    if not math.isfinite(value):
+        raise ControllerFileError(
+            f"{where}: {word.strip()[:40]!r} is no finite number; write one, such as 0.5"
+        )
+    return value
+
+
+def numbers(words: Iterable[str], where: str) -> list[float]:
+    """Read finite numbers."""
+    return [number(word, where) for word in words]
+
+
+def count(word: str, where: str, most: int) -> int:
+    """Read a whole number from 1 to `most`."""
+    if not re.fullmatch(r"\d{1,9}", word.strip()) or not 1 <= int(word) <= most:
+        raise ControllerFileError(f"{where}: {word.strip()[:40]!r} is no whole number from 1 to {most}")
+    return int(word)
+
+
+def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str) -> _Choice:
+    """Look a word up.
+
+    Parameters
+    ----------
+    known : mapping
+        What there is a meaning for.
+    word : str
+        What the file says.
+    where : str
+        Where it says so, and of what.
+    cure : str
+        What to do about a word that a fuzzy system of ours cannot say.
+    """
+    if word not in known:
+        raise ControllerFileError(
+            f"{where} {word[:40]!r} cannot be read; {nearest(word[:40], known)} {cure}".rstrip()
+        )
+    return known[word]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A membership function given by its points, straight between them and level beyond.
+
+    Parameters
+    ----------
+    x : tuple of float
+        Ascending.
+    y : tuple of float
+        The membership at each.
+    """
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+
+def table(values: Sequence[float], where: str) -> Table:
+    """Read ``x y x y …``."""
+    if not values or len(values) % 2:
+        raise ControllerFileError(
+            f"{where}: {len(values)} numbers are no pairs of a point and a membership; give x y x y and so on"
+        )
+    x, y = tuple(values[::2]), tuple(values[1::2])
+    if len(x) > MOST_POINTS:
+        raise ControllerFileError(f"{where}: more than {MOST_POINTS} points; 101 are usual")
+    if any(left >= right for left, right in pairwise(x)):
+        raise ControllerFileError(f"{where}: the points do not ascend; sort them and drop repeated ones")
+    if not all(0.0 <= value <= 1.0 for value in y):
+        raise ControllerFileError(f"{where}: a membership lies outside [0, 1]; scale them")
+    return Table(x, y)
+
+
+#: Words of a format with the shapes they stand for and the order in which they state its numbers.
+ShapeWords = Mapping[str, tuple[type[MembershipFunction], tuple[str, ...]]]
+#: Words for a straight flank, or two, between the ends of a range: from their numbers and the range.
+FlankWords = Mapping[str, Callable[[float, float, float, float], Trapezoidal]]
+
+
+def rising(start: float, end: float, low: float, high: float) -> Trapezoidal:
+    """Return zero up to `start`, one from `end` on, over a range."""
+    return Trapezoidal(start, end, max(end, high), max(end, high))
+
+
+def falling(start: float, end: float, low: float, high: float) -> Trapezoidal:
+    """Return one up to `start`, zero from `end` on, over a range."""
+    return Trapezoidal(min(start, low), min(start, low), start, end)
+
+
+def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
+    """Return one from `start` to `end`, zero elsewhere."""
+    return Trapezoidal(start, start, end, end)
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The ends of a variable's range."""
+
+    low: float
+    high: float
+
+
+def shape(
+    word: str, values: Sequence[float], extent: Extent, shapes: ShapeWords, flanks: FlankWords, where: str
+) -> MembershipFunction:
+    """Turn a word and its numbers into a membership function."""
+    known = {**dict.fromkeys(shapes), **dict.fromkeys(flanks)}
+    choice(known, word, f"{where}: the membership function", "or sample it as a table of points")
+    order = shapes[word][1] if word in shapes else ("start", "end")
+    if len(values) != len(order):
+        raise ControllerFileError(
+            f"{where}: {word} has {len(values)} numbers; expected {len(order)}: {', '.join(order)}"
+        )
+    if word in flanks:
+        return flanks[word](values[0], values[1], extent.low, extent.high)
+    build: Callable[..., MembershipFunction] = shapes[word][0]
+    return build(**dict(zip(order, values, strict=True)))
+
+
+def shape_words(membership: MembershipFunction, shapes: ShapeWords) -> tuple[str, list[float]]:
+    """Return the word and the numbers of any membership function but a sampled one."""
+    word, order = next((word, order) for word, (kind, order) in shapes.items() if type(membership) is kind)
+    return word, [float(getattr(membership, name)) for name in order]
+
+
+def sampled_points(variable: Variable, membership: Sampled) -> list[tuple[float, float]]:
+    """Return the points of a sampled membership function."""
+    return [(float(x), float(y)) for x, y in zip(variable.universe, membership.values, strict=True)]
+
+
+def variable(
+    name: str,
+    extent: Extent,
+    terms: Sequence[tuple[str, MembershipFunction | Table]],
+    *,
+    is_output: bool,
+    num_points: int | None = None,
+    unit: str = "",
+    default: float | None = None,
+    description: str = "",
+    defuzzifier: Defuzzifier | None = None,
+) -> Variable:
+    """Build a variable; its universe holds the points of every table.
+
+    Where all tables have the same points, from one end of the range to the other, these are the universe.
+    """
+    if num_points is None:
+        num_points = OUTPUT_POINTS if is_output else INPUT_POINTS
+    tables = [membership for _, membership in terms if isinstance(membership, Table)]
+    points: tuple[float, ...] | None = None
+    if tables and extent.low < extent.high:
+        universe = _universe(extent, num_points, tables)
+        num_points, points = universe_of(extent.low, extent.high, universe)
+        terms = [
+            (term, Sampled(tuple(np.interp(universe, function.x, function.y).tolist())))
+            if isinstance(function, Table)
+            else (term, function)
+            for term, function in terms
+        ]
+    return Variable(
+        name=name,
+        unit=unit,
+        minimum=extent.low,
+        maximum=extent.high,
+        terms=tuple(Term(term, function) for term, function in terms if not isinstance(function, Table)),
+        num_points=num_points,
+        points=points,
+        default=default,
+        description=description,
+        defuzzifier=defuzzifier,
+    )
+
+
+def _universe(extent: Extent, num_points: int, tables: Sequence[Table]) -> list[float]:
+    first = tables[0].x
+    if (first[0], first[-1]) == (extent.low, extent.high) and all(table.x == first for table in tables):
+        return list(first)
+    grid = np.linspace(extent.low, extent.high, num_points)
+    corners = np.array([x for table in tables for x in table.x if extent.low < x < extent.high])
+    return [float(x) for x in np.union1d(grid, corners)]
+
+
+def rule_words(rule: Rule) -> str:
+    """Say a rule in the words of FLL and FCL; its consequents have one weight."""
+    concluded = " and ".join(f"{c.variable} is {c.term}" for c in rule.consequents)
+    weight = rule.consequents[0].weight
+    return f"if {antecedent_words(rule.antecedent)} then {concluded}" + (
+        "" if weight == 1.0 else f" with {weight!r}"
+    )

@@ -1,0 +1,1 @@
+"""Our own controller files, JSON and YAML: read without executing anything."""

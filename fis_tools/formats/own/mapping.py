@@ -1,0 +1,418 @@
+"""A controller as plain data: dicts, lists, strings and numbers, the common ground of its JSON and YAML.
+
+The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, ``attributes``,
+``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and ``rules``. A variable has
+``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of it), ``terms``, maybe a
+``description``, and, for an output, ``default`` and maybe ``defuzzifier`` and ``accumulation``. The keys of
+a term tell its shape, where ``shape`` does not. A full rule table is the list of its output terms, the last
+input changing fastest; any other rule base is a list of ``{if: ..., then: [...]}`` with ``is``, ``and``,
+``or``, ``not`` nested, and maybe a ``label``, an ``and_operator`` and an ``or_operator``.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeVar
+
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+    rule_table,
+    table_rules,
+)
+from fis_tools.model.validate import (
+    MAX_NESTING,
+    ControllerFileError,
+    InvalidSystem,
+    controller_problems,
+    nearest,
+)
+
+SCHEMA = "fuzzy-controller"
+SCHEMA_VERSION = 1
+
+#: Points of a universe.
+MOST_POINTS = 10_001
+#: Problems told when a file is refused.
+MOST_PROBLEMS = 8
+
+_SHAPES: dict[str, type[MembershipFunction]] = {
+    "gaussian": Gaussian,
+    "triangular": Triangular,
+    "trapezoidal": Trapezoidal,
+    "sampled": Sampled,
+    "two_sided_gaussian": TwoSidedGaussian,
+    "generalized_bell": GeneralizedBell,
+    "sigmoid": Sigmoid,
+    "sigmoid_difference": SigmoidDifference,
+    "sigmoid_product": SigmoidProduct,
+    "s_shape": SShape,
+    "z_shape": ZShape,
+    "pi_shape": PiShape,
+}
+#: The keys of each shape, which are the names of its parameters.
+_KEYS = {name: tuple(str(field.name) for field in fields(shape)) for name, shape in _SHAPES.items()}
+#: Shapes that their keys alone tell.
+_TOLD_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
+_Item = TypeVar("_Item")
+
+# Writing.
+
+
+def to_mapping(controller: FuzzyController) -> dict[str, Any]:
+    """Turn a controller into plain data: dicts, lists, strings and numbers.
+
+    Raises
+    ------
+    InvalidSystem
+        If something is wrong with the controller: what is written can be read again.
+    """
+    found = controller_problems(controller)
+    if found:
+        raise InvalidSystem("\n".join(found))
+    return {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "name": controller.name,
+        "attributes": dict(controller.attributes),
+        "provenance": dict(controller.provenance),
+        "systems": [_system_mapping(system) for system in controller.systems],
+    }
+
+
+def _system_mapping(system: FuzzySystem) -> dict[str, Any]:
+    return {
+        "name": system.name,
+        "and_operator": system.and_operator,
+        "or_operator": system.or_operator,
+        "defuzzifier": system.defuzzifier,
+        "inputs": [_variable_mapping(variable) for variable in system.inputs],
+        "outputs": [_variable_mapping(variable) for variable in system.outputs],
+        "rules": _rules_list(system),
+    }
+
+
+def _variable_mapping(variable: Variable) -> dict[str, Any]:
+    mapping: dict[str, Any] = {"name": variable.name, "unit": variable.unit}
+    if variable.description:
+        mapping["description"] = variable.description
+    if variable.points is None:
+        mapping["range"] = [float(variable.minimum), float(variable.maximum)]
+        mapping["points"] = variable.num_points
+    else:
+        mapping["universe"] = [float(point) for point in variable.points]
+    if variable.default is not None:
+        mapping["default"] = float(variable.default)
+    if variable.defuzzifier is not None:
+        mapping["defuzzifier"] = variable.defuzzifier
+    if variable.accumulation != "max":
+        mapping["accumulation"] = variable.accumulation
+    mapping["terms"] = [
+        {"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms
+    ]
+    return mapping
+
+
+def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
+    if isinstance(membership, Sampled):
+        return {"values": [float(value) for value in membership.values]}
+    name = next(name for name, shape in _SHAPES.items() if isinstance(membership, shape))
+    told = {} if name in _TOLD_BY_KEYS else {"shape": name}
+    return {**told, **{key: float(getattr(membership, key)) for key in _KEYS[name]}}
+
+
+def _rules_list(system: FuzzySystem) -> list[Any]:
+    table = rule_table(system)
+    if table is not None and not any(rule.label for rule in system.rules):
+        return [system.outputs[0].terms[index].name for index in table]
+    return [_rule_mapping(rule) for rule in system.rules]
+
+
+def _rule_mapping(rule: Rule) -> dict[str, Any]:
+    own = (("label", rule.label), ("and_operator", rule.and_operator), ("or_operator", rule.or_operator))
+    mapping: dict[str, Any] = {key: word for key, word in own if word}
+    mapping["if"] = _expression_mapping(rule.antecedent)
+    mapping["then"] = [
+        {"variable": c.variable, "term": c.term, "weight": float(c.weight)} for c in rule.consequents
+    ]
+    return mapping
+
+
+def _expression_mapping(expression: Expression) -> dict[str, Any]:
+    match expression:
+        case Is(variable, term):
+            return {"is": [variable, term]}
+        case Not(operand):
+            return {"not": _expression_mapping(operand)}
+        case And(operands):
+            return {"and": [_expression_mapping(operand) for operand in operands]}
+        case Or(operands):
+            return {"or": [_expression_mapping(operand) for operand in operands]}
+
+
+# Reading.
+
+
+def from_mapping(mapping: Mapping[str, Any]) -> FuzzyController:
+    """Rebuild a controller from plain data.
+
+    Raises
+    ------
+    ControllerFileError
+        If a key is unknown or missing, a value is of the wrong kind, or the controller has problems.
+    """
+    if not isinstance(mapping, Mapping) or "schema" not in mapping:
+        raise ControllerFileError(
+            f"this is not a fuzzy controller; a controller file begins with 'schema: {SCHEMA}'"
+        )
+    schema, version = mapping["schema"], mapping.get("schema_version")
+    if schema != SCHEMA:
+        raise ControllerFileError(f"the schema is {_kind_of(schema)}; expected {SCHEMA!r}")
+    if isinstance(version, bool) or version != SCHEMA_VERSION:
+        raise ControllerFileError(
+            f"the schema version is {_kind_of(version)}, this program reads version {SCHEMA_VERSION}; "
+            "use the program that wrote the file, or write it again"
+        )
+    where = "the controller"
+    required = ("schema", "schema_version", "name", "systems")
+    _check_keys(mapping, where, required, ("attributes", "provenance"))
+    controller = FuzzyController(
+        name=_text(mapping["name"], f"{where}: name"),
+        systems=tuple(_items(mapping["systems"], "systems", _system)),
+        attributes=_facts(mapping.get("attributes", {}), "attributes"),
+        provenance=_facts(mapping.get("provenance", {}), "provenance"),
+    )
+    found = controller_problems(controller)
+    if found:
+        more = [f"… and {len(found) - MOST_PROBLEMS} more"] if len(found) > MOST_PROBLEMS else []
+        raise ControllerFileError("\n".join(found[:MOST_PROBLEMS] + more))
+    return controller
+
+
+def _check_keys(value: Any, where: str, required: Sequence[str], optional: Sequence[str] = ()) -> None:
+    if not isinstance(value, Mapping):
+        raise ControllerFileError(
+            f"{where} is {_kind_of(value)}; expected a mapping with {', '.join(required)}"
+        )
+    known = (*required, *optional)
+    for key in value:
+        if key not in known:
+            raise ControllerFileError(f"{where}: unknown key {key!r}; {nearest(str(key), known)}")
+    for key in required:
+        if key not in value:
+            raise ControllerFileError(f"{where}: the key {key!r} is missing; add it, or get a whole copy")
+
+
+def _kind_of(value: object) -> str:
+    if isinstance(value, str | int | float):
+        return f"{str(value)[:40]!r}" if isinstance(value, str) else str(value)
+    return {dict: "a mapping", list: "a list", type(None): "empty"}.get(type(value), type(value).__name__)
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a word: quote it")
+    return value
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a number")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise ControllerFileError(f"{where} is too large a number; use another unit") from error
+
+
+def _count(value: Any, where: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a whole number")
+    if value > MOST_POINTS:
+        raise ControllerFileError(f"{where} is more than {MOST_POINTS}; 101 is usual")
+    return value
+
+
+def _items(value: Any, where: str, read: Callable[[Any, str], _Item]) -> list[_Item]:
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a list")
+    return [read(item, f"{where}[{index}]") for index, item in enumerate(value)]
+
+
+def _facts(value: Any, where: str) -> tuple[tuple[str, str], ...]:
+    if not isinstance(value, Mapping):
+        raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a mapping of words to words")
+    return tuple(sorted((_text(key, where), _fact(fact, f"{where}: {key}")) for key, fact in value.items()))
+
+
+def _fact(value: Any, where: str) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, int | float) else _text(value, where)
+
+
+def _system(value: Any, where: str) -> FuzzySystem:
+    options = ("and_operator", "or_operator", "defuzzifier")
+    _check_keys(value, where, ("name", "inputs", "outputs", "rules"), options)
+    inputs = tuple(_items(value["inputs"], f"{where}.inputs", _variable))
+    outputs = tuple(_items(value["outputs"], f"{where}.outputs", _output))
+    return FuzzySystem(
+        name=_text(value["name"], f"{where}.name"),
+        inputs=inputs,
+        outputs=outputs,
+        rules=_rules(value["rules"], f"{where}.rules", inputs, outputs),
+        **_chosen(value, where, options),
+    )
+
+
+def _output(value: Any, where: str) -> Variable:
+    if isinstance(value, Mapping) and "default" not in value:
+        raise ControllerFileError(
+            f"{where} has no default; declare default: the output when no rule fires (0 is usual for a force)"
+        )
+    return _variable(value, where, ("default",), ("defuzzifier", "accumulation"))
+
+
+def _variable(
+    value: Any, where: str, required: tuple[str, ...] = (), optional: tuple[str, ...] = ()
+) -> Variable:
+    is_listed = isinstance(value, Mapping) and "universe" in value
+    extent = ("universe",) if is_listed else ("range",)
+    _check_keys(
+        value, where, ("name", *extent, "terms", *required), ("unit", "points", "description", *optional)
+    )
+    points: tuple[float, ...] | None = None
+    if is_listed:
+        points = tuple(_items(value["universe"], f"{where}.universe", _number))
+        if not points or value.get("points", len(points)) != len(points):
+            raise ControllerFileError(
+                f"{where}.universe has {len(points)} numbers; list every point, drop 'points'"
+            )
+        low, high = points[0], points[-1]
+    else:
+        ends = _items(value["range"], f"{where}.range", _number)
+        if len(ends) != 2:
+            raise ControllerFileError(f"{where}.range has {len(ends)} numbers; expected [lowest, highest]")
+        low, high = ends
+    return Variable(
+        name=_text(value["name"], f"{where}.name"),
+        unit=_text(value.get("unit", ""), f"{where}.unit"),
+        minimum=low,
+        maximum=high,
+        terms=tuple(_items(value["terms"], f"{where}.terms", _term)),
+        num_points=len(points) if points else _count(value.get("points", 101), f"{where}.points"),
+        points=points,
+        default=_number(value["default"], f"{where}.default") if required else None,
+        description=_text(value.get("description", ""), f"{where}.description"),
+        **_chosen(value, where, optional),
+    )
+
+
+def _chosen(value: Any, where: str, keys: Sequence[str]) -> dict[str, Any]:
+    """Read words that name an operator or a method; `controller_problems` refuses unknown ones."""
+    return {key: _text(value[key], f"{where}.{key}") for key in keys if key in value}
+
+
+def _term(value: Any, where: str) -> Term:
+    shape = _shape_of(value, where)
+    _check_keys(value, where, ("name", *_KEYS[shape]), ("shape",))
+    name = _text(value["name"], f"{where}.name")
+    if shape == "sampled":
+        return Term(name, Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
+    numbers = {key: _number(value[key], f"{where}.{key}") for key in _KEYS[shape]}
+    return Term(name, _SHAPES[shape](**numbers))  # type: ignore[arg-type]  # only `Sampled` takes no numbers
+
+
+def _shape_of(value: Any, where: str) -> str:
+    """Name the shape of a term: what it says itself, or the one that most of its keys belong to."""
+    if not isinstance(value, Mapping):
+        raise ControllerFileError(
+            f"{where} is {_kind_of(value)}; expected a mapping with name, mean, standard_deviation"
+        )
+    if "shape" in value:
+        shape = _text(value["shape"], f"{where}.shape")
+        if shape not in _SHAPES:
+            raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, _SHAPES)}")
+        return shape
+    given = set(value)
+    missed = {shape: len(set(_KEYS[shape]) - given) for shape in _TOLD_BY_KEYS}
+    return max(_TOLD_BY_KEYS, key=lambda shape: (len(_KEYS[shape]) - missed[shape], -missed[shape]))
+
+
+def _rules(
+    value: Any, where: str, inputs: tuple[Variable, ...], outputs: tuple[Variable, ...]
+) -> tuple[Rule, ...]:
+    if not isinstance(value, Sequence) or not value or not all(isinstance(rule, str) for rule in value):
+        return tuple(_items(value, where, _rule))
+    if len(outputs) != 1:
+        raise ControllerFileError(
+            f"{where} is a table of terms but the system has {len(outputs)} outputs; write each rule as "
+            "{if: ..., then: [...]}"
+        )
+    try:
+        return table_rules(inputs, outputs[0], value)
+    except ValueError as error:
+        raise ControllerFileError(f"{where}: {error}") from error
+
+
+def _rule(value: Any, where: str) -> Rule:
+    operators = ("and_operator", "or_operator")
+    _check_keys(value, where, ("if", "then"), ("label", *operators))
+    return Rule(
+        antecedent=_expression(value["if"], f"{where}.if", 0),
+        consequents=tuple(_items(value["then"], f"{where}.then", _consequent)),
+        label=_text(value.get("label", ""), f"{where}.label"),
+        **_chosen(value, where, operators),
+    )
+
+
+def _consequent(value: Any, where: str) -> Consequent:
+    _check_keys(value, where, ("variable", "term"), ("weight",))
+    return Consequent(
+        variable=_text(value["variable"], f"{where}.variable"),
+        term=_text(value["term"], f"{where}.term"),
+        weight=_number(value.get("weight", 1.0), f"{where}.weight"),
+    )
+
+
+def _expression(value: Any, where: str, depth: int) -> Expression:
+    if not isinstance(value, Mapping) or len(value) != 1:
+        raise ControllerFileError(
+            f"{where} is {_kind_of(value)}; expected one of is, not, and, or with its operands"
+        )
+    if depth > MAX_NESTING:
+        raise ControllerFileError(f"{where} is nested more than {MAX_NESTING} deep; split the rule")
+    ((word, operand),) = value.items()
+    if word == "is":
+        pair = _items(operand, f"{where}.is", _text)
+        if len(pair) != 2:
+            raise ControllerFileError(f"{where}.is has {len(pair)} words; expected [variable, term]")
+        return Is(*pair)
+    if word == "not":
+        return Not(_expression(operand, f"{where}.not", depth + 1))
+    if word in {"and", "or"}:
+        operands = _items(operand, f"{where}.{word}", lambda item, place: _expression(item, place, depth + 1))
+        return And(tuple(operands)) if word == "and" else Or(tuple(operands))
+    raise ControllerFileError(
+        f"{where}: unknown word {word!r}; {nearest(str(word), ('is', 'not', 'and', 'or'))}"
+    )

@@ -1,0 +1,1 @@
+"""Tables for documents: Markdown, HTML, LaTeX and CSV."""

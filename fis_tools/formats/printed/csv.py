@@ -1,0 +1,53 @@
+"""Rule bases as CSV: one row for each rule and consequent, for spreadsheets and data frames."""
+
+import csv
+import io
+from collections.abc import Mapping
+
+from fis_tools.model import And, Expression, FuzzyController, Is
+from fis_tools.words.ranking import Floats, ranked
+from fis_tools.words.text import antecedent_words
+
+
+def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
+    """Write the rules of all systems of a controller.
+
+    Columns are ``system, rule, label``, one for each input of any system, ``antecedent`` in words, then
+    ``output, term, weight``. An input's column holds the term it must have, and is empty where a rule does
+    not mention it or says more than a conjunction can.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    importance : mapping, optional
+        How much each rule matters, as for `fis_tools.words.ranking.ranked`: a last column, and the order of
+        the rules of each system.
+    """
+    inputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    last = ["importance"] if importance is not None else []
+    writer.writerow(["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight", *last])
+    for system in controller.systems:
+        for entry in ranked(system, importance):
+            rule, terms = entry.rule, _conjunction(entry.rule.antecedent)
+            share = [] if importance is None else ["" if entry.importance is None else repr(entry.importance)]
+            for consequent in rule.consequents:
+                writer.writerow(
+                    [
+                        *(system.name, entry.number, rule.label),
+                        *(terms.get(name, "") for name in inputs),
+                        antecedent_words(rule.antecedent),
+                        *(consequent.variable, consequent.term, repr(float(consequent.weight))),
+                        *share,
+                    ]
+                )
+    return text.getvalue()
+
+
+def _conjunction(expression: Expression) -> dict[str, str]:
+    """Return the term of each input that an antecedent joins with and; empty for any other antecedent."""
+    statements = expression.operands if isinstance(expression, And) else (expression,)
+    terms = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
+    return terms if len(terms) == len(statements) else {}

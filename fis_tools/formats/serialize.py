@@ -1,0 +1,128 @@
+"""Controllers as text: every kind of file that is read, and our own JSON and YAML, which hold everything.
+
+`fis_tools.formats.own.mapping` says what a JSON or YAML file contains. Files of other programs hold one
+system each; what they do not state is assumed, and told. Reading any file executes nothing.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+from fis_tools.formats.exchange import fis, fll, fml
+from fis_tools.formats.exchange.carried import Reading
+from fis_tools.formats.own import json, yaml
+from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
+from fis_tools.formats.own.plain import MAX_FILE_BYTES, Unreadable
+from fis_tools.model import FuzzyController
+from fis_tools.model.validate import ControllerFileError
+
+__all__ = [
+    "ENDINGS",
+    "SCHEMA",
+    "SCHEMA_VERSION",
+    "ControllerFileError",
+    "Reading",
+    "dump_json",
+    "dump_yaml",
+    "from_mapping",
+    "load",
+    "loads",
+    "read",
+    "reads",
+    "to_mapping",
+]
+
+Kind = Literal["json", "yaml", "fis", "fll", "fml"]
+_KINDS: dict[str, Kind] = {
+    ".json": "json",
+    ".yaml": "yaml",
+    ".yml": "yaml",
+    ".fis": "fis",
+    ".fll": "fll",
+    ".fml": "fml",
+    ".xml": "fml",
+}
+#: How the names of the files end that are read.
+ENDINGS = tuple(_KINDS)
+
+_PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": yaml.read}
+_FOREIGN_READERS: dict[Kind, Callable[[str], Reading]] = {"fis": fis.read, "fll": fll.read, "fml": fml.read}
+
+
+def dump_json(controller: FuzzyController) -> str:
+    """Write a controller as JSON text; see `to_mapping` for what is refused."""
+    return json.write(to_mapping(controller))
+
+
+def dump_yaml(controller: FuzzyController) -> str:
+    """Write a controller as YAML text; see `to_mapping` for what is refused."""
+    return yaml.write(to_mapping(controller))
+
+
+def load(path: Path | str) -> FuzzyController:
+    """Read a controller from a file, by the ending of its name (`ENDINGS`).
+
+    Raises
+    ------
+    ControllerFileError
+        If the file is missing, too large, cut short, of another schema, hostile or wrong in itself.
+    """
+    return read(path).controller
+
+
+def read(path: Path | str) -> Reading:
+    """Read a controller from a file, and tell what the file does not state.
+
+    Raises
+    ------
+    ControllerFileError
+        As `load` does.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        reason = (error.strerror or "unreadable").lower()
+        raise ControllerFileError(f"{path}: cannot be read ({reason}); check the path") from error
+    kind = _KINDS.get(path.suffix.lower())
+    if kind is None:
+        endings = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
+        raise ControllerFileError(f"{path}: a controller file ends in {endings}; rename it if it is one")
+    if len(content) > MAX_FILE_BYTES:
+        raise ControllerFileError(f"{path}: larger than {MAX_FILE_BYTES} bytes; a controller is much smaller")
+    try:
+        return reads(content.decode("utf-8-sig"), kind)
+    except UnicodeDecodeError as error:
+        raise ControllerFileError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+    except ControllerFileError as error:
+        raise ControllerFileError(f"{path}: {error}") from error
+
+
+def loads(text: str, kind: Kind) -> FuzzyController:
+    """Read a controller from text.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    kind : {"json", "yaml", "fis", "fll", "fml"}
+        Which kind of file it is.
+
+    Raises
+    ------
+    ControllerFileError
+        As `load` does.
+    """
+    return reads(text, kind).controller
+
+
+def reads(text: str, kind: Kind) -> Reading:
+    """Read a controller from text, and tell what the text does not state; parameters as for `loads`."""
+    if kind in _FOREIGN_READERS:
+        return _FOREIGN_READERS[kind](text)
+    try:
+        mapping = _PLAIN_READERS[kind](text)
+    except Unreadable as error:
+        raise ControllerFileError(str(error)) from error
+    return Reading(from_mapping(mapping), ())

@@ -1,0 +1,1 @@
+"""Fuzzy systems to bounded vectors of numbers and back."""

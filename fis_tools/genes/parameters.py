@@ -1,0 +1,263 @@
+"""A controller's tunable numbers as a flat vector of genes in [0, 1], and back.
+
+Tuned are, for every variable, the means of the inner terms (the outer ones stay at the ends of the range)
+and all standard deviations; for the output also how far its range reaches either side of zero; and the output
+term of every rule. Each inner mean moves inside a window of its own around its evenly spaced place, so that
+terms keep their order and stay apart whatever the genes are.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines import kernel
+from fis_tools.engines.kernel import Packed
+from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
+from fis_tools.model.membership import gaussian
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """How far genes can move what they tune.
+
+    Parameters
+    ----------
+    mean_window : float
+        Width of the window of an inner mean, as a fraction of the spacing of evenly spaced terms; below 1, so
+        that windows do not overlap.
+    standard_deviation : (float, float)
+        Least and greatest, as fractions of the range's width.
+    output_reach : (float, float)
+        Least and greatest end of a symmetric output range, in the output's unit; the gene is logarithmic.
+    """
+
+    mean_window: float = 0.9
+    standard_deviation: tuple[float, float] = (0.04, 0.3)
+    output_reach: tuple[float, float] = (0.01, 0.3)
+
+    def __post_init__(self) -> None:
+        """Refuse windows that overlap and bounds that are not ascending and positive."""
+        if not 0 < self.mean_window < 1:
+            raise ValueError(f"mean_window is {self.mean_window}; choose a fraction between 0 and 1")
+        for name in ("standard_deviation", "output_reach"):
+            low, high = getattr(self, name)
+            if not 0 < low < high < np.inf:
+                raise ValueError(
+                    f"{name} is [{low}, {high}]; give a positive lower and a greater upper bound"
+                )
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the genes of one system lie: of each variable, inputs first, the reach and the rules."""
+
+    means: tuple[slice, ...]
+    widths: tuple[slice, ...]
+    reach: int
+    rules: slice
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """Which gene tunes what in the systems of one controller.
+
+    Genes run system by system; inside a system input by input (inner means, then standard deviations), then
+    the output (inner means, standard deviations, reach), then the rules, the last input fastest.
+
+    Parameters
+    ----------
+    systems : tuple of FuzzySystem
+        The structure; its tunable numbers are the ones that `decode` replaces.
+    bounds : Bounds
+    """
+
+    systems: tuple[FuzzySystem, ...]
+    bounds: Bounds
+
+    def __post_init__(self) -> None:
+        """Refuse systems that have no such genes."""
+        for system in self.systems:
+            if rule_table(system) is None:
+                raise ValueError(f"system {system.name!r} is not a full rule table; only those can be tuned")
+            output = system.outputs[0]
+            if output.minimum != -output.maximum:
+                raise ValueError(
+                    f"output {output.name!r} ranges from {output.minimum} to {output.maximum}; "
+                    "make it symmetric about zero to tune its reach"
+                )
+            for variable in (*system.inputs, output):
+                if fault := _fault(variable):
+                    raise ValueError(f"variable {variable.name!r} {fault}")
+
+    @property
+    def num_genes(self) -> int:
+        """Length of the vector."""
+        return len(self.gene_names())
+
+    def gene_names(self) -> list[str]:
+        """Say for each gene what it tunes."""
+        names = []
+        for system in self.systems:
+            for variable in (*system.inputs, *system.outputs):
+                where = f"{system.name}.{variable.name}"
+                names += [f"{where}.{term.name}.mean" for term in variable.terms[1:-1]]
+                names += [f"{where}.{term.name}.standard_deviation" for term in variable.terms]
+            names.append(f"{system.name}.{system.outputs[0].name}.reach")
+            names += [f"{system.name}.rule_{index}" for index in range(len(system.rules))]
+        return names
+
+    def places(self) -> "list[Places]":
+        """Say for each system where its genes lie."""
+        places, at = [], 0
+        for system in self.systems:
+            means, widths = [], []
+            for variable in (*system.inputs, *system.outputs):
+                terms = len(variable.terms)
+                means.append(slice(at, at + terms - 2))
+                widths.append(slice(at + terms - 2, at + 2 * terms - 2))
+                at += 2 * terms - 2
+            rules = slice(at + 1, at + 1 + len(system.rules))
+            places.append(Places(tuple(means), tuple(widths), at, rules))
+            at = rules.stop
+        return places
+
+    def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
+        """Build the systems that one genome of shape (num_genes,) stands for."""
+        genes = self._read(np.asarray(genome, dtype=np.float64)[np.newaxis])
+        systems = []
+        for system in self.systems:
+            inputs = tuple(self._decoded(v, *self._take(genes, v, None)) for v in system.inputs)
+            output = system.outputs[0]
+            output = self._decoded(output, *self._take(genes, output, self.bounds.output_reach))
+            table = genes.terms(len(system.rules), len(output.terms))[0]
+            words = [output.terms[index].name for index in table]
+            rules = table_rules(inputs, output, words)
+            systems.append(replace(system, inputs=inputs, outputs=(output,), rules=rules))
+        return tuple(systems)
+
+    def pack(self, genomes: Floats) -> Packed:
+        """Pack a population, shape (n, num_genes), as `engines.kernel.pack` packs each decoded genome."""
+        genes = self._read(np.asarray(genomes, dtype=np.float64))
+        layout, num_values, num_entries = kernel.layout_of(self.systems)
+        values = np.zeros((len(genomes), num_values))
+        rules = np.zeros((len(genomes), num_entries), dtype=np.uint64)
+        cells: list[NDArray[np.int64]] = []
+        for row, system in zip(layout, self.systems, strict=True):
+            for place, variable in enumerate(system.inputs):
+                low, high, means, widths = self._take(genes, variable, None)
+                terms = _memberships(low, high, variable.num_points, means, widths)
+                kernel.fill_input(values, row, place, low, high, terms)
+            output = system.outputs[0]
+            low, high, means, widths = self._take(genes, output, self.bounds.output_reach)
+            terms = _memberships(low, high, output.num_points, means, widths)
+            default = np.full(len(genomes), 0.0 if output.default is None else output.default)
+            kernel.fill_output(values, rules, row, low, high, default, terms)
+            table = genes.terms(len(system.rules), len(output.terms))
+            cells.append(table_cells(system.inputs))
+            kernel.fill_rules(rules, row, cells[-1], table)
+        return Packed(layout, values, rules, tuple(cells))
+
+    def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
+        """Find the genome, shape (num_genes,), of systems of this structure; what lies outside is clipped."""
+        genes: list[float] = []
+        for system in systems:
+            for variable in (*system.inputs, *system.outputs):
+                means, widths = _gaussians(variable)
+                reach = variable.maximum if variable is system.outputs[0] else None
+                low, high = variable.minimum, variable.maximum
+                centres, half = self._windows(np.array([low]), np.array([high]), len(means))
+                inner = (means - centres[0] + half[0]) / (2 * half[0])
+                least, greatest = self.bounds.standard_deviation
+                genes += list(inner[1:-1])
+                genes += list((widths / (high - low) - least) / (greatest - least))
+                if reach is not None:
+                    shortest, longest = self.bounds.output_reach
+                    genes.append(float(np.log(reach / shortest) / np.log(longest / shortest)))
+            table = rule_table(system)
+            if table is None:
+                raise ValueError(f"system {system.name!r} is not a full rule table; it has no genome")
+            genes += list((table + 0.5) / len(system.outputs[0].terms))
+        if len(genes) != self.num_genes:
+            raise ValueError(
+                f"the systems have {len(genes)} tunable numbers, this encoding has {self.num_genes}; "
+                "encode systems of the same inputs and terms"
+            )
+        return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
+
+    def _read(self, genomes: Floats) -> "_Genes":
+        if genomes.ndim != 2 or genomes.shape[1] != self.num_genes:
+            raise ValueError(
+                f"genomes have shape {genomes.shape[-1:]} each, this encoding has {self.num_genes} genes; "
+                "pass genomes of the same encoding"
+            )
+        return _Genes(genomes)
+
+    def _take(
+        self, genes: "_Genes", variable: Variable, reach: tuple[float, float] | None
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Read one variable's ends (n,), means and standard deviations (n, terms)."""
+        terms = len(variable.terms)
+        inner, widths = genes.take(terms - 2), genes.take(terms)
+        low = np.full(len(inner), variable.minimum)
+        high = np.full(len(inner), variable.maximum)
+        if reach is not None:
+            high = reach[0] * (reach[1] / reach[0]) ** genes.take(1)[:, 0]
+            low = -high
+        means, half = self._windows(low, high, terms)
+        means[:, 1:-1] += (2.0 * inner - 1.0) * half[:, np.newaxis]
+        least, greatest = self.bounds.standard_deviation
+        fractions = least + (greatest - least) * widths
+        return low, high, means, fractions * (high - low)[:, np.newaxis]
+
+    def _windows(self, low: Floats, high: Floats, terms: int) -> tuple[Floats, Floats]:
+        centres = np.linspace(low, high, terms, axis=-1)
+        return centres, 0.5 * self.bounds.mean_window * (high - low) / (terms - 1)
+
+    @staticmethod
+    def _decoded(variable: Variable, low: Floats, high: Floats, means: Floats, widths: Floats) -> Variable:
+        terms = tuple(
+            Term(term.name, Gaussian(float(mean), float(width)))
+            for term, mean, width in zip(variable.terms, means[0], widths[0], strict=True)
+        )
+        return replace(variable, minimum=float(low[0]), maximum=float(high[0]), terms=terms)
+
+
+class _Genes:
+    """Reads the columns of a population from left to right."""
+
+    def __init__(self, genomes: Floats) -> None:
+        self.genomes = genomes
+        self.at = 0
+
+    def take(self, count: int) -> Floats:
+        columns = self.genomes[:, self.at : self.at + count]
+        self.at += count
+        return columns
+
+    def terms(self, count: int, num_terms: int) -> NDArray[np.int64]:
+        chosen = np.floor(num_terms * self.take(count)).astype(np.int64)
+        return np.minimum(chosen, num_terms - 1)
+
+
+def _fault(variable: Variable) -> str:
+    """Say why a variable cannot be tuned; nothing where it can."""
+    if len(variable.terms) < 2:
+        return f"has {len(variable.terms)} term; give it two or more to tune it"
+    if variable.points is not None:
+        return "has a universe that is not evenly spaced; space it evenly to tune it"
+    if not all(isinstance(term.membership, Gaussian) for term in variable.terms):
+        return "has terms that are not Gaussian; use Gaussian"
+    return ""
+
+
+def _memberships(low: Floats, high: Floats, points: int, means: Floats, widths: Floats) -> Floats:
+    universe = np.linspace(low, high, points, axis=-1)
+    return gaussian(universe[:, np.newaxis, :], means[:, :, np.newaxis], widths[:, :, np.newaxis])
+
+
+def _gaussians(variable: Variable) -> tuple[Floats, Floats]:
+    shapes = [term.membership for term in variable.terms if isinstance(term.membership, Gaussian)]
+    return np.array([s.mean for s in shapes]), np.array([s.standard_deviation for s in shapes])

@@ -1,0 +1,318 @@
+"""What makes a fuzzy system wrong, each fault told as a fact, an expectation and a cure."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from itertools import islice, pairwise
+from typing import get_args
+
+import numpy as np
+
+from fis_tools.model import (
+    Accumulation,
+    And,
+    AndOperator,
+    Defuzzifier,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    OrOperator,
+    PiShape,
+    Rule,
+    Sampled,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
+from fis_tools.model.membership import shape_values
+
+#: The terms of each variable, in order.
+Vocabulary = dict[str, dict[str, None]]
+
+#: Names that a suggestion looks at.
+MOST_NAMES = 50
+#: Memberships that rounding may put outside [0, 1].
+ROUNDING = 1e-12
+#: How deep and, or and not may be nested in one antecedent.
+MAX_NESTING = 20
+
+
+class InvalidSystem(ValueError):  # noqa: N818
+    """A fuzzy system or controller that cannot be used; the message lists every problem."""
+
+
+class ControllerFileError(ValueError):
+    """A controller file that cannot be read, told in a sentence."""
+
+
+def validate(system: FuzzySystem) -> None:
+    """Refuse a system that has problems.
+
+    Raises
+    ------
+    InvalidSystem
+        With one line for each problem.
+    """
+    found = problems(system)
+    if found:
+        raise InvalidSystem("\n".join(found))
+
+
+def controller_problems(controller: FuzzyController) -> list[str]:
+    """List what is wrong with a controller and its systems, a sentence each; empty when nothing is."""
+    found = list(_name_problems("a controller", controller.name))
+    if not controller.systems:
+        found.append(f"controller {controller.name!r} has no systems; give it at least one")
+    found += _duplicates(f"controller {controller.name!r}", "systems", (s.name for s in controller.systems))
+    for kind, facts in (("attributes", controller.attributes), ("provenance", controller.provenance)):
+        found += _duplicates(f"controller {controller.name!r}", kind, (key for key, _ in facts))
+    for system in controller.systems:
+        found += problems(system)
+    return found
+
+
+def problems(system: FuzzySystem) -> list[str]:
+    """List what is wrong with a system, a sentence each; empty when nothing is.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        Any system, however broken.
+    """
+    where = f"system {system.name!r}"
+    found = list(_name_problems("a system", system.name))
+    found += (f"{where}: {problem}" for problem in _choice_problems(system))
+    for kind, variables in (("inputs", system.inputs), ("outputs", system.outputs)):
+        if not variables:
+            found.append(f"{where} has no {kind}; a system needs at least one, so add a variable")
+    everything = (*system.inputs, *system.outputs)
+    found += _duplicates(where, "variables", (variable.name for variable in everything))
+    for variable in everything:
+        found += (f"{where}, {problem}" for problem in _variable_problems(variable))
+    found += (f"{where}, {problem}" for problem in _output_problems(system))
+    found += (f"{where}, {problem}" for problem in _rule_base_problems(system))
+    return found
+
+
+_CHOICES = {
+    "and_operator": get_args(AndOperator),
+    "or_operator": get_args(OrOperator),
+    "defuzzifier": get_args(Defuzzifier),
+    "accumulation": get_args(Accumulation),
+}
+
+
+def _choice_problems(chooser: FuzzySystem | Variable | Rule) -> Iterator[str]:
+    """Tell which operators and methods do not exist; None leaves the choice to the system."""
+    for kind, allowed in _CHOICES.items():
+        chosen = getattr(chooser, kind, allowed[0])
+        is_left = chosen is None and not isinstance(chooser, FuzzySystem)
+        if chosen not in allowed and not is_left:
+            yield f"{kind} {chosen!r} is not known; use one of {', '.join(allowed)}"
+
+
+def _name_problems(what: str, name: str) -> Iterator[str]:
+    if not name or not name.isprintable() or name != name.strip():
+        yield (
+            f"{what} is called {name!r}; a name is printable text without blanks at its ends: "
+            "choose another one"
+        )
+
+
+def _duplicates(where: str, what: str, names: Iterable[str]) -> Iterator[str]:
+    for name, count in Counter(names).items():
+        if count > 1:
+            yield f"{where} has {count} {what} called {name!r}; names are unique, so rename all but one"
+
+
+def _variable_problems(variable: Variable) -> Iterator[str]:
+    where = f"variable {variable.name!r}"
+    yield from _name_problems("a variable", variable.name)
+    universe_problems = list(_universe_problems(variable))
+    yield from (f"{where}: {problem}" for problem in universe_problems)
+    if not variable.terms:
+        yield f"{where} has no terms; give it at least one membership function"
+    yield from _duplicates(where, "terms", (term.name for term in variable.terms))
+    for term in variable.terms:
+        yield from (f"{where}, {problem}" for problem in _name_problems("a term", term.name))
+        faults = list(shape_problems(term.membership, variable.num_points))
+        if not faults and not universe_problems:
+            faults = list(_sample_problems(variable, term))
+        yield from (f"{where}, term {term.name!r}: {fault}" for fault in faults)
+
+
+def _universe_problems(variable: Variable) -> Iterator[str]:
+    low, high = variable.minimum, variable.maximum
+    if not (math.isfinite(low) and math.isfinite(high)):
+        yield f"the range [{low}, {high}] is not finite; give two finite numbers"
+    elif not low < high:
+        yield f"the range [{low}, {high}] is empty; the first number must be below the second, so swap them"
+    elif not math.isfinite(high - low):
+        yield f"the range [{low}, {high}] is too wide for double precision; use another unit"
+    if variable.num_points < 2:
+        yield f"the universe has {variable.num_points} points; it needs at least 2 (101 is usual)"
+    points = variable.points
+    if points is None:
+        return
+    if len(points) != variable.num_points:
+        yield f"{len(points)} points are given but num_points is {variable.num_points}; make them equal"
+    if not all(math.isfinite(point) for point in points):
+        yield "a point of the universe is not finite; give finite numbers"
+    elif any(left >= right for left, right in pairwise(points)):
+        yield "the points of the universe do not ascend; sort them and drop repeated ones"
+    elif points and (points[0], points[-1]) != (low, high):
+        yield (
+            f"the universe runs from {points[0]} to {points[-1]} but the range is [{low}, {high}]; "
+            "make the range the first and the last point"
+        )
+
+
+def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
+    """Tell what is wrong with the parameters of a membership function, for a universe of `num_points`."""
+    if isinstance(shape, Sampled):
+        yield from _value_problems(shape, num_points)
+        return
+    parameters = {name: getattr(shape, name) for name in shape.__slots__}
+    if not all(math.isfinite(value) for value in parameters.values()):
+        yield f"{_listed(parameters)} must be finite numbers"
+        return
+    match shape:
+        case Gaussian(_, standard_deviation):
+            yield from _spread_problems("standard deviation", standard_deviation)
+        case TwoSidedGaussian(left_mean, left, right_mean, right):
+            yield from _spread_problems("left standard deviation", left)
+            yield from _spread_problems("right standard deviation", right)
+            if left_mean > right_mean:
+                yield f"left_mean, right_mean = {(left_mean, right_mean)} do not ascend; put them in order"
+        case GeneralizedBell(width, slope, _):
+            for name, value in (("width", width), ("slope", slope)):
+                if not value > 0:
+                    yield f"{name} {value} is not positive; give a number above 0"
+        case Triangular() | Trapezoidal() | SShape() | ZShape() | PiShape():
+            yield from _corner_problems(shape, parameters)
+
+
+def _listed(parameters: dict[str, float]) -> str:
+    values = tuple(parameters.values())
+    return f"{', '.join(parameters)} = {values if len(values) > 1 else values[0]}"
+
+
+def _spread_problems(name: str, value: float) -> Iterator[str]:
+    if not value > 0:
+        yield f"{name} {value} is not positive; give a number above 0"
+    elif not 0 < 2 * value * value < math.inf:
+        yield f"the square of {name} {value} under- or overflows; change it"
+
+
+def _corner_problems(shape: MembershipFunction, corners: dict[str, float]) -> Iterator[str]:
+    values = list(corners.values())
+    if values != sorted(values):
+        yield f"{_listed(corners)} do not ascend; put them in order"
+        return
+    flanks = {SShape: [(0, 1)], ZShape: [(0, 1)], PiShape: [(0, 1), (2, 3)]}.get(type(shape), [])
+    if any(values[left] == values[right] for left, right in flanks):
+        yield f"{_listed(corners)} leave a flank no width; make it wider, or use a trapezoidal shape"
+
+
+def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
+    if len(shape.values) != num_points:
+        yield (
+            f"{len(shape.values)} membership values are given for a universe of {num_points} points; give "
+            "one for each point"
+        )
+    if not all(0.0 <= value <= 1.0 for value in shape.values):
+        yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
+
+
+def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
+    values = shape_values(variable.universe, term.membership)
+    if not np.all(np.isfinite(values)):
+        yield "a sampled membership is not a number; the parameters are too extreme, so change them"
+    elif values.min() < -ROUNDING:
+        yield f"the membership falls to {values.min():.3g}, below 0; make the first sigmoid the higher one"
+
+
+def _output_problems(system: FuzzySystem) -> Iterator[str]:
+    for variable in system.outputs:
+        if variable.default is None:
+            yield (
+                f"output {variable.name!r} has no default; declare default: the output when no rule fires "
+                "(0 is usual for a force)"
+            )
+        elif not math.isfinite(variable.default):
+            yield f"output {variable.name!r}: default {variable.default} must be a finite number"
+        yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
+    for variable in system.inputs:
+        for key, unset in (("default", None), ("defuzzifier", None), ("accumulation", "max")):
+            if getattr(variable, key) != unset:
+                article = "an" if key[0] == "a" else "a"
+                yield f"input {variable.name!r} has {article} {key}; only outputs have one, so drop it"
+
+
+def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
+    if not system.rules:
+        yield "no rules; give at least one"
+    labels = (rule.label for rule in system.rules if rule.label)
+    yield from _duplicates("the rule base", "rules", labels)
+    inputs, outputs = _vocabulary(system.inputs), _vocabulary(system.outputs)
+    for number, rule in enumerate(system.rules, start=1):
+        where = f"rule {number}"
+        if rule.label and not rule.label.isprintable():
+            yield f"{where}: the label {rule.label!r} is not printable; drop the control characters"
+        yield from (f"{where}: {problem}" for problem in _choice_problems(rule))
+        yield from (f"{where}: {problem}" for problem in _expression_problems(inputs, rule.antecedent, 0))
+        if not rule.consequents:
+            yield f"{where} concludes nothing; give it at least one consequent"
+        for consequent in rule.consequents:
+            found = _reference_problems(outputs, "output", consequent.variable, consequent.term)
+            yield from (f"{where}: {problem}" for problem in found)
+            if not 0.0 <= consequent.weight <= 1.0:
+                yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
+
+
+def _vocabulary(variables: tuple[Variable, ...]) -> Vocabulary:
+    return {variable.name: {term.name: None for term in variable.terms} for variable in variables}
+
+
+def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int) -> Iterator[str]:
+    if depth > MAX_NESTING:
+        yield f"and, or and not are nested more than {MAX_NESTING} deep; split the rule"
+        return
+    match expression:
+        case Is(variable, term):
+            yield from _reference_problems(inputs, "input", variable, term)
+        case Not(operand):
+            yield from _expression_problems(inputs, operand, depth + 1)
+        case And(operands) | Or(operands):
+            if not operands:
+                word = "and" if isinstance(expression, And) else "or"
+                yield f"an {word!r} joins no statements; give it at least one"
+            for operand in operands:
+                yield from _expression_problems(inputs, operand, depth + 1)
+
+
+def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:
+    if variable not in known:
+        yield f"{kind} {variable!r} does not exist; {nearest(variable, known)}"
+    elif term not in known[variable]:
+        yield f"{kind} {variable!r} has no term {term!r}; {nearest(term, known[variable])}"
+
+
+def nearest(wrong: str, known: Iterable[str]) -> str:
+    """Suggest the nearest of the known names, or list them; of very many names only the first count."""
+    names = list(islice(known, MOST_NAMES))
+    matches = get_close_matches(wrong, names, n=1)
+    if matches:
+        return f"did you mean {matches[0]!r}?"
+    return f"choose one of {', '.join(names)}" if names else "none is declared"

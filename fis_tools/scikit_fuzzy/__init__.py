@@ -1,0 +1,1 @@
+"""To and from scikit-fuzzy's control systems."""

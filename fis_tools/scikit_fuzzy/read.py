@@ -1,0 +1,341 @@
+"""Read scikit-fuzzy control systems: from a ``ControlSystem`` to a `FuzzySystem` that computes the same.
+
+What is read is what scikit-fuzzy 0.5 computes with: universes, sampled memberships, rule trees, weights, and
+the methods of each rule and variable. `fis_tools.engines.inference` gives the results of ``compute()`` to the
+last bit. What scikit-fuzzy has not is added: a default for each output, for when no rule fires. Inputs beyond
+their universe are always clipped; memberships below `fis_tools.model.membership.SMALLEST_MEMBERSHIP` are
+zero.
+"""
+
+import operator
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from skfuzzy import control
+from skfuzzy.control.term import Term as FuzzyTerm
+from skfuzzy.control.term import TermAggregate
+
+from fis_tools.model import (
+    Accumulation,
+    And,
+    AndOperator,
+    Consequent,
+    Defuzzifier,
+    Expression,
+    FuzzySystem,
+    Is,
+    Not,
+    Or,
+    OrOperator,
+    Rule,
+    Term,
+    Variable,
+)
+from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
+from fis_tools.model.validate import MAX_NESTING, nearest, problems
+from fis_tools.scikit_fuzzy.recognition import recognise
+
+Floats = NDArray[np.float64]
+_Name = TypeVar("_Name", bound=str)
+
+#: Functions besides our own that people pass to rules and outputs; they give the same numbers.
+_ALSO_AND: dict[Any, AndOperator] = {
+    np.minimum: "min",
+    min: "min",
+    operator.mul: "product",
+    control.accumulation_mult: "product",
+}
+_ALSO_OR: dict[Any, OrOperator] = {np.maximum: "max", max: "max", control.accumulation_max: "max"}
+_AND_NAMES: dict[Any, AndOperator] = {function: name for name, function in AND_OPERATORS.items()} | _ALSO_AND
+_OR_NAMES: dict[Any, OrOperator] = {function: name for name, function in OR_OPERATORS.items()} | _ALSO_OR
+_ACCUMULATION_NAMES: dict[Any, Accumulation] = {
+    **{function: name for name, function in ACCUMULATIONS.items()},
+    **_ALSO_OR,
+    control.accumulation_mult: "product",
+    operator.mul: "product",
+}
+#: In the order in which scikit-fuzzy looks for these words in a method's name.
+_DEFUZZIFIERS: tuple[Defuzzifier, ...] = ("centroid", "bisector", "mom", "som", "lom")
+#: Memberships this far outside [0, 1] are put inside.
+ROUNDED = 1e-15
+#: Number types in which scikit-fuzzy computes without loss.
+_EXACT_TYPES = ("float64", "int32", "int64")
+
+
+class UnreadableControlSystem(ValueError):  # noqa: N818 - the sentence is the message
+    """A scikit-fuzzy control system that no `FuzzySystem` says; the text tells why, and what to do."""
+
+
+def read_control_system(
+    system: control.ControlSystem | control.ControlSystemSimulation,
+    name: str = "control system",
+    *,
+    defaults: Mapping[str, float] | None = None,
+    tolerance: float = 0.0,
+) -> FuzzySystem:
+    """Turn a scikit-fuzzy control system into a `FuzzySystem`.
+
+    Parameters
+    ----------
+    system : ControlSystem or ControlSystemSimulation
+        Left as it is; variables come in the order of its graph, rules in the order in which it computes them.
+    name : str
+        What to call the system.
+    defaults : mapping, optional
+        The value of an output when no rule fires, by the output's name. Others get zero, or the end of their
+        universe that is nearest to zero; scikit-fuzzy has no result then.
+    tolerance : float
+        How far a membership function may be from the samples to be recognised as a shape. With 0 outputs
+        equal scikit-fuzzy's to the last bit; 1e-15 also recognises shapes computed by another formula.
+
+    Raises
+    ------
+    UnreadableControlSystem
+        If the system has what a `FuzzySystem` cannot say.
+    """
+    source = system.ctrl if isinstance(system, control.ControlSystemSimulation) else system
+    if not isinstance(source, control.ControlSystem):
+        raise UnreadableControlSystem(
+            f"this is a {type(source).__name__}; pass a scikit-fuzzy ControlSystem or ControlSystemSimulation"
+        )
+    # The graph's own order is that of `source.rules`, which takes seconds where rules are many.
+    rules = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
+    outputs = list(source.consequents)
+    _check_names(defaults or {}, [str(output.label) for output in outputs])
+    read = _with_common_methods(
+        FuzzySystem(
+            name=name,
+            inputs=tuple(_variable(source_input, tolerance) for source_input in source.antecedents),
+            outputs=tuple(_output(output, defaults or {}, tolerance) for output in outputs),
+            rules=_with_labels(rules, [_rule(rule) for rule in rules]),
+        )
+    )
+    found = problems(read)
+    if found:
+        raise UnreadableControlSystem("\n".join(found))
+    return read
+
+
+def _check_names(defaults: Mapping[str, float], outputs: list[str]) -> None:
+    for label in defaults:
+        if label not in outputs:
+            raise UnreadableControlSystem(f"defaults name {label!r}, no output; {nearest(label, outputs)}")
+
+
+# Variables.
+
+
+def _variable(source: Any, tolerance: float) -> Variable:
+    universe = _universe(source)
+    is_even = np.array_equal(universe, np.linspace(universe[0], universe[-1], len(universe)))
+    return Variable(
+        name=str(source.label),
+        unit="",
+        minimum=float(universe[0]),
+        maximum=float(universe[-1]),
+        terms=tuple(_term(source, universe, term, tolerance) for term in source.terms.values()),
+        num_points=len(universe),
+        points=None if is_even else tuple(universe.tolist()),
+    )
+
+
+def _output(source: Any, defaults: Mapping[str, float], tolerance: float) -> Variable:
+    variable = _variable(source, tolerance)
+    nearest_to_zero = min(max(0.0, variable.minimum), variable.maximum)
+    accumulation = _named(
+        source.accumulation_method,
+        _ACCUMULATION_NAMES,
+        ACCUMULATIONS,
+        f"accumulation_method of {variable.name!r}",
+    )
+    return replace(
+        variable,
+        default=float(defaults.get(variable.name, nearest_to_zero)),
+        defuzzifier=_defuzzifier(source),
+        accumulation=accumulation,
+    )
+
+
+def _universe(source: Any) -> Floats:
+    universe = _exact(source.universe, f"the universe of {source.label!r}")
+    if universe.ndim != 1 or len(universe) < 2 or not (np.diff(universe) > 0).all():
+        raise UnreadableControlSystem(
+            f"the universe of {source.label!r} is no row of two or more ascending numbers; sort it and drop "
+            "repeated points"
+        )
+    return universe
+
+
+def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> Term:
+    where = f"the membership function of {source.label!r}, term {term.label!r}"
+    values = _exact(term.mf, where)
+    if values.shape != universe.shape:
+        raise UnreadableControlSystem(
+            f"{where} has shape {values.shape}, the universe {universe.shape}; give one value for each point"
+        )
+    least, greatest = float(values.min()), float(values.max())
+    if not (least >= -ROUNDED and greatest <= 1.0 + ROUNDED):
+        raise UnreadableControlSystem(
+            f"{where} runs from {least:.6g} to {greatest:.6g}; memberships lie in [0, 1], scale them"
+        )
+    return Term(str(term.label), recognise(universe, np.clip(values, 0.0, 1.0), tolerance))
+
+
+def _exact(values: Any, what: str) -> Floats:
+    array = np.asarray(values)
+    if array.dtype.name not in _EXACT_TYPES:
+        raise UnreadableControlSystem(
+            f"{what} is stored as {array.dtype.name}, in which scikit-fuzzy rounds or overflows; store it as "
+            "float64 before you build the system"
+        )
+    return array.astype(np.float64)
+
+
+def _defuzzifier(source: Any) -> Defuzzifier:
+    method = str(source.defuzzify_method)
+    for name in _DEFUZZIFIERS:
+        if name in method.lower():
+            return name
+    raise UnreadableControlSystem(
+        f"the defuzzify_method of {source.label!r} is {method!r}; use one of {', '.join(_DEFUZZIFIERS)}"
+    )
+
+
+# Rules.
+
+
+def _rule(source: control.Rule) -> Rule:
+    where = f"rule {source.label!r}"
+    antecedent = _expression(source.antecedent, where, 0)
+    kinds = _kinds(antecedent)
+    and_operator = or_operator = None
+    if And in kinds:
+        and_operator = _named(source.and_func, _AND_NAMES, AND_OPERATORS, f"and_func of {where}")
+    if Or in kinds:
+        or_operator = _named(source.or_func, _OR_NAMES, OR_OPERATORS, f"or_func of {where}")
+    consequents = []
+    for weighted in source.consequent:
+        term = _mentioned(weighted.term, control.Consequent, where)
+        consequents.append(Consequent(*term, float(weighted.weight)))
+    return Rule(antecedent, tuple(consequents), and_operator=and_operator, or_operator=or_operator)
+
+
+def _expression(source: Any, where: str, depth: int) -> Expression:
+    """Read a rule tree; a chain of the same word to the left, as ``a & b & c`` makes it, is one statement."""
+    if depth > MAX_NESTING:
+        raise UnreadableControlSystem(
+            f"{where} nests and, or and not more than {MAX_NESTING} deep; split the rule"
+        )
+    if not isinstance(source, TermAggregate):
+        return Is(*_mentioned(source, control.Antecedent, where))
+    if source.kind == "not":
+        return Not(_expression(source.term1, where, depth + 1))
+    chain = [source.term2]
+    first = source.term1
+    while isinstance(first, TermAggregate) and first.kind == source.kind:
+        chain.append(first.term2)
+        first = first.term1
+    operands = tuple(_expression(operand, where, depth + 1) for operand in (first, *reversed(chain)))
+    return And(operands) if source.kind == "and" else Or(operands)
+
+
+def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
+    """Return the variable and term that a rule mentions, which must be of the right kind and still there."""
+    variable: Any = term.parent
+    label = str(variable.label)
+    if not isinstance(variable, kind):
+        raise UnreadableControlSystem(
+            f"{where} concludes {label!r}, which is an Antecedent; make it a Consequent"
+            if kind is control.Consequent
+            else f"{where} asks for {label!r}, which is a Consequent; rules in a chain are not covered, so "
+            "make each stage a system of its own"
+        )
+    if variable.terms.get(term.label) is not term:
+        raise UnreadableControlSystem(
+            f"{where} mentions a term {term.label!r} that {label!r} no longer has; build the rule again, "
+            "after the terms"
+        )
+    return label, str(term.label)
+
+
+def _kinds(expression: Expression) -> set[type]:
+    match expression:
+        case Not(operand):
+            return {Not} | _kinds(operand)
+        case And(operands) | Or(operands):
+            return {type(expression)}.union(*(_kinds(operand) for operand in operands))
+    return {Is}
+
+
+def _named(
+    function: Any, names: Mapping[Any, _Name], operators: Mapping[_Name, Operator], what: str
+) -> _Name:
+    """Return the name of an operator that scikit-fuzzy was given as a function."""
+    if isinstance(function, Hashable) and function in names:
+        return names[function]
+    told = getattr(function, "__name__", type(function).__name__)
+    cure = f"pass a function of fis_tools.model.operators: {', '.join(operators)}"
+    for name, known in operators.items():
+        if _agrees(function, known):
+            cure = f"it gives the numbers of {name!r}, so pass that: {_path(known)}"
+    raise UnreadableControlSystem(f"the {what} is {told}, which is not known; {cure}")
+
+
+def _path(function: Operator) -> str:
+    owner = "numpy" if isinstance(function, np.ufunc) else function.__module__
+    return f"{owner}.{function.__name__}"
+
+
+def _agrees(function: Any, known: Operator) -> bool:
+    """Tell whether a function gives an operator's numbers at some pairs, one at a time."""
+    degrees = np.linspace(0.0, 1.0, 9)
+    try:
+        pairs = [(float(function(a, b)), float(known(a, b))) for a in degrees for b in degrees]
+    except (TypeError, ValueError, ArithmeticError):
+        return False
+    given, expected = np.array(pairs).T
+    return np.allclose(given, expected, rtol=0, atol=1e-12)
+
+
+def _with_labels(sources: list[control.Rule], rules: list[Rule]) -> tuple[Rule, ...]:
+    """Give rules the labels a person chose: neither scikit-fuzzy's own numbers nor the rule's place."""
+    labels: list[str] = []
+    for place, source in enumerate(sources, start=1):
+        label = source.label if isinstance(source.label, str) else ""
+        label = "" if label.lstrip("#") == str(place) else label
+        labels.append(f"{label} #{place}" if label and label in labels else label)
+    return tuple(replace(rule, label=label) for rule, label in zip(rules, labels, strict=True))
+
+
+def _with_common_methods(system: FuzzySystem) -> FuzzySystem:
+    """Say once for the system what most rules and outputs say of themselves."""
+    and_operator: AndOperator = _most_common((rule.and_operator for rule in system.rules), "min")
+    or_operator: OrOperator = _most_common((rule.or_operator for rule in system.rules), "max")
+    defuzzifier: Defuzzifier = _most_common((output.defuzzifier for output in system.outputs), "centroid")
+    return replace(
+        system,
+        and_operator=and_operator,
+        or_operator=or_operator,
+        defuzzifier=defuzzifier,
+        rules=tuple(
+            replace(
+                rule,
+                and_operator=None if rule.and_operator == and_operator else rule.and_operator,
+                or_operator=None if rule.or_operator == or_operator else rule.or_operator,
+            )
+            for rule in system.rules
+        ),
+        outputs=tuple(
+            replace(output, defuzzifier=None if output.defuzzifier == defuzzifier else output.defuzzifier)
+            for output in system.outputs
+        ),
+    )
+
+
+def _most_common(names: Iterable[_Name | None], usual: _Name) -> _Name:
+    counted = Counter(name for name in names if name is not None)
+    return max(counted, key=lambda name: (counted[name], name == usual)) if counted else usual

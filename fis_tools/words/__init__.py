@@ -1,0 +1,1 @@
+"""Rules, amounts and findings in words."""

@@ -1,0 +1,338 @@
+"""Fuzzy systems in words: If-Then sentences, tables for a terminal, and an inference told step by step."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from fis_tools.engines.inference import Inference, OutputInference
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    Not,
+    Or,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+    rule_table,
+)
+from fis_tools.words.ranking import Floats, ranked
+
+BAR_LENGTH = 20
+#: Memberships and strengths below this are not worth a line.
+SHOWN_FROM = 0.005
+
+
+def number(value: float) -> str:
+    """Write a number for people: six digits, and no minus before zero."""
+    return f"{value + 0.0:.6g}"
+
+
+def with_unit(variable: Variable) -> str:
+    """Name a variable with its unit, as ``distance (m)``."""
+    return f"{variable.name} ({variable.unit})" if variable.unit else variable.name
+
+
+def extent_words(variable: Variable) -> str:
+    """Say from where to where a universe goes: ``0 to 200, 101 points``."""
+    points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
+    return f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
+
+
+def antecedent_words(expression: Expression) -> str:
+    """Say an antecedent: ``distance is near and not (wind is calm or heat is low)``."""
+    match expression:
+        case Is(variable, term):
+            return f"{variable} is {term}"
+        case Not(Is(variable, term)):
+            return f"{variable} is not {term}"
+        case Not(operand):
+            return f"not ({antecedent_words(operand)})"
+        case And(operands):
+            return " and ".join(_inside(operand, And) for operand in operands)
+        case Or(operands):
+            return " or ".join(_inside(operand, Or) for operand in operands)
+
+
+def _inside(expression: Expression, joined_by: type[And | Or]) -> str:
+    words = antecedent_words(expression)
+    is_joined = isinstance(expression, And | Or) and len(expression.operands) > 1
+    return f"({words})" if is_joined and not isinstance(expression, joined_by) else words
+
+
+def consequent_words(consequents: Sequence[Consequent]) -> str:
+    """Say what a rule concludes, with weights other than one."""
+    return " and ".join(
+        f"{c.variable} is {c.term}" + ("" if c.weight == 1.0 else f" (weight {number(c.weight)})")
+        for c in consequents
+    )
+
+
+def sentence(rule: Rule) -> str:
+    """Say a rule: ``If distance is near and velocity is still then force is PS``.
+
+    Operators of its own stand before the conclusion: ``If ... (and: product) then ...``.
+    """
+    named = (("and", rule.and_operator), ("or", rule.or_operator))
+    own = ", ".join(f"{word}: {operator}" for word, operator in named if operator)
+    note = f" ({own})" if own else ""
+    return f"If {antecedent_words(rule.antecedent)}{note} then {consequent_words(rule.consequents)}"
+
+
+def sentences(system: FuzzySystem) -> list[str]:
+    """Say every rule of a system, in order; labels stand in square brackets."""
+    return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
+
+
+def shape_words(term: Term) -> str:  # noqa: PLR0911 - one a shape
+    """Say a term's membership function: ``Gaussian, mean 0, standard deviation 25``."""
+    match term.membership:
+        case Gaussian(mean, standard_deviation):
+            return f"Gaussian, mean {number(mean)}, standard deviation {number(standard_deviation)}"
+        case Triangular(left, peak, right):
+            return f"triangle from {number(left)} over {number(peak)} to {number(right)}"
+        case Trapezoidal(left, left_top, right_top, right):
+            top_words = f"{number(left_top)} to {number(right_top)}"
+            return f"trapezoid from {number(left)} over {top_words} to {number(right)}"
+        case TwoSidedGaussian():
+            return _two_sided_words(term.membership)
+        case GeneralizedBell(width, slope, centre):
+            return f"bell, half width {number(width)}, slope {number(slope)}, centre {number(centre)}"
+        case Sigmoid(inflection, slope):
+            return _sigmoid_words(inflection, slope)
+        case SigmoidDifference(first, first_slope, second, second_slope):
+            return f"{_sigmoid_words(first, first_slope)}, less {_sigmoid_words(second, second_slope)}"
+        case SigmoidProduct(first, first_slope, second, second_slope):
+            return f"{_sigmoid_words(first, first_slope)}, times {_sigmoid_words(second, second_slope)}"
+        case SShape(foot, top):
+            return f"S shape from {number(foot)} up to {number(top)}"
+        case ZShape(top, foot):
+            return f"Z shape from {number(top)} down to {number(foot)}"
+        case PiShape(left, left_top, right_top, right):
+            top_words = f"{number(left_top)} to {number(right_top)}"
+            return f"pi shape from {number(left)} over {top_words} to {number(right)}"
+        case Sampled(values):
+            return f"sampled at {len(values)} points"
+
+
+def _two_sided_words(shape: TwoSidedGaussian) -> str:
+    means = f"{number(shape.left_mean)} to {number(shape.right_mean)}"
+    spreads = f"{number(shape.left_standard_deviation)} and {number(shape.right_standard_deviation)}"
+    return f"two-sided Gaussian, one from {means}, standard deviations {spreads}"
+
+
+def _sigmoid_words(inflection: float, slope: float) -> str:
+    return f"sigmoid, inflection {number(inflection)}, slope {number(slope)}"
+
+
+def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
+    """Lay a full rule table out in two dimensions, one table for each combination of the outer inputs' terms.
+
+    Rows are the terms of the last input but one, columns those of the last.
+
+    Returns
+    -------
+    list of (title, rows) or None
+        The title says which terms of the outer inputs a table is for (empty for two inputs). The first row
+        and the first column hold the terms. None where the rule base is no full table.
+    """
+    table = rule_table(system)
+    if table is None:
+        return None
+    *outer, last = system.inputs
+    across = [term.name for term in last.terms]
+    down = [term.name for term in outer[-1].terms] if outer else [""]
+    corner = f"{outer[-1].name} \\ {last.name}" if outer else last.name
+    words = np.array([term.name for term in system.outputs[0].terms], dtype=object)[table]
+    blocks = words.reshape(-1, len(down), len(across))
+    heads = product(*([f"{v.name} is {term.name}" for term in v.terms] for v in outer[:-1]))
+    return [
+        (
+            " and ".join(head),
+            [[corner, *across], *([row, *cells] for row, cells in zip(down, block, strict=True))],
+        )
+        for head, block in zip(heads, blocks, strict=True)
+    ]
+
+
+def aligned(rows: Sequence[Sequence[str]], indent: int = 0) -> list[str]:
+    """Set rows of words in columns, as lines."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return [
+        (
+            " " * indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
+    """Say every rule of every system of a controller, for reading aloud or for a review.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    importance : mapping, optional
+        How much each rule matters, as for `fis_tools.words.ranking.ranked`: a column and the order.
+    """
+    lines: list[str] = []
+    for system in controller.systems:
+        lines += [f"{system.name}: {summary(system)}", "", *_ranked_lines(system, importance), ""]
+    return "\n".join(lines[:-1]) + "\n"
+
+
+def summary(system: FuzzySystem) -> str:
+    """Say in one line what a system is made of."""
+    inputs = ", ".join(with_unit(variable) for variable in system.inputs)
+    outputs = ", ".join(with_unit(variable) for variable in system.outputs)
+    own = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
+    own += [f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"]
+    return (
+        f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "
+        f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(own)}"
+    )
+
+
+def _ranked_lines(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[str]:
+    told = sentences(system)
+    return [
+        f"{entry.importance_words:>8}  " * (entry.importance is not None)
+        + f"{entry.number:3d}. {told[entry.number - 1]}."
+        for entry in ranked(system, importance)
+    ]
+
+
+def describe(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
+    """Show a controller in a terminal: variables, terms and rule tables of every system.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        A controller without problems.
+    importance : mapping, optional
+        How much each rule matters, as for `fis_tools.words.ranking.ranked`: adds the rules in this order.
+    """
+    lines = [controller.name]
+    facts = [*controller.attributes, *controller.provenance]
+    lines += aligned([[key, " ".join(value.split())] for key, value in facts], 2) if facts else []
+    for system in controller.systems:
+        lines += ["", f"{system.name}: {summary(system)}"]
+        for kind, variables in (("input", system.inputs), ("output", system.outputs)):
+            for variable in variables:
+                lines += ["", *_variable_lines(kind, variable)]
+        lines += ["", *_rule_lines(system)]
+        if importance is not None and system.name in importance:
+            head = "  rules by importance: how far an output moves on average without the rule, of its range"
+            lines += ["", head, *(f"    {line}" for line in _ranked_lines(system, importance))]
+    return "\n".join(lines) + "\n"
+
+
+def _variable_lines(kind: str, variable: Variable) -> list[str]:
+    extent = extent_words(variable)
+    default = f", {number(variable.default)} when no rule fires" if variable.default is not None else ""
+    about = f". {' '.join(variable.description.split())}" if variable.description else ""
+    head = f"  {kind} {with_unit(variable)}: {extent}{default}{about}"
+    return [head, *aligned([[term.name, shape_words(term)] for term in variable.terms], 4)]
+
+
+def _rule_lines(system: FuzzySystem) -> list[str]:
+    tables = rule_tables(system)
+    if tables is None:
+        return [
+            "  rules",
+            *(f"    {number}. {words}" for number, words in enumerate(sentences(system), start=1)),
+        ]
+    lines = [f"  rules for {system.outputs[0].name}"]
+    for title, rows in tables:
+        lines += [f"    where {title}"] if title else []
+        lines += aligned(rows, 6 if title else 4)
+    return lines
+
+
+def explain(inference: Inference, most_rules: int = 8) -> str:
+    """Tell an inference step by step: memberships, the strongest rules, what is concluded, the output.
+
+    Parameters
+    ----------
+    inference : Inference
+        What `fis_tools.engines.inference.infer` returns.
+    most_rules : int
+        How many rules are told at most.
+    """
+    system = inference.system
+    lines = [f"{system.name}: {summary(system)}", "", "1. How far each input belongs to each of its terms"]
+    steps = zip(system.inputs, inference.inputs, inference.clipped, inference.memberships, strict=True)
+    for variable, given, clipped, memberships in steps:
+        note = f", taken as {quantity(variable, clipped)}, the end of its range" if given != clipped else ""
+        lines.append(f"   {variable.name} = {quantity(variable, given)}{note}")
+        lines += _bars([(term.name, mu) for term, mu in zip(variable.terms, memberships, strict=True)])
+    lines += ["", "2. How strongly the rules fire", *_firing_lines(inference, most_rules)]
+    lines += ["", "3. What they conclude"]
+    for output in inference.outputs:
+        lines += _output_lines(output, system)
+    return "\n".join(lines) + "\n"
+
+
+def quantity(variable: Variable, value: float) -> str:
+    """Write a value of a variable with its unit, as ``0.05 m/s``."""
+    return f"{number(value)} {variable.unit}".rstrip()
+
+
+def _bars(entries: Sequence[tuple[str, float]]) -> list[str]:
+    shown = [(name, value) for name, value in entries if value >= SHOWN_FROM]
+    rows = [[name, f"{value:.2f}", "█" * max(1, round(value * BAR_LENGTH))] for name, value in shown]
+    return aligned(rows, 6) if rows else ["      to none of them"]
+
+
+def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
+    strengths = inference.firing_strengths
+    strongest = np.argsort(-strengths, kind="stable")
+    firing = [index for index in strongest if strengths[index] >= SHOWN_FROM]
+    lines = [
+        f"   {strengths[index]:.2f}  rule {index + 1}: {sentence(inference.system.rules[index])}"
+        for index in firing[:most_rules]
+    ]
+    left = np.count_nonzero(strengths) - len(lines)
+    if left:
+        lines.append(f"   and {left} more fire less strongly" if lines else f"   {left} fire, hardly at all")
+    return lines or ["   no rule fires"]
+
+
+def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
+    variable = output.variable
+    cuts = [(term.name, cut) for term, cut in zip(variable.terms, output.cuts, strict=True) if cut > 0]
+    result = f"   {variable.name} = {quantity(variable, output.value)}"
+    if output.is_default:
+        return [f"{result}, its default: no rule that concludes on it fires"]
+    return [
+        f"   {variable.name}",
+        *_bars(cuts),
+        f"{result}, the {METHODS[system.defuzzifier_of(variable)]} of these terms",
+    ]
+
+
+#: What a defuzzifier gives, in words.
+METHODS = {
+    "centroid": "centre of area",
+    "bisector": "bisector of the area",
+    "mom": "mean of the highest points",
+    "som": "lowest of the highest points",
+    "lom": "greatest of the highest points",
+}

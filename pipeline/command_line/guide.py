@@ -1,0 +1,86 @@
+"""What a newcomer is told: the commands, the experiments, the controllers, the signals that one may sense."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.command_line.config import options
+
+USAGE = """\
+Design, fly and review fuzzy controllers that inspect a spacecraft.
+
+usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value ...]
+
+  python -m pipeline +experiment=fly controller=paper_champion     fly once and record it
+  python -m pipeline +experiment=evaluate sun=random               1,000 flights from random starts
+  python -m pipeline +experiment=train                             train, evaluate and report
+  python -m pipeline -m +experiment=train seed=1,2,3               a sweep
+  python -m pipeline resume=RUN_FOLDER                             go on where a run stopped
+  python -m pipeline stages=[report] hydra.run.dir=RUN_FOLDER      repeat a stage on a run's files
+  python -m telemetry replay FILE.mcap                             watch a recorded flight
+  python -m fis_tools show CONTROLLER                              read a controller
+
+options: --help, --version, -m (sweep), --config-dir DIR (experiments and controllers of your own),
+         --cfg job (print the configuration and stop), --hydra-help (all others)
+"""
+
+
+def help_text(folders: Sequence[Path]) -> str:
+    """Write the help.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+        Configuration folders, ours and the user's.
+
+    Returns
+    -------
+    str
+        Plain text of many lines.
+    """
+    from pipeline.flight.controller import SIGNALS  # noqa: PLC0415 - compiled code, needed for the help alone
+
+    groups = options(folders)
+    signals = [(name, f"[{signal.unit}] {signal.description}") for name, signal in SIGNALS.items()]
+    others = {name: ", ".join(names) for name, names in groups.items() if "/" not in name}
+    for shown in ("experiment", "controller"):
+        others.pop(shown, None)
+    return "\n".join(
+        [
+            USAGE,
+            "experiments (+experiment=NAME)",
+            *_table(_described(folders, "experiment", groups)),
+            "\ncontrollers (controller=NAME, or the path of a .json or .yaml file)",
+            *_table(_described(folders, "controller", groups)),
+            "\nsignals that an input of a fuzzy system may sense, with their units",
+            *_table(signals),
+            "\nother choices (GROUP=NAME)",
+            *_table(list(others.items())),
+            "\nEvery key, its unit and its value: python -m pipeline +experiment=NAME --cfg job, and conf/",
+        ]
+    )
+
+
+def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]) -> list[tuple[str, str]]:
+    """Pair each option of a group with the first sentence of its file."""
+    rows = []
+    for name in groups.get(group, []):
+        files = [path for folder in folders if (path := folder / group / f"{name}.yaml").is_file()]
+        rows.append((name, _first_comment(files[-1]) if files else ""))
+    return rows
+
+
+def _first_comment(path: Path) -> str:
+    """Return the first comment line of a YAML file that is no directive of Hydra's."""
+    with path.open(encoding="utf-8") as stream:
+        for line in stream:
+            if not line.startswith("#"):
+                return ""
+            text = line.lstrip("#").strip()
+            if text and not text.startswith("@package"):
+                return text
+    return ""
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> list[str]:
+    width = max((len(name) for name, _ in rows), default=0)
+    return [f"  {name:<{width}}  {text}".rstrip() for name, text in rows]

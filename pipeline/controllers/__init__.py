@@ -1,0 +1,1 @@
+"""Where controllers come from."""

@@ -1,0 +1,125 @@
+"""Natural-motion circumnavigation: one burn at the start, after which free motion does the rest.
+
+The burn closes the ellipse: its component along j is the one that leaves the centre no height, ``x_c = 0``,
+so that nothing drifts (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). The component along i chooses
+the ellipse's size and its place along the track, the one along k how high it swings; both are searched: on a
+grid, then about its best burn with ever smaller steps. Wanted is the burn of least delta-v of those after
+which the deputy goes around the chief, keeps within the limits for a whole revolution, and is predicted to
+inspect a number of points; where there is none, the one that inspects most.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.controllers.planned.coverage import Coverage, count_seen, coverage_of
+from pipeline.controllers.planned.free_motion import (
+    CENTRE_ALONG_TRACK,
+    CENTRE_RADIAL,
+    RING_ALONG_TRACK,
+    RING_RADIAL,
+    Motion,
+    elements_matrix,
+    free_path,
+    motion_of,
+    start_of,
+)
+from pipeline.flight.log import Scenario
+from pipeline.settings.controllers import NaturalMotion
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: on the grid only every third sample is looked from
+STRIDE = 3
+#: steps about the best burn are halved so often
+HALVINGS = 5
+
+
+class NaturalMotionPlanner:
+    """Plans the burn for each start of a mission."""
+
+    def __init__(self, settings: NaturalMotion, mission: Mission) -> None:
+        self.settings = settings
+        self.motion: Motion = motion_of(mission)
+        self.coverage: Coverage = coverage_of(mission)
+        deputy = mission.deputy
+        self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
+        self.max_force = deputy.max_force_n
+        self.delta_v_per_force = mission.control_period_s / deputy.mass_kg
+        revolution = 2.0 * math.pi / (self.motion.mean_motion * mission.control_period_s)
+        self.num_samples = max(self.motion.num_controls, math.ceil(revolution)) + 1
+
+    def __call__(self, scenario: Scenario) -> Floats:
+        """Return the forces of a flight, shape (1, 3), N, Hill axes."""
+        # a path is linear in the burn: that of the closing burn alone, and what 1 N along i and k adds
+        start = self.motion.transition @ start_of(scenario)
+        closed = self._closing(start)
+        base = self._path(start_of(scenario), start + self.motion.control @ closed)
+        directions = np.stack([self._closed_direction(axis) for axis in (0, 2)])
+        changes = np.stack(
+            [self._path(np.zeros(6), self.motion.control @ direction) for direction in directions]
+        )
+        step = self.settings.step_m_s / self.delta_v_per_force
+        reach = min(self.settings.reach_m_s / self.delta_v_per_force, self.max_force)
+        ticks = np.arange(-math.floor(reach / step), math.floor(reach / step) + 1) * step
+        tried = np.array([(along, normal) for along in ticks for normal in ticks])
+        best = self._best(scenario, tried, closed, directions, base, changes, STRIDE)
+        around = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], dtype=np.float64)
+        for _ in range(HALVINGS):
+            step /= 2.0
+            best = self._best(scenario, best + step * around, closed, directions, base, changes, 1)
+        force = np.clip(closed + best @ directions, -self.max_force, self.max_force)
+        return force.reshape(1, 3)
+
+    def _closing(self, start: Floats) -> Floats:
+        """Return the force along j that leaves the ellipse's centre no height."""
+        row = elements_matrix(self.motion.mean_motion)[CENTRE_RADIAL]
+        return np.array([0.0, -(row @ start) / (row @ self.motion.control[:, 1]), 0.0])
+
+    def _closed_direction(self, axis: int) -> Floats:
+        """Return 1 N along an axis, with what it takes along j to keep the ellipse closed."""
+        direction = np.zeros(3)
+        direction[axis] = 1.0
+        row = elements_matrix(self.motion.mean_motion)[CENTRE_RADIAL] @ self.motion.control
+        direction[1] = -row[axis] / row[1]
+        return direction
+
+    def _path(self, first: Floats, second: Floats) -> Floats:
+        """Return the states from the start on, which free motion follows from the second on."""
+        rest = free_path(second, self.motion.transition, self.num_samples - 1)
+        return np.concatenate([first[np.newaxis], rest])
+
+    def _best(
+        self,
+        scenario: Scenario,
+        tried: Floats,
+        closed: Floats,
+        directions: Floats,
+        base: Floats,
+        changes: Floats,
+        stride: int,
+    ) -> Floats:
+        """Return the best of some burns, shape (2,), N along i and k."""
+        forces = closed + tried @ directions
+        paths = base[::stride] + np.einsum("nb,bks->nks", tried, changes[:, ::stride])
+        outside = self._outside(paths) + 1e3 * np.maximum(0.0, np.abs(forces).max(axis=1) - self.max_force)
+        spent = np.abs(forces).sum(axis=1)
+        order = np.lexsort((spent, outside))
+        order = order[outside[order] <= outside[order[0]]]
+        flown = paths[order, : self.motion.num_controls // stride + 1, :3]
+        counts = np.minimum(count_seen(self.coverage, scenario, flown, stride), self.settings.points)
+        best: Floats = tried[order[np.lexsort((spent[order], -counts))[0]]]
+        return best
+
+    def _outside(self, paths: Floats) -> Floats:
+        """Return by how many metres paths leave the limits, or the chief their ellipse."""
+        distances = np.linalg.norm(paths[:, 1:, :3], axis=2)
+        nearest, farthest = distances.min(axis=1), distances.max(axis=1)
+        elements = paths[:, 1] @ elements_matrix(self.motion.mean_motion).T
+        size = np.hypot(elements[:, RING_RADIAL], elements[:, RING_ALONG_TRACK])
+        off = np.abs(elements[:, CENTRE_ALONG_TRACK]) - 2.0 * size
+        short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)
+        outside: Floats = short + np.maximum(off, 0.0)
+        return outside

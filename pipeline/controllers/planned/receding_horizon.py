@@ -1,0 +1,192 @@
+"""The receding-horizon controller: the least fuel to a place on the ring, solved for again and again.
+
+Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, set
+where a solution would break them. What is solved is a linear program (HiGHS, in SciPy) over the forces of the
+horizon,
+
+``min sum |f| T/m  +  price of what is missed``, with ``|f| <= f_max``,
+
+with the elements of free motion at the horizon's end within a tolerance of the ring's, and every sample
+before inside the limits. The first horizon is long enough for a cheap way there; later ones end with it, as
+long as a shorter one does not reach further. Only the forces before the next solution are flown. Where free
+motion alone meets all that is asked, no force is the solution.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from pipeline.controllers.planned.free_motion import Motion, advance, elements_matrix, motion_of, start_of
+from pipeline.controllers.planned.ring import check_within_limits, ring_elements
+from pipeline.flight.log import Scenario
+from pipeline.settings.controllers import RecedingHorizon
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: m/s for a metre by which a demand is missed: many times what a metre costs
+PRICE_OF_SLACK = 0.05
+#: tangent planes are set where a solution comes nearer than this to a limit, m
+NEAR_REACH, FAR_REACH = 30.0, 40.0
+#: how often planes are set about a solution that leaves the limits, at most
+ROUNDS = 3
+#: by which a path may miss its margin before planes are set, m
+ROUGHNESS = 0.5
+#: forces below this are rounding, N
+LEAST_FORCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """What the forces of a horizon of H periods do.
+
+    Parameters
+    ----------
+    periods : (F,) int
+        In which a force may be fired.
+    free_end : (6, 6)
+        From the state now to the elements at the end.
+    end : (6, 3F)
+        From forces to the elements at the end.
+    free : (H, 3, 6), path : (H, 3, 3F)
+        From the state now, and from forces, to the positions at samples 1 … H.
+    """
+
+    periods: NDArray[np.int64]
+    free_end: Floats
+    end: Floats
+    free: Floats
+    path: Floats
+
+
+def horizon_of(motion: Motion, length: int, spacing: int) -> Horizon:
+    """Return a horizon of some periods, with a force in every `spacing`-th."""
+    powers = [np.eye(6)]
+    for _ in range(length):
+        powers.append(motion.transition @ powers[-1])
+    periods = np.arange(0, length, spacing)
+    responses = np.zeros((length, 6, len(periods), 3))
+    for sample in range(1, length + 1):
+        for place, period in enumerate(periods[periods < sample].tolist()):
+            responses[sample - 1, :, place] = powers[sample - 1 - period] @ motion.control
+    flat = responses.reshape(length, 6, -1)
+    elements = elements_matrix(motion.mean_motion)
+    return Horizon(
+        periods=periods,
+        free_end=elements @ powers[length],
+        end=elements @ flat[-1],
+        free=np.array(powers[1:])[:, :3],
+        path=flat[:, :3],
+    )
+
+
+class RecedingHorizonPlanner:
+    """Runs the controller beforehand for each start of a mission."""
+
+    def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
+        check_within_limits(settings, mission)
+        self.settings, self.motion, deputy = settings, motion_of(mission), mission.deputy
+        self.max_force = deputy.max_force_n
+        self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
+        self.turn = self.motion.mean_motion * mission.control_period_s
+        self.delta_v_per_force = mission.control_period_s / deputy.mass_kg
+
+        def periods(seconds: float) -> int:
+            return max(1, round(seconds / mission.control_period_s))
+
+        self.solution_period = periods(settings.solution_period_s)
+        first, least = periods(settings.first_horizon_s), periods(settings.horizon_s)
+        self.solved_at = range(0, self.motion.num_controls, self.solution_period)
+        self.lengths = [max(first - k, least) for k in self.solved_at]
+        spacing = periods(settings.force_spacing_s)
+        self.horizons = {
+            length: horizon_of(self.motion, length, spacing) for length in sorted(set(self.lengths))
+        }
+        centre, ring, height = (
+            settings.centre_tolerance_m,
+            settings.ring_tolerance_m,
+            settings.height_tolerance_m,
+        )
+        self.tolerances = np.array([centre, centre, ring, ring, height, height])
+
+    def __call__(self, scenario: Scenario) -> Floats:
+        """Return the forces of a flight, shape (K, 3), N, Hill axes."""
+        state = start_of(scenario)
+        forces = np.zeros((self.motion.num_controls, 3))
+        ends = (np.array(self.solved_at) + self.lengths) * self.turn
+        wanted = ring_elements(self.settings, scenario, ends)
+        for k, length, elements in zip(self.solved_at, self.lengths, wanted, strict=True):
+            horizon = self.horizons[length]
+            solved = self.solve(horizon, state, elements)
+            for period, force in zip(horizon.periods.tolist(), solved, strict=True):
+                if period < self.solution_period and k + period < len(forces):
+                    forces[k + period] = force
+            for force in forces[k : k + self.solution_period]:
+                state = advance(self.motion.safety, state, force)
+        return forces
+
+    def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:
+        """Return the forces of a horizon, shape (F, 3), N, Hill axes.
+
+        Parameters
+        ----------
+        horizon : Horizon
+        state : (6,)
+            Now.
+        wanted : (6,)
+            Elements at the horizon's end.
+        """
+        off = wanted - horizon.free_end @ state
+        free = horizon.free @ state
+        if np.all(np.abs(off) <= self.tolerances) and self._is_inside(free, 0.0):
+            return np.zeros((len(horizon.periods), 3))
+        ends = np.concatenate([horizon.end, -horizon.end])
+        most = np.concatenate([off + self.tolerances, self.tolerances - off])
+        forces = self._least(ends, most)
+        for _ in range(ROUNDS):
+            path = free + horizon.path @ forces
+            if self._is_inside(path, ROUGHNESS):
+                break
+            planes, beyond = self._planes(horizon, path, free)
+            forces = self._least(np.concatenate([ends, planes]), np.concatenate([most, beyond]))
+        return forces.reshape(-1, 3)
+
+    def _is_inside(self, path: Floats, roughness: float) -> bool:
+        distances = np.linalg.norm(path, axis=1)
+        return bool(
+            distances.min() >= self.limits[0] - roughness and distances.max() <= self.limits[1] + roughness
+        )
+
+    def _planes(self, horizon: Horizon, path: Floats, free: Floats) -> tuple[Floats, Floats]:
+        """Return the limits as rows, ``rows forces <= bounds``, by tangent planes where a path comes near."""
+        distances = np.linalg.norm(path, axis=1)
+        normals = path / np.maximum(distances, 1e-9)[:, np.newaxis]
+        near = distances < self.limits[0] + NEAR_REACH
+        far = distances > self.limits[1] - FAR_REACH
+        heights = np.sum(normals * free, axis=1)
+        rows = np.einsum("ka,kaf->kf", normals, horizon.path)
+        return (
+            np.concatenate([-rows[near], rows[far]]),
+            np.concatenate([heights[near] - self.limits[0], self.limits[1] - heights[far]]),
+        )
+
+    def _least(self, rows: Floats, most: Floats) -> Floats:
+        """Return the forces of least fuel, flat, with ``rows forces <= most`` as far as can be."""
+        num_rows, num_forces = rows.shape
+        cost = np.r_[np.full(2 * num_forces, self.delta_v_per_force), np.full(num_rows, PRICE_OF_SLACK)]
+        upper = np.r_[np.full(2 * num_forces, self.max_force), np.full(num_rows, np.inf)]
+        solved = linprog(
+            cost,
+            A_ub=np.hstack([rows, -rows, -np.eye(num_rows)]),
+            b_ub=most,
+            bounds=[(0.0, limit) for limit in upper.tolist()],
+            method="highs-ds",
+        )
+        # slacks make it feasible and costs bounded, so that only a numerical failure leaves no solution
+        if solved.x is None:
+            return np.zeros(num_forces)
+        forces: Floats = solved.x[:num_forces] - solved.x[num_forces : 2 * num_forces]
+        forces[np.abs(forces) < LEAST_FORCE] = 0.0
+        return forces

@@ -1,0 +1,1 @@
+"""Monte Carlo evaluation, its statistics, and the comparison of controllers."""

@@ -1,0 +1,205 @@
+"""Controllers side by side: a row for each controller, Sun and safety layer, as data and in words."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.evaluation.monte_carlo import summarise
+from pipeline.flight.controller import Controller
+from pipeline.optimum.solved import Solved
+from pipeline.training.fitness import Fraction, Statistic, points_needed
+
+Column = NDArray[Any]
+
+FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
+
+#: parts of a row's summary in ``compare/table.csv``
+MEANS = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_delta_v_m_s")
+SHARES = ("success", "violated", "safety_acted")
+HEADER = (
+    *("controller", "source", "sun", "safety", "num_cases", "rules", "times_optimum_mean", "solved_cases"),
+    *(f"{name}_{field.name}" for name in MEANS for field in fields(Statistic)),
+    *(f"{name}_{field.name}" for name in SHARES for field in fields(Fraction)),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A controller under one Sun setting and one safety layer.
+
+    Parameters
+    ----------
+    controller : str
+    source : str
+        `FLOWN`, `PUBLISHED` (quoted) or `PLANNED` (made with the whole flight known, of other cases).
+    sun : str
+        Its setting; empty where none is stated.
+    safety : str
+        ``none`` or ``filter``.
+    num_cases : int
+    rules : int, optional
+        None for what has none.
+    summary : mapping
+        Of `pipeline.evaluation.monte_carlo.summarise`, or what is known of it.
+    times : mapping, optional
+        Of `pipeline.optimum.account.summarise_times`.
+    """
+
+    controller: str
+    source: str
+    sun: str
+    safety: str
+    num_cases: int
+    rules: int | None
+    summary: Mapping[str, Any]
+    times: Mapping[str, Any] | None = None
+
+
+def rules_of(controller: Controller) -> int | None:
+    """Count the rules of a controller; None where it has none."""
+    return sum(len(system.rules) for system in controller.systems) or None
+
+
+def planned_row(solved: Solved, sun: str, num_points: int, threshold: float, confidence: float) -> Row:
+    """Return the row of the plans of least fuel."""
+    cases = solved.cases
+    episodes = {
+        **cases,
+        "success": cases["inspected_count"] >= points_needed(num_points, threshold),
+        "violated": cases["outside_m"] > 0.0,
+    }
+    return Row("optimum", PLANNED, sun, "none", len(cases["case"]), None, summarise(episodes, confidence))
+
+
+def published_row(name: str, num_cases: int, means: Mapping[str, float], spreads: Mapping[str, float]) -> Row:
+    """Return a row of means and standard deviations that somebody has published."""
+    summary = {part: {"mean": means[part], "standard_deviation": spreads[part]} for part in means}
+    return Row(name, PUBLISHED, "", "none", num_cases, None, summary)
+
+
+def as_mapping(row: Row) -> dict[str, Any]:
+    """Return a row as plain data."""
+    return asdict(row)
+
+
+def row_of(told: Mapping[str, Any]) -> Row:
+    """Return the row of plain data.
+
+    Raises
+    ------
+    KeyError, TypeError
+        If it is of something else.
+    """
+    return Row(**{field.name: told[field.name] for field in fields(Row)})
+
+
+def as_cells(row: Row) -> list[Any]:
+    """Return the cells of a row of ``compare/table.csv``; empty where nothing is known."""
+    cells: dict[str, Any] = {
+        "controller": row.controller,
+        "source": row.source,
+        "sun": row.sun,
+        "safety": row.safety,
+        "num_cases": row.num_cases,
+        "rules": row.rules,
+    }
+    if row.times:
+        cells["times_optimum_mean"] = row.times["times_optimum"]["mean"]
+        cells["solved_cases"] = row.times["num_cases"]
+    for name in (*MEANS, *SHARES):
+        cells |= {f"{name}_{part}": value for part, value in row.summary.get(name, {}).items()}
+    return ["" if cells.get(name) is None else cells[name] for name in HEADER]
+
+
+def joined(parts: Sequence[tuple[Row, Mapping[str, Column]]]) -> dict[str, Column]:
+    """Put the flights of several rows under one another, each with its row's names."""
+    names = list(parts[0][1])
+    columns: dict[str, Column] = {
+        key: np.concatenate([np.full(row.num_cases, getattr(row, key)) for row, _ in parts])
+        for key in ("controller", "sun", "safety")
+    }
+    return columns | {name: np.concatenate([episodes[name] for _, episodes in parts]) for name in names}
+
+
+#: headings of the table in words, and whether a column is of numbers
+COLUMNS = (
+    ("controller", False),
+    ("rules", True),
+    ("delta-v (m/s)", True),
+    ("rate (%)", True),
+    ("successful (%)", True),
+    ("outside (%)", True),
+    ("x optimum", True),
+    ("layer: outside (%)", True),
+    ("delta-v (m/s)", True),
+    ("acted in (%)", True),
+)
+
+
+def cells_in_words(row: Row, guarded: Row | None) -> list[str]:
+    """Return a line of the table: a row without the safety layer, and the same with it where it was flown."""
+    mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
+    layer = ["", "", ""]
+    if guarded is not None:
+        layer = [share(guarded, "violated"), mean(guarded, "delta_v_m_s", 3), share(guarded, "safety_acted")]
+    return [
+        row.controller + mark,
+        "-" if row.rules is None else str(row.rules),
+        mean(row, "delta_v_m_s", 3),
+        mean(row, "inspection_rate_percent", 2),
+        share(row, "success"),
+        share(row, "violated"),
+        f"{row.times['times_optimum']['mean']:.1f}" if row.times else "",
+        *layer,
+    ]
+
+
+def mean(row: Row, name: str, places: int) -> str:
+    """Return a mean with its standard deviation."""
+    told = row.summary[name]
+    return f"{told['mean']:.{places}f} ± {told['standard_deviation']:.{places}f}"
+
+
+def share(row: Row, name: str) -> str:
+    """Return a share of cases in per cent with its interval; empty where it is not known."""
+    told = row.summary.get(name)
+    if told is None:
+        return ""
+    return f"{100 * told['fraction']:.1f} ({100 * told['low']:.1f}-{100 * told['high']:.1f})"
+
+
+def lines_of(rows: Sequence[Row], sun: str) -> list[list[str]]:
+    """Return the table of one Sun setting in words: what is published first, one line a controller."""
+    of_sun = [row for row in rows if row.sun in (sun, "")]
+    guarded = {row.controller: row for row in of_sun if row.safety != "none"}
+    plain = [row for row in of_sun if row.safety == "none"]
+    # of controllers that were flown under the layer alone
+    names = {row.controller for row in plain}
+    only = [row for row in of_sun if row.controller not in names]
+    lines = [cells_in_words(row, guarded.get(row.controller)) for row in plain]
+    for row in only:
+        blank = cells_in_words(row, row)
+        lines.append([*blank[:2], "", blank[3], blank[4], "", *blank[6:]])
+    return lines
+
+
+def in_words(rows: Sequence[Row]) -> str:
+    """Write the table as plain text, one part a Sun setting."""
+    parts = []
+    for sun in dict.fromkeys(row.sun for row in rows if row.sun):
+        lines = [[heading for heading, _ in COLUMNS], *lines_of(rows, sun)]
+        used = [place for place in range(len(COLUMNS)) if any(line[place] for line in lines[1:])]
+        widths = {place: max(len(line[place]) for line in lines) for place in used}
+        text = [
+            "  ".join(
+                line[place].rjust(widths[place]) if COLUMNS[place][1] else line[place].ljust(widths[place])
+                for place in used
+            )
+            for line in lines
+        ]
+        text.insert(1, "-" * len(text[0]))
+        parts.append("\n".join([f"Sun {sun}", *(line.rstrip() for line in text)]))
+    return "\n\n".join(parts)

@@ -1,0 +1,81 @@
+"""An evaluation: one controller from many starts, as a table and in words of statistics."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import Outcomes, fly_all, inspection_points
+from pipeline.settings.experiment import Mission
+from pipeline.training.fitness import fraction, points_needed, statistic
+
+Column = NDArray[Any]
+
+
+def fly_cases(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None = None
+) -> tuple[dict[str, Column], NDArray[np.float32]]:
+    """Fly all cases.
+
+    Returns
+    -------
+    episodes : dict of (n,) arrays
+        A column for each fact of a case, see `episode_columns`.
+    tracks : (n, K+1, 3) float32
+        Positions, m, Hill axes.
+    """
+    tracks = np.empty((len(scenarios), mission.num_controls + 1, 3), dtype=np.float32)
+    outcomes = fly_all(mission, controller, scenarios, workers, tracks)
+    return episode_columns(mission, scenarios, outcomes), tracks
+
+
+def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outcomes) -> dict[str, Column]:
+    """Return the columns of `evaluate/episodes.parquet`, one entry a case."""
+    num_points = len(inspection_points(mission))
+    positions = np.array([scenario.position_m for scenario in scenarios])
+    needed = points_needed(num_points, mission.inspection_threshold_percent)
+    return {
+        "case": np.arange(len(scenarios)),
+        "position_x_m": positions[:, 0],
+        "position_y_m": positions[:, 1],
+        "position_z_m": positions[:, 2],
+        "sun_angle_rad": np.array([scenario.sun_angle_rad for scenario in scenarios]),
+        "delta_v_m_s": outcomes.delta_v_m_s,
+        "inspected_count": outcomes.inspected_count,
+        "inspection_rate_percent": 100.0 * outcomes.inspected_count / num_points,
+        "mean_distance_m": outcomes.mean_distance_m,
+        "min_distance_m": outcomes.min_distance_m,
+        "max_distance_m": outcomes.max_distance_m,
+        "success": outcomes.inspected_count >= needed,
+        "violated": outcomes.is_violated,
+        "safety_periods": outcomes.safety_periods,
+        "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,
+    }
+
+
+def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, Any]:
+    """Return means with standard deviations and intervals, and shares of cases with Wilson intervals."""
+    names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
+    success, violated = episodes["success"], episodes["violated"]
+    shares = {"success": success, "violated": violated, "success_and_within_limits": success & ~violated}
+    if "safety_periods" in episodes:  # not in those of earlier versions
+        names += ["safety_periods", "safety_delta_v_m_s"]
+        shares["safety_acted"] = episodes["safety_periods"] > 0
+    return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {
+        name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()
+    }
+
+
+def rank(episodes: Mapping[str, Column]) -> NDArray[np.int64]:
+    """Order the rows of an evaluation from the worst to the best.
+
+    A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.
+    Equal ones stay in order.
+    """
+    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
+    order: NDArray[np.int64] = np.lexsort(keys)
+    return order

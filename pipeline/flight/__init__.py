@@ -1,0 +1,1 @@
+"""One hour of flight: world, starts, signals, controller, guidance, log."""

@@ -1,0 +1,466 @@
+"""Where to look next: one direction chosen from the points that are lit and not yet inspected.
+
+The paper (Choi, Kim and Leeghim, AAS 25-727) clusters these candidates and steers towards a cluster's
+centre. Two kinds are offered: the centroid of all candidates, and the centre nearest the deputy of
+``ceil(m/10)`` clusters of m candidates, found by Lloyd's algorithm (S. Lloyd, IEEE Transactions on
+Information Theory 28(2), 1982).
+
+`cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")``
+move by move, relocation of empty clusters included, and `choose_cluster_sklearn` calls it: the twins agree to
+rounding unless two distances tie. Clusters are warm: each step starts from the centres of the step before.
+
+Compiled functions take candidates as an array of shape (3, P), one row an axis, of which the first
+`num_candidates` columns count; they allocate nothing but what they return.
+"""
+
+from functools import cache
+from math import atan2, hypot, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: candidates a cluster, at most, on average
+CLUSTER_SIZE = 10
+MAX_ITERATIONS = 50
+#: how far a new centre is moved off its point towards the deputy, m; points on a lattice tie without it
+CENTRE_SHIFT_M = 0.5
+#: squared distances this close are equal, so that rounding does not choose between mirrored points, m^2
+TIE_M2 = 1e-9
+#: seconds between the places at which a deputy foresees what coasting would show it; the Sun turns by 8 deg
+PREVIEW_PERIOD_S = 120.0
+#: projections shorter than this have no angle, m
+MIN_PROJECTION_M = 1e-9
+
+
+def preview_stride(mission: Mission) -> int:
+    """Return the control periods between the places at which coasting is foreseen."""
+    return max(1, round(PREVIEW_PERIOD_S / mission.control_period_s))
+
+
+class ClusterMemory(NamedTuple):
+    """Arrays that clustering works in; `centres` and `num_centres` carry over from step to step.
+
+    Parameters
+    ----------
+    centres : array, shape (C, 3)
+        Of the last step, m, Hill axes; the first ``num_centres[0]`` rows count.
+    num_centres : array of int, shape (1,)
+        Zero where the last step had no candidates.
+    labels : array of int, shape (2, P)
+        Cluster of each candidate, in two consecutive passes.
+    distances : array, shape (P,)
+        Squared, from each candidate to its centre, m^2.
+    sums : array, shape (C, 4)
+        Coordinates summed over each cluster, m, and their number.
+    """
+
+    centres: Floats
+    num_centres: Integers
+    labels: Integers
+    distances: Floats
+    sums: Floats
+
+
+def cluster_memory(num_points: int) -> ClusterMemory:
+    """Return the memory of a flight around `num_points` points that has not chosen yet."""
+    most = num_clusters(num_points)
+    return ClusterMemory(
+        centres=np.zeros((most, 3)),
+        num_centres=np.zeros(1, dtype=np.int64),
+        labels=np.zeros((2, num_points), dtype=np.int64),
+        distances=np.zeros(num_points),
+        sums=np.zeros((most, 4)),
+    )
+
+
+@njit(cache=True)
+def num_clusters(num_candidates: int) -> int:
+    """Return how many clusters some candidates make."""
+    return (num_candidates + CLUSTER_SIZE - 1) // CLUSTER_SIZE
+
+
+@njit(cache=True)
+def _assign(
+    candidates: Floats,
+    num_candidates: int,
+    centres: Floats,
+    first: int,
+    last: int,
+    labels: Integers,
+    distances: Floats,
+) -> None:
+    """Give candidates to the centres `first` to `last - 1` where these are nearer than `distances` say."""
+    for j in range(first, last):
+        x, y, z = centres[j, 0], centres[j, 1], centres[j, 2]
+        for i in range(num_candidates):
+            dx = candidates[0, i] - x
+            dy = candidates[1, i] - y
+            dz = candidates[2, i] - z
+            distance = dx * dx + dy * dy + dz * dz
+            if distance < distances[i]:
+                distances[i] = distance
+                labels[i] = j
+
+
+@njit(cache=True)
+def start_centres(
+    candidates: Floats,
+    num_candidates: int,
+    position_h: Floats,
+    centres: Floats,
+    num_centres: int,
+    labels: Integers,
+    distances: Floats,
+) -> int:
+    """Fill up the centres that clustering starts from, in place.
+
+    The first ``ceil(m/10)`` centres of the last step stay. Each missing one starts at the candidate farthest
+    from all centres so far (the very first: nearest the deputy; among equals the lowest index), moved towards
+    the deputy by `CENTRE_SHIFT_M`.
+
+    Parameters
+    ----------
+    candidates : array, shape (3, P)
+        m, Hill axes; the first `num_candidates` columns count.
+    num_candidates : int
+        m, at least 1.
+    position_h : array, shape (3,)
+        Of the deputy, m, Hill axes.
+    centres : array, shape (C, 3)
+        In and out, m, Hill axes.
+    num_centres : int
+        How many the last step had.
+    labels, distances : array, shape (P,)
+        Overwritten.
+
+    Returns
+    -------
+    int
+        The number of centres, ``ceil(m/10)``.
+    """
+    wanted = num_clusters(num_candidates)
+    ready = min(num_centres, wanted)
+    if ready < wanted:
+        distances[:num_candidates] = np.inf
+        _assign(candidates, num_candidates, centres, 0, ready, labels, distances)
+    for j in range(ready, wanted):
+        chosen = 0
+        if j == 0:
+            nearest = np.inf
+            for i in range(num_candidates):
+                dx = candidates[0, i] - position_h[0]
+                dy = candidates[1, i] - position_h[1]
+                dz = candidates[2, i] - position_h[2]
+                distance = dx * dx + dy * dy + dz * dz
+                if distance < nearest - TIE_M2:
+                    nearest = distance
+                    chosen = i
+        else:
+            for i in range(1, num_candidates):
+                if distances[i] > distances[chosen] + TIE_M2:
+                    chosen = i
+        dx = position_h[0] - candidates[0, chosen]
+        dy = position_h[1] - candidates[1, chosen]
+        dz = position_h[2] - candidates[2, chosen]
+        share = CENTRE_SHIFT_M / max(sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
+        centres[j, 0] = candidates[0, chosen] + share * dx
+        centres[j, 1] = candidates[1, chosen] + share * dy
+        centres[j, 2] = candidates[2, chosen] + share * dz
+        _assign(candidates, num_candidates, centres, j, j + 1, labels, distances)
+    return wanted
+
+
+@njit(cache=True)
+def _is_same(labels: Integers, labels_before: Integers, num_candidates: int) -> bool:
+    """Tell whether the assignments of two passes agree."""
+    num_different = 0
+    for i in range(num_candidates):
+        num_different += labels[i] != labels_before[i]
+    return num_different == 0
+
+
+@njit(cache=True)
+def _sum_up(candidates: Floats, num_candidates: int, labels: Integers, sums: Floats, wanted: int) -> bool:
+    """Sum the coordinates of each cluster and count it, in place, and tell whether one is empty."""
+    sums[:wanted] = 0.0
+    for i in range(num_candidates):
+        j = labels[i]
+        sums[j, 0] += candidates[0, i]
+        sums[j, 1] += candidates[1, i]
+        sums[j, 2] += candidates[2, i]
+        sums[j, 3] += 1.0
+    has_empty = False
+    for j in range(wanted):
+        has_empty |= sums[j, 3] == 0.0
+    return has_empty
+
+
+@njit(cache=True)
+def _relocate_empty_clusters(
+    candidates: Floats, num_candidates: int, labels: Integers, distances: Floats, sums: Floats, wanted: int
+) -> None:
+    """Move every empty cluster to the candidate farthest from its centre that is not yet taken, in place."""
+    if distances[:num_candidates].max() == 0.0:
+        return
+    for j in range(wanted):  # those emptied below by giving their last candidate away stay as they are
+        if sums[j, 3] == 0.0:
+            sums[j, 3] = -1.0
+    for j in range(wanted):
+        if sums[j, 3] >= 0.0:
+            continue
+        farthest = 0
+        for i in range(1, num_candidates):
+            if distances[i] > distances[farthest]:
+                farthest = i
+        distances[farthest] = -1.0
+        donor = labels[farthest]
+        for axis in range(3):
+            sums[donor, axis] -= candidates[axis, farthest]
+            sums[j, axis] = candidates[axis, farthest]
+        sums[donor, 3] -= 1.0
+        sums[j, 3] = 1.0
+
+
+@njit(cache=True)
+def _average(
+    candidates: Floats, num_candidates: int, sums: Floats, centres: Floats, wanted: int, has_empty: bool
+) -> None:
+    """Put each centre at the mean of its cluster, in place.
+
+    scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if it comes
+    earlier, at its sum, taken from the mean of all candidates, if it comes later.
+    """
+    for j in range(wanted):
+        if sums[j, 3] > 0.0:
+            share = 1.0 / sums[j, 3]
+            for axis in range(3):
+                centres[j, axis] = sums[j, axis] * share
+    if not has_empty:
+        return
+    largest = 0
+    for j in range(1, wanted):
+        if sums[j, 3] > sums[largest, 3]:
+            largest = j
+    for j in range(wanted):
+        if sums[j, 3] > 0.0:
+            continue
+        for axis in range(3):
+            if j > largest:
+                centres[j, axis] = centres[largest, axis]
+            else:
+                mean = candidates[axis, :num_candidates].mean()
+                centres[j, axis] = sums[largest, axis] - (sums[largest, 3] - 1.0) * mean
+
+
+@njit(cache=True)
+def cluster_centres(
+    candidates: Floats,
+    num_candidates: int,
+    position_h: Floats,
+    centres: Floats,
+    num_centres: int,
+    labels: Integers,
+    distances: Floats,
+    sums: Floats,
+) -> int:
+    """Cluster the candidates, starting from the last step's centres.
+
+    Where the candidates are those of the last step, the centres stay as they are, to the last bit: a caller
+    that knows may skip the call.
+
+    Parameters
+    ----------
+    candidates : array, shape (3, P)
+        m, Hill axes; the first `num_candidates` columns count.
+    num_candidates : int
+        m, zero included.
+    position_h : array, shape (3,)
+        Of the deputy, m, Hill axes.
+    centres : array, shape (C, 3)
+        In and out, m, Hill axes, ``C >= ceil(P/10)``.
+    num_centres : int
+        How many the last step had.
+    labels : array of int, shape (2, P)
+        Overwritten.
+    distances : array, shape (P,)
+        Overwritten.
+    sums : array, shape (C, 4)
+        Overwritten.
+
+    Returns
+    -------
+    int
+        The number of centres, ``ceil(m/10)``.
+    """
+    wanted = num_clusters(num_candidates)
+    if wanted == 0:
+        return 0
+    if wanted == 1:  # the mean, wherever it starts
+        labels[0, :num_candidates] = 0
+        _sum_up(candidates, num_candidates, labels[0], sums, 1)
+        _average(candidates, num_candidates, sums, centres, 1, False)
+        return 1
+    start_centres(candidates, num_candidates, position_h, centres, num_centres, labels[0], distances)
+    for iteration in range(MAX_ITERATIONS):
+        now = labels[iteration % 2]
+        distances[:num_candidates] = np.inf
+        _assign(candidates, num_candidates, centres, 0, wanted, now, distances)
+        if iteration > 0 and _is_same(now, labels[1 - iteration % 2], num_candidates):
+            break
+        has_empty = _sum_up(candidates, num_candidates, now, sums, wanted)
+        if has_empty:
+            _relocate_empty_clusters(candidates, num_candidates, now, distances, sums, wanted)
+        _average(candidates, num_candidates, sums, centres, wanted, has_empty)
+    return wanted
+
+
+@njit(cache=True)
+def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int:
+    """Return the row of the centre nearest the deputy; among equals the lowest.
+
+    Parameters
+    ----------
+    centres : array, shape (C, 3)
+        m, Hill axes; the first `num_centres` rows count.
+    num_centres : int
+        At least 1.
+    position_h : array, shape (3,)
+        Of the deputy, m, Hill axes.
+
+    Returns
+    -------
+    int
+    """
+    chosen = 0
+    nearest = np.inf
+    for j in range(num_centres):
+        dx = centres[j, 0] - position_h[0]
+        dy = centres[j, 1] - position_h[1]
+        dz = centres[j, 2] - position_h[2]
+        distance = dx * dx + dy * dy + dz * dz
+        if distance < nearest - TIE_M2:
+            nearest = distance
+            chosen = j
+    return chosen
+
+
+@njit(cache=True)
+def choose_centroid(
+    candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
+) -> Floats:
+    """Return the mean of the candidates, of which there is at least one, shape (3,); the rest is not used."""
+    target = np.zeros(3)
+    for axis in range(3):
+        for i in range(num_candidates):
+            target[axis] += candidates[axis, i]
+    return target / num_candidates
+
+
+@njit(cache=True)
+def choose_cluster(
+    candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
+) -> Floats:
+    """Return the centre of the cluster nearest the deputy.
+
+    Parameters
+    ----------
+    candidates : array, shape (3, P)
+        m, Hill axes; the first `num_candidates` columns count.
+    num_candidates : int
+        At least 1; a step without candidates sets ``memory.num_centres[0]`` to zero instead.
+    position_h : array, shape (3,)
+        Of the deputy, m, Hill axes.
+    memory : ClusterMemory
+        In and out.
+
+    Returns
+    -------
+    array, shape (3,)
+        m, Hill axes.
+    """
+    memory.num_centres[0] = cluster_centres(
+        candidates,
+        num_candidates,
+        position_h,
+        memory.centres,
+        memory.num_centres[0],
+        memory.labels,
+        memory.distances,
+        memory.sums,
+    )
+    target: Floats = memory.centres[nearest_centre(memory.centres, memory.num_centres[0], position_h)].copy()
+    return target
+
+
+@cache
+def _kmeans() -> tuple[Any, Any]:
+    """Return scikit-learn's KMeans and what keeps it to one thread; a second to import, and only here."""
+    from sklearn.cluster import KMeans  # noqa: PLC0415
+    from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # noqa: PLC0415
+
+    return KMeans, ThreadpoolController()
+
+
+def choose_cluster_sklearn(
+    candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
+) -> Floats:
+    """Return what `choose_cluster` does, by scikit-learn's KMeans; plain Python."""
+    kmeans, threads = _kmeans()
+    wanted = start_centres(
+        candidates,
+        num_candidates,
+        position_h,
+        memory.centres,
+        int(memory.num_centres[0]),
+        memory.labels[0],
+        memory.distances,
+    )
+    # So few points are clustered by one thread; others would only wait for each other.
+    with threads.limit(limits=1, user_api="openmp"):
+        fitted = kmeans(
+            n_clusters=wanted,
+            init=memory.centres[:wanted],
+            n_init=1,
+            max_iter=MAX_ITERATIONS,
+            tol=0,
+            algorithm="lloyd",
+        ).fit(candidates[:, :num_candidates].T)
+    memory.centres[:wanted] = fitted.cluster_centers_
+    memory.num_centres[0] = wanted
+    target: Floats = memory.centres[nearest_centre(memory.centres, wanted, position_h)].copy()
+    return target
+
+
+@njit(cache=True)
+def relative_angle(target_a: float, target_b: float, position_a: float, position_b: float) -> float:
+    """Return the angle from the deputy's direction to the target's in a plane of Hill axes a and b.
+
+    In the i-j plane this is the paper's lambda_u, in the i-k plane eta_u.
+
+    Parameters
+    ----------
+    target_a, target_b : float
+        Components of p_u, m.
+    position_a, position_b : float
+        Components of the deputy's position, m.
+
+    Returns
+    -------
+    float
+        In (-pi, pi], rad; zero where a projection is shorter than `MIN_PROJECTION_M`.
+    """
+    if hypot(target_a, target_b) < MIN_PROJECTION_M or hypot(position_a, position_b) < MIN_PROJECTION_M:
+        return 0.0
+    angle = atan2(target_b, target_a) - atan2(position_b, position_a)
+    if angle > pi:
+        return angle - 2.0 * pi
+    if angle <= -pi:
+        return angle + 2.0 * pi
+    return angle

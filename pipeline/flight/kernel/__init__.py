@@ -1,0 +1,1 @@
+"""The compiled flight, many deputies at once; twin of `pipeline.flight.reference`."""

@@ -1,0 +1,117 @@
+"""What the deputies of all lanes know of their free motion: its ellipse, its centre, phase, closest approach.
+
+Free motion is an ellipse, twice as long along the track as it is high, about a centre that drifts along the
+track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). Written out plainly in
+`pipeline.flight.reference.channels`.
+"""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES
+from pipeline.flight.guidance import MIN_PROJECTION_M
+from pipeline.flight.kernel.arrays import (
+    CENTRE,
+    CLOSEST_APPROACH,
+    PREDICTED_CENTRE,
+    PREDICTION_TIME,
+    RING_ERROR,
+    RING_LEAD,
+    RING_SIZE,
+    RX,
+    RY,
+    RZ,
+    SUN_BEARING,
+    SUN_COS,
+    SUN_SIN,
+    TARGET_DIRECTION,
+    TARGET_SETTING,
+    VX,
+    VY,
+    VZ,
+    Law,
+    Workspace,
+    World,
+)
+from pipeline.physics.clohessy_wiltshire import ORBIT_PARTS
+
+Floats = NDArray[np.float64]
+
+#: angles of the orbit at which free drift is looked at, their sines and cosines
+ANGLES = 2.0 * np.pi * np.arange(1, ORBIT_PARTS + 1) / ORBIT_PARTS
+SINES, COSINES = np.sin(ANGLES), np.cos(ANGLES)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int) -> None:
+    """Write the signals of natural motion of every lane."""
+    n = world.mean_motion
+    size = values[law.constants + RING_SIZE] if law.constants >= 0 else 0.0
+    lead = values[law.constants + RING_LEAD] if law.constants >= 0 else 0.0
+    ahead_s = values[law.constants + PREDICTION_TIME] if law.constants >= 0 else 0.0
+    drift = 1.5 * n * ahead_s
+    turned = n * world.control_period * k
+    turned_cos, turned_sin = cos(turned), sin(turned)
+    along, across = size * cos(lead), size * sin(lead)
+    lanes, signals = work.lanes, work.signals
+    for i in range(LANES):
+        sun_cos = lanes[SUN_COS + i] * turned_cos + lanes[SUN_SIN + i] * turned_sin
+        sun_sin = lanes[SUN_SIN + i] * turned_cos - lanes[SUN_COS + i] * turned_sin
+        rx, ry, vx, vy = lanes[RX + i], lanes[RY + i], lanes[VX + i], lanes[VY + i]
+        ahead = 2.0 * vy / n
+        signals[LANES * CENTRE + i] = 4.0 * rx + ahead
+        signals[LANES * (CENTRE + 1) + i] = ry - 2.0 * vx / n
+        signals[LANES * PREDICTED_CENTRE + i] = (
+            signals[LANES * (CENTRE + 1) + i] - drift * signals[LANES * CENTRE + i]
+        )
+        reach = max(sqrt(rx * rx + ry * ry), MIN_PROJECTION_M)
+        signals[LANES * SUN_BEARING + i] = (rx * sun_cos + ry * sun_sin) / reach
+        signals[LANES * (SUN_BEARING + 1) + i] = (rx * sun_sin - ry * sun_cos) / reach
+        tx = signals[LANES * TARGET_DIRECTION + i]
+        ty = signals[LANES * (TARGET_DIRECTION + 1) + i]
+        tz = signals[LANES * (TARGET_DIRECTION + 2) + i]
+        length = max(sqrt(tx * tx + ty * ty + tz * tz), MIN_PROJECTION_M)
+        signals[LANES * TARGET_DIRECTION + i] = tx / length
+        signals[LANES * (TARGET_DIRECTION + 1) + i] = ty / length
+        signals[LANES * (TARGET_DIRECTION + 2) + i] = tz / length
+        signals[LANES * TARGET_SETTING + i] = (sun_cos * ty - sun_sin * tx) / length
+        place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
+        signals[LANES * RING_ERROR + i] = -3.0 * rx - ahead - place_cos
+        signals[LANES * (RING_ERROR + 1) + i] = vx / n - place_sin
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def sense_approach(world: World, work: Workspace) -> None:
+    """Write how near every lane comes to the chief within an orbit of free drift.
+
+    Chords between the places at `ANGLES`, as in `pipeline.physics.clohessy_wiltshire.closest_approach`.
+    """
+    n, lanes, passing = world.mean_motion, work.lanes, work.passing
+    for i in range(LANES):
+        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
+        passing[i], passing[LANES + i], passing[2 * LANES + i] = rx, ry, rz
+        passing[3 * LANES + i] = rx * rx + ry * ry + rz * rz
+    for part in range(ORBIT_PARTS):
+        s, c, angle = SINES[part], COSINES[part], ANGLES[part]
+        x_of_x, y_of_x = 4.0 - 3.0 * c, 6.0 * (s - angle)
+        of_rate, crossed, y_of_y_rate = s / n, 2.0 * (1.0 - c) / n, (4.0 * s - 3.0 * angle) / n
+        for i in range(LANES):
+            px, py, pz = passing[i], passing[LANES + i], passing[2 * LANES + i]
+            x = x_of_x * lanes[RX + i] + of_rate * lanes[VX + i] + crossed * lanes[VY + i]
+            y = y_of_x * lanes[RX + i] + lanes[RY + i] - crossed * lanes[VX + i] + y_of_y_rate * lanes[VY + i]
+            z = c * lanes[RZ + i] + of_rate * lanes[VZ + i]
+            dx, dy, dz = x - px, y - py, z - pz
+            length = dx * dx + dy * dy + dz * dz
+            share = -(px * dx + py * dy + pz * dz) / (length if length > 0.0 else 1.0)
+            share = share if share > 0.0 else 0.0
+            share = share if share < 1.0 else 1.0
+            gx, gy, gz = px + share * dx, py + share * dy, pz + share * dz
+            squared = gx * gx + gy * gy + gz * gz
+            nearest = passing[3 * LANES + i]
+            passing[3 * LANES + i] = squared if squared < nearest else nearest
+            passing[i], passing[LANES + i], passing[2 * LANES + i] = x, y, z
+    for i in range(LANES):
+        work.signals[LANES * CLOSEST_APPROACH + i] = sqrt(passing[3 * LANES + i])

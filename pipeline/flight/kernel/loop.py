@@ -1,0 +1,380 @@
+"""Flights, compiled: the closed loop of dynamics, sight, guidance, inference and attitude control.
+
+What is computed is what `pipeline.flight.reference.loop` writes out plainly; the two are tested to agree. Up
+to `LANES` flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
+work on all of them; every flight comes out the same in any company.
+
+A state moves exactly, ``s(k+1) = Phi(T) s(k) + Gamma(T) f(k)`` (`pipeline.physics.clohessy_wiltshire`).
+Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
+"""
+
+from math import cos, sin
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES, infer
+from pipeline.flight.kernel.arrays import (
+    ACTED,
+    BEYOND,
+    BODY,
+    CENTRE,
+    CLOSEST_APPROACH,
+    COAST_BELOW,
+    COAST_MARGIN,
+    COASTING_FARTHEST,
+    COASTING_NEAREST,
+    COASTS,
+    CORRECTED,
+    DEAD_BAND,
+    DELTA_V,
+    ETA_U,
+    FARTHEST,
+    FX,
+    FY,
+    FZ,
+    GX,
+    GY,
+    GZ,
+    HILL,
+    INSPECTED,
+    LAMBDA_U,
+    LEFT,
+    MAX_DISTANCE,
+    MEAN_DISTANCE,
+    MIN_DISTANCE,
+    MISSED,
+    NEAREST,
+    OUTSIDE,
+    Q1,
+    Q2,
+    Q3,
+    Q4,
+    RX,
+    RY,
+    RZ,
+    SAFETY_DELTA_V,
+    SAFETY_PERIODS,
+    SPENT,
+    SUN_COS,
+    SUN_SIN,
+    TRAVELLED,
+    URGENT,
+    VX,
+    VY,
+    VZ,
+    WX,
+    WY,
+    WZ,
+    Law,
+    Log,
+    Workspace,
+    World,
+)
+from pipeline.flight.kernel.attitude import aim_plainly, clip, turn_deputies
+from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
+from pipeline.flight.kernel.preview import preview
+from pipeline.flight.kernel.safety import assure
+from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
+from pipeline.physics.quaternion import dcm_b_from_h
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.uint64]
+Integers = NDArray[np.int64]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def move(world: World, lanes: Floats) -> None:
+    """Move all lanes by a control period and add up what they spend."""
+    phi, gamma = world.transition, world.control
+    spent_per_force = world.control_period * world.acceleration_per_force
+    for i in range(LANES):
+        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
+        vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
+        fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
+        lanes[SPENT + i] += (abs(fx) + abs(fy) + abs(fz)) * spent_per_force
+        lanes[RX + i] = phi[0, 0] * rx + phi[0, 3] * vx + phi[0, 4] * vy + gamma[0, 0] * fx + gamma[0, 1] * fy
+        lanes[RY + i] = (
+            phi[1, 0] * rx + ry + phi[1, 3] * vx + phi[1, 4] * vy + gamma[1, 0] * fx + gamma[1, 1] * fy
+        )
+        lanes[RZ + i] = phi[2, 2] * rz + phi[2, 5] * vz + gamma[2, 2] * fz
+        lanes[VX + i] = phi[3, 0] * rx + phi[3, 3] * vx + phi[3, 4] * vy + gamma[3, 0] * fx + gamma[3, 1] * fy
+        lanes[VY + i] = phi[4, 0] * rx + phi[4, 3] * vx + phi[4, 4] * vy + gamma[4, 0] * fx + gamma[4, 1] * fy
+        lanes[VZ + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
+    """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
+    lanes, signals = work.lanes, work.signals
+    for i in range(LANES):
+        lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
+    if law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0:
+        most = values[law.constants + COAST_BELOW]
+        nearest = world.min_distance + values[law.constants + COAST_MARGIN]
+        farthest = world.max_distance - values[law.constants + COAST_MARGIN]
+        for i in range(LANES):
+            if (
+                signals[LANES * MISSED + i] < most
+                and signals[LANES * COASTING_NEAREST + i] >= nearest
+                and signals[LANES * COASTING_FARTHEST + i] <= farthest
+            ):
+                lanes[COASTS + i] = 1.0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
+    world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
+) -> None:
+    """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
+    lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
+    is_logged = len(log.position) > 0
+    for i in range(3 * LANES):
+        lanes[GX + i] = 0.0
+    if law.has_plan:
+        for axis in range(3):
+            for i in range(LANES):
+                lanes[GX + LANES * axis + i] = law.plan[k, axis]
+    else:
+        for system in range(len(law.axes)):
+            for place in range(3):
+                signal = LANES * law.signals[system, place]
+                for i in range(LANES):
+                    inputs[LANES * place + i] = signals[signal + i]
+            infer(
+                values,
+                rules,
+                law.layout,
+                np.uint64(system),
+                inputs,
+                work.scratch,
+                np.uint64(num_lanes),
+                outputs,
+            )
+            force = GX + LANES * law.axes[system]
+            dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
+            for i in range(num_lanes):
+                is_still = lanes[COASTS + i] > 0.0 or abs(outputs[i]) < dead_band
+                lanes[force + i] += 0.0 if is_still else outputs[i]
+            if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
+                log.is_decided[k] = True
+                log.fis_output[k, system] = outputs[0]
+                for place in range(law.num_inputs[system]):
+                    log.fis_input[k, system, place] = inputs[LANES * place]
+    for i in range(LANES):
+        gx, gy, gz = lanes[GX + i], lanes[GY + i], lanes[GZ + i]
+        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
+        fx, fy, fz = gx, gy, gz
+        if law.force_axes == BODY:
+            fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
+            fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
+            fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
+            fy += 2 * (q2 * q3 - q1 * q4) * gz
+            fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
+            fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
+        lanes[FX + i] = clip(fx, world.max_force)
+        lanes[FY + i] = clip(fy, world.max_force)
+        lanes[FZ + i] = clip(fz, world.max_force)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def write_sample(
+    world: World, work: Workspace, log: Log, k: int, sun_angle: float, count: int, target: Floats
+) -> None:
+    """Log what is known at a sample before the force is, of lane 0."""
+    lanes, n = work.lanes, world.mean_motion
+    for component in range(3):
+        log.position[k, component] = lanes[RX + LANES * component]
+        log.velocity[k, component] = lanes[VX + LANES * component]
+    for component in range(4):
+        log.quaternion[k, component] = lanes[Q1 + LANES * component]
+    if not world.is_attitude_ideal:
+        q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
+        log.angular_velocity[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
+        log.angular_velocity[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
+        log.angular_velocity[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+    log.num_candidates[k] = count
+    for component in range(3 if count > 0 else 0):
+        log.target[k, component] = target[component]
+    log.lambda_u[k], log.eta_u[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
+    log.sun_angle[k] = sun_angle - n * world.control_period * k
+    for j in range(world.num_points):
+        log.is_inspected[k, j] = work.unseen[0, j] == 0.0
+    log.delta_v[k] = lanes[SPENT]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> None:
+    """Log the force of lane 0: as asked for in body axes, and as applied."""
+    for row in range(3):
+        log.force_hill[k, row] = work.lanes[FX + LANES * row]
+        asked = work.lanes[GX + LANES * row]
+        if law.force_axes == HILL:
+            asked = 0.0
+            for column in range(3):
+                asked += dcm[row, column] * work.lanes[GX + LANES * column]
+        log.force_body[k, row] = asked
+
+
+@njit(cache=True, error_model="numpy")
+def start_lanes(
+    world: World, work: Workspace, starts: Floats, sun_angles: Floats, first: int, num_lanes: int
+) -> None:
+    """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
+    lanes = work.lanes
+    lanes[:] = 0.0
+    work.unseen[:] = 0.0
+    work.num_centres[:] = 0
+    work.clustered[:] = 0.0
+    for lane in range(LANES):
+        start = starts[first + min(lane, num_lanes - 1)]
+        for component in range(6):
+            lanes[RX + LANES * component + lane] = start[component]
+        sun_angle = sun_angles[first + min(lane, num_lanes - 1)]
+        lanes[SUN_COS + lane], lanes[SUN_SIN + lane] = cos(sun_angle), sin(sun_angle)
+        lanes[Q4 + lane] = 1.0
+        lanes[WZ + lane] = 2.0 * world.mean_motion  # inertial: n relative to Hill, and Hill's own
+        lanes[NEAREST + lane] = np.inf
+        work.unseen[lane, : world.num_points] = 1.0
+        work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool, bool]:
+    """Tell what a law senses: relative angles; free motion, target or Sun; approach; coasting; urgency."""
+    needs_angles, needs_orbit, needs_approach, needs_urgency = False, False, False, False
+    needs_preview = law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
+    for system in range(len(law.axes)):
+        for place in range(3):
+            signal = law.signals[system, place]
+            needs_angles |= signal in (LAMBDA_U, ETA_U)
+            needs_orbit |= signal >= CENTRE
+            needs_approach |= signal == CLOSEST_APPROACH
+            needs_preview |= MISSED <= signal <= COASTING_FARTHEST
+            needs_urgency |= signal >= URGENT
+    return needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
+    world: World,
+    law: Law,
+    values: Floats,
+    rules: Indices,
+    starts: Floats,
+    sun_angles: Floats,
+    first: int,
+    num_lanes: int,
+    work: Workspace,
+    log: Log,
+    tracks: NDArray[np.float32],
+    flight: int,
+    outcomes: Floats,
+) -> None:
+    """Fly one controller from some starts side by side, and write the outcomes.
+
+    Parameters
+    ----------
+    world, law : what is flown
+    values, rules : rows of `fis_tools.engines.kernel.Packed`
+    starts : (m, 6) position (m) and velocity (m/s), Hill axes
+    sun_angles : (m,) rad, at k = 0
+    first, num_lanes : which starts, at most `LANES`
+    work : Workspace
+    log : Log, whose arrays are filled unless they are empty; for one flight alone
+    tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
+    flight : row of the first flight
+    outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
+    """
+    is_logged = len(log.position) > 0
+    needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency = needs_of(law, values)
+    needs_angles |= is_logged
+    start_lanes(world, work, starts, sun_angles, first, num_lanes)
+    if needs_urgency:
+        note_deadlines(world, work, num_lanes)
+    lanes = work.lanes
+    target, count = np.zeros(3), 0
+    for k in range(world.num_controls + 1):
+        for lane in range(num_lanes if world.is_attitude_ideal else 0):
+            for component in range(3):
+                lanes[FX + LANES * component + lane] = 0.0
+            aim_plainly(world, work, lane, 0, 1, k == 0)
+            for component in range(4):
+                lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
+        count = sense(world, work, num_lanes, k, needs_angles, target)
+        if needs_orbit:
+            sense_orbit(world, law, values, work, k)
+        if needs_approach:
+            sense_approach(world, work)
+        if needs_preview:
+            preview(world, work, num_lanes, k)
+        if not law.has_plan:
+            decide_to_coast(world, law, values, work)
+        if needs_urgency:
+            sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            for component in range(3):
+                tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]
+        if is_logged:
+            write_sample(world, work, log, k, sun_angles[first], count, target)
+        if k == world.num_controls:
+            break
+        command(world, law, values, rules, work, num_lanes, log, k)
+        if world.guard.is_on:  # asked here, for a call hands over all of the world's numbers
+            assure(world, work, num_lanes, log, k)
+        if is_logged:
+            write_force(work, law, log, k, dcm_b_from_h(log.quaternion[k]))
+        turn_deputies(world, work, num_lanes, log, k)
+        move(world, lanes)
+
+    for lane in range(num_lanes):
+        row = outcomes[flight + lane]
+        row[DELTA_V] = lanes[SPENT + lane]
+        row[INSPECTED] = world.num_points - lanes[LEFT + lane]
+        row[MEAN_DISTANCE] = lanes[TRAVELLED + lane] / (world.num_controls + 1)
+        row[MIN_DISTANCE] = lanes[NEAREST + lane]
+        row[MAX_DISTANCE] = lanes[FARTHEST + lane]
+        row[OUTSIDE] = lanes[BEYOND + lane]
+        row[SAFETY_PERIODS] = lanes[ACTED + lane]
+        row[SAFETY_DELTA_V] = lanes[CORRECTED + lane]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fly_many(
+    world: World,
+    law: Law,
+    values: Floats,
+    rules: Indices,
+    starts: Floats,
+    sun_angles: Floats,
+    work: Workspace,
+    log: Log,
+    tracks: NDArray[np.float32],
+    first: int,
+    last: int,
+    outcomes: Floats,
+) -> None:
+    """Fly flights `first` to `last - 1` of every controller from every start, starts fastest."""
+    num_starts = len(starts)
+    flight = first
+    while flight < last:
+        row, start = flight // num_starts, flight % num_starts
+        num_lanes = min(LANES, num_starts - start, last - flight)
+        fly(
+            world,
+            law,
+            values[row],
+            rules[row],
+            starts,
+            sun_angles,
+            start,
+            num_lanes,
+            work,
+            log,
+            tracks,
+            flight,
+            outcomes,
+        )
+        flight += num_lanes

@@ -1,0 +1,388 @@
+"""Run-time assurance, compiled: the least change of force after which the deputies stay safe.
+
+A force f held over the control period T leads to the next state ``s = Phi s(k) + Gamma f``. It is safe when
+
+- *keep-out, keep-in*: the deputy is between the two spheres at s, and also where it comes to rest when it is
+  stopped from s within one period: ``f_stop = K s``, ``K = -Gamma_v^-1 Phi_v``, leads to ``r_stop = P s``,
+  ``P = Phi_r + Gamma_r K``, with no speed;
+- *braking*: no axis of f_stop needs more than the force that is set aside for it;
+- *speed*: ``|v| <= v0 + v1 (|r| - d0)``.
+
+A deputy at rest can stand still by a constant force: ``f_stop`` of ``(r_stop, 0)`` leads to itself. So
+from a safe state the stop is a safe force, and the next state is safe again: samples never leave the
+spheres, whatever force is asked for. The safe set is that of the explicit backup "stop" (Gurriet, Mote,
+Singletary, Nilsson, Feron and Ames, "A scalable safety critical control framework for nonlinear systems",
+IEEE Access 8, 2020), and the filter a control barrier function's in discrete time (Agrawal and Sreenath,
+"Discrete control barrier functions for safety-critical control of discrete systems", RSS 2017; Ames, Coogan,
+Egerstedt, Notomista, Sreenath and Tabuada, "Control barrier functions: theory and applications", ECC 2019).
+The limits are those of Dunlap, van Wijk and Hobbs, "Run time assurance for autonomous spacecraft inspection"
+(2023).
+
+Two more limits act early, while little force is enough. They give way to those above:
+
+- *passive safety*: free drift from s stays outside the keep-out sphere at all samples of a horizon
+  (Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft", J. Guidance 31, 2008);
+- free drift from s stays inside the keep-in sphere at all samples of another.
+
+Written out plainly in `pipeline.flight.reference.safety`.
+"""
+
+from math import ceil, sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES
+from pipeline.flight.kernel.arrays import (
+    ACTED,
+    AHEAD,
+    CLOSEST,
+    CORRECTED,
+    FX,
+    FY,
+    FZ,
+    HASTE,
+    REACH,
+    RX,
+    RY,
+    RZ,
+    VX,
+    VY,
+    VZ,
+    Guard,
+    Log,
+    Workspace,
+    World,
+)
+from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: rows of `Guard.places` whose limits are never given up: at the next sample, and stopped from there
+STANDING = 2
+#: by how much corrections stay clear of a limit, m, and of one that acts early, lest the next has to follow
+SLACK, EARLY_SLACK = 1e-4, 0.1
+#: what rounding may exceed a limit by, m
+TOLERANCE = 1e-6
+#: most half-spaces that the exceeded limits are replaced by, one after the other
+MOST_CUTS = 12
+#: most rounds of the projection onto them, and the change of force that ends them, N
+MOST_SWEEPS, LEAST_CHANGE = 200, 1e-12
+#: halvings between the stop and a force that is not safe
+HALVINGS = 30
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def look_ahead(world: World, lanes: Floats) -> None:
+    """Write where all lanes are led by their forces: the next state, how fast, how near and how far."""
+    phi, gamma, guard, stop = world.transition, world.control, world.guard, world.guard.stop
+    for i in range(LANES):
+        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
+        vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
+        fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
+        x = phi[0, 0] * rx + phi[0, 3] * vx + phi[0, 4] * vy + gamma[0, 0] * fx + gamma[0, 1] * fy
+        y = phi[1, 0] * rx + ry + phi[1, 3] * vx + phi[1, 4] * vy + gamma[1, 0] * fx + gamma[1, 1] * fy
+        lanes[AHEAD + i] = x
+        lanes[AHEAD + LANES + i] = y
+        lanes[AHEAD + 2 * LANES + i] = phi[2, 2] * rz + phi[2, 5] * vz + gamma[2, 2] * fz
+        u = phi[3, 0] * rx + phi[3, 3] * vx + phi[3, 4] * vy + gamma[3, 0] * fx + gamma[3, 1] * fy
+        v = phi[4, 0] * rx + phi[4, 3] * vx + phi[4, 4] * vy + gamma[4, 0] * fx + gamma[4, 1] * fy
+        lanes[AHEAD + 3 * LANES + i] = u
+        lanes[AHEAD + 4 * LANES + i] = v
+        lanes[AHEAD + 5 * LANES + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
+        z, w = lanes[AHEAD + 2 * LANES + i], lanes[AHEAD + 5 * LANES + i]
+        speed, distance = sqrt(u * u + v * v + w * w), sqrt(x * x + y * y + z * z)
+        across = max(
+            abs(stop[0, 0] * x + stop[0, 3] * u + stop[0, 4] * v), abs(stop[2, 2] * z + stop[2, 5] * w)
+        )
+        braking = max(across, abs(stop[1, 0] * x + stop[1, 3] * u + stop[1, 4] * v))
+        lanes[HASTE + i] = max(
+            speed - guard.speed_at_chief - guard.speed_slope * distance, braking - guard.braking_force
+        )
+        lanes[CLOSEST + i], lanes[REACH + i] = np.inf, 0.0
+    for row in range(len(guard.places)):
+        xx, xu, xv = guard.places[row, 0], guard.places[row, 1], guard.places[row, 2]
+        yx, yu, yv = guard.places[row, 3], guard.places[row, 4], guard.places[row, 5]
+        zz, zw = guard.places[row, 6], guard.places[row, 7]
+        beyond = 0.0 if row < guard.num_kept_out else np.inf
+        inside = 1.0 if row < guard.num_kept_in else 0.0
+        for i in range(LANES):
+            x, u, v = lanes[AHEAD + i], lanes[AHEAD + 3 * LANES + i], lanes[AHEAD + 4 * LANES + i]
+            px = xx * x + xu * u + xv * v
+            py = yx * x + lanes[AHEAD + LANES + i] + yu * u + yv * v
+            pz = zz * lanes[AHEAD + 2 * LANES + i] + zw * lanes[AHEAD + 5 * LANES + i]
+            square = px * px + py * py + pz * pz
+            lanes[CLOSEST + i] = min(lanes[CLOSEST + i], square + beyond)
+            lanes[REACH + i] = max(lanes[REACH + i], square * inside)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def position(places: Floats, row: int, ahead: Floats) -> tuple[float, float, float]:
+    """Return where a state leads by a row of places."""
+    return (
+        places[row, 0] * ahead[0] + places[row, 1] * ahead[3] + places[row, 2] * ahead[4],
+        places[row, 3] * ahead[0] + ahead[1] + places[row, 4] * ahead[3] + places[row, 5] * ahead[4],
+        places[row, 6] * ahead[2] + places[row, 7] * ahead[5],
+    )
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
+    """Write the next state under a force from the one without."""
+    for i in range(6):
+        ahead[i] = free[i]
+        for j in range(3):
+            ahead[i] += world.control[i, j] * force[j]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def length(a: float, b: float, c: float) -> float:
+    """Return the length of a vector."""
+    return sqrt(a * a + b * b + c * c)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, int, float]:
+    """Return which limit a next state exceeds most among the first places, where, and by how many metres.
+
+    Speeds count by what they cover in a period, braking forces by what they move the deputy in one.
+    """
+    guard = world.guard
+    limit, place, excess = SAFE, 0, 0.0
+    for row in range(num_places):
+        x, y, z = position(guard.places, row, ahead)
+        distance = length(x, y, z)
+        if row < guard.num_kept_out and guard.keep_out - distance > excess:
+            limit, place, excess = (
+                (KEEP_OUT if row < STANDING else PASSIVE_SAFETY),
+                row,
+                guard.keep_out - distance,
+            )
+        if row < guard.num_kept_in and distance - guard.keep_in > excess:
+            limit, place, excess = KEEP_IN, row, distance - guard.keep_in
+    fastest = guard.speed_at_chief + guard.speed_slope * length(ahead[0], ahead[1], ahead[2])
+    over = world.control_period * (length(ahead[3], ahead[4], ahead[5]) - fastest)
+    if over > excess:
+        limit, place, excess = SPEED, 0, over
+    for axis in range(3):
+        force = 0.0
+        for i in range(6):
+            force += guard.stop[axis, i] * ahead[i]
+        over = world.control[2, 2] * (abs(force) - guard.braking_force)
+        if over > excess:
+            limit, place, excess = SPEED, 1 + axis, over
+    return limit, place, excess
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_space: Floats) -> None:
+    """Replace a limit by the half-space ``g . f >= b`` that touches it in the direction of a next state.
+
+    Outside a sphere all of the half-space satisfies the limit; inside one, it holds all that do.
+    """
+    guard = world.guard
+    l = np.zeros(6)  # noqa: E741 - the limit, linear: l . s >= level
+    if limit == SPEED and place > 0:
+        force = 0.0
+        for i in range(6):
+            force += guard.stop[place - 1, i] * ahead[i]
+        for i in range(6):
+            l[i] = -guard.stop[place - 1, i] if force > 0.0 else guard.stop[place - 1, i]
+        level = SLACK / world.control[2, 2] - guard.braking_force
+    elif limit == SPEED:
+        speed = length(ahead[3], ahead[4], ahead[5])
+        distance = length(ahead[0], ahead[1], ahead[2])
+        for i in range(3):
+            l[i] = guard.speed_slope * ahead[i] / distance
+            l[3 + i] = -ahead[3 + i] / speed
+        level = SLACK / world.control_period - guard.speed_at_chief
+    else:
+        x, y, z = position(guard.places, place, ahead)
+        scale = (-1.0 if limit == KEEP_IN else 1.0) / max(length(x, y, z), TOLERANCE)
+        x, y, z = scale * x, scale * y, scale * z
+        l[0] = guard.places[place, 0] * x + guard.places[place, 3] * y
+        l[1] = y
+        l[2] = guard.places[place, 6] * z
+        l[3] = guard.places[place, 1] * x + guard.places[place, 4] * y
+        l[4] = guard.places[place, 2] * x + guard.places[place, 5] * y
+        l[5] = guard.places[place, 7] * z
+        level = SLACK if place < STANDING else EARLY_SLACK
+        level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
+    half_space[3] = level
+    for i in range(6):
+        half_space[3] -= l[i] * free[i]
+    for j in range(3):
+        half_space[j] = 0.0
+        for i in range(6):
+            half_space[j] += world.control[i, j] * l[i]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force: Floats) -> None:
+    """Write the point nearest to a force in half-spaces ``g . f >= b`` and the box of the thruster.
+
+    Dykstra's alternating projections, which for half-spaces are Hildreth's method for quadratic programmes
+    (Boyle and Dykstra, "A method for finding projections onto the intersection of convex sets in Hilbert
+    spaces", 1986; Hildreth, "A quadratic programming procedure", Naval Research Logistics Quarterly 4, 1957).
+    Where the sets have no point in common, it ends in the box.
+    """
+    multipliers = np.zeros(num_cuts)
+    beyond = np.zeros(3)
+    before = np.zeros(3)
+    force[:] = asked
+    for _ in range(MOST_SWEEPS):
+        before[:] = force
+        for c in range(num_cuts):
+            gx, gy, gz = cuts[c, 0], cuts[c, 1], cuts[c, 2]
+            square = max(gx * gx + gy * gy + gz * gz, 1e-30)
+            short = (cuts[c, 3] - (gx * force[0] + gy * force[1] + gz * force[2])) / square
+            step = max(short, -multipliers[c])
+            multipliers[c] += step
+            force[0] += step * gx
+            force[1] += step * gy
+            force[2] += step * gz
+        for j in range(3):
+            wished = force[j] + beyond[j]
+            force[j] = min(max(wished, -max_force), max_force)
+            beyond[j] = wished - force[j]
+        change = 0.0
+        for j in range(3):
+            change = max(change, abs(force[j] - before[j]))
+        if change < LEAST_CHANGE:
+            break
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Floats, force: Floats) -> None:
+    """Write the force nearest to the one asked for that keeps the limits of the first places, if it is found.
+
+    The most exceeded limit is replaced by a half-space, the force projected, and so on (Kelley, "The
+    cutting-plane method for solving convex programs", J. SIAM 8, 1960).
+    """
+    ahead = np.zeros(6)
+    force[:] = asked
+    for num_cuts in range(MOST_CUTS):
+        lead(world, free, force, ahead)
+        limit, place, _ = most_exceeded(world, ahead, num_places)
+        if limit == SAFE:
+            break
+        cut(world, free, ahead, limit, place, cuts[num_cuts])
+        project(asked, cuts, num_cuts + 1, world.max_force, force)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool:
+    """Tell whether a force keeps the limits that are never given up, but for rounding."""
+    ahead = np.zeros(6)
+    lead(world, free, force, ahead)
+    return most_exceeded(world, ahead, STANDING)[2] <= tolerance
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
+    """Bring a force that is not safe as far towards the stop as it takes, by bisection.
+
+    Outside the safe states, from where the stop is none, the force stays: it was found to exceed least.
+    """
+    stop, trial = np.zeros(3), np.zeros(3)
+    for j in range(3):
+        for i in range(6):
+            stop[j] += world.guard.stop[j, i] * state[i]
+        stop[j] = min(max(stop[j], -world.max_force), world.max_force)
+    if not is_safe(world, free, stop, 2.0 * TOLERANCE):
+        return
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        for j in range(3):
+            trial[j] = stop[j] + share * (force[j] - stop[j])
+        if is_safe(world, free, trial, TOLERANCE):
+            low = share
+        else:
+            high = share
+    for j in range(3):
+        force[j] = stop[j] + low * (force[j] - stop[j])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Floats) -> int:
+    """Write the force that is applied instead of one that is not safe; return the limit it is for.
+
+    In this order: one that keeps all limits; those alone that are never given up; as far from the stop as
+    is safe.
+    """
+    free, ahead = np.zeros(6), np.zeros(6)
+    for i in range(6):
+        for j in range(6):
+            free[i] += world.transition[i, j] * state[j]
+    lead(world, free, asked, ahead)
+    limit = most_exceeded(world, ahead, STANDING)[0]
+    if limit == SAFE:
+        limit = most_exceeded(world, ahead, len(world.guard.places))[0]
+    search(world, free, asked, len(world.guard.places), cuts, force)
+    if is_safe(world, free, force, TOLERANCE):
+        return limit
+    search(world, free, asked, STANDING, cuts, force)
+    if is_safe(world, free, force, TOLERANCE):
+        return limit
+    retreat(world, state, free, force)
+    return limit
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def assure(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
+    """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
+    lanes = work.lanes
+    look_ahead(world, lanes)
+    nearest, farthest = world.guard.keep_out**2, world.guard.keep_in**2
+    state, asked, force = np.empty(6), np.empty(3), np.empty(3)
+    per_force = world.control_period * world.acceleration_per_force
+    for lane in range(num_lanes):
+        is_outside = lanes[CLOSEST + lane] < nearest or lanes[REACH + lane] > farthest
+        if not is_outside and lanes[HASTE + lane] <= 0.0:
+            continue
+        for i in range(6):
+            state[i] = lanes[RX + LANES * i + lane]
+        for j in range(3):
+            asked[j] = lanes[FX + LANES * j + lane]
+        limit = correct(world, state, asked, work.cuts, force)
+        if limit == SAFE:
+            continue  # by rounding
+        lanes[ACTED + lane] += 1.0
+        for j in range(3):
+            lanes[CORRECTED + lane] += abs(force[j] - asked[j]) * per_force
+            lanes[FX + LANES * j + lane] = force[j]
+        if len(log.position) > 0:
+            log.safety_limit[k] = limit
+            for j in range(3):
+                log.safety_force[k, j] = force[j] - asked[j]
+
+
+def guard_of(mission: Mission) -> Guard:
+    """Turn the safety settings of a mission into the numbers that `assure` reads."""
+    safety = mission.safety
+    n, period, mass = mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg
+    if safety.kind == "none":
+        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, np.zeros((3, 6)), np.zeros((0, 8)), 0, 0)
+    transition, control = state_transition(n, period), input_matrix(n, period, mass)
+    stop = -np.linalg.solve(control[3:], transition[3:])
+    num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
+    drifts = [state_transition(n, (j + 1) * period)[:3] for j in range(max(num_drifts))]
+    rows = [np.eye(6)[:3], transition[:3] + control[:3] @ stop, *drifts]
+    return Guard(
+        is_on=True,
+        keep_out=mission.keep_out_m,
+        keep_in=mission.keep_in_m,
+        speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
+        speed_slope=safety.speed_slope_per_s,
+        braking_force=safety.braking_force_n,
+        stop=np.ascontiguousarray(stop),
+        places=np.array(
+            [[m[0, 0], m[0, 3], m[0, 4], m[1, 0], m[1, 3], m[1, 4], m[2, 2], m[2, 5]] for m in rows]
+        ),
+        num_kept_out=STANDING + num_drifts[0],
+        num_kept_in=STANDING + num_drifts[1],
+    )

@@ -1,0 +1,427 @@
+"""One flight in plain order: the readable truth that the fast kernel is tested against.
+
+At each sample k the deputy inspects, chooses a target among the candidates and infers a force, which is held
+for a control period while the attitude clock ticks. The equations are those of `pipeline.physics`, called one
+by one on small arrays.
+
+`fly` runs in plain Python with any engine for inference and guidance. `fly_compiled` is the same function
+compiled, with the inference of `pipeline.flight.reference.inference`: the baseline of the benchmark.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.flight.guidance import (
+    ClusterMemory,
+    choose_centroid,
+    choose_cluster,
+    choose_cluster_sklearn,
+    cluster_memory,
+    relative_angle,
+)
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
+from pipeline.flight.reference.engines import ChooseTarget, Infer, choose_target, infer
+from pipeline.flight.reference.inference import PackedSystems
+from pipeline.flight.reference.preview import preview
+from pipeline.flight.reference.safety import SafetyWorld, assured, safety_world_of
+from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
+from pipeline.flight.reference.world import World, turn_chief, world_of
+from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
+from pipeline.physics.clohessy_wiltshire import propagate
+from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
+from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
+from pipeline.physics.rigid_body import relative_attitude_step
+from pipeline.physics.vectors import times, transposed_times
+from pipeline.physics.visibility import is_in_view
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+
+class _Log(NamedTuple):
+    """The arrays of a `FlightLog`, in its order."""
+
+    position_m: Floats
+    velocity_m_s: Floats
+    quaternion_b_from_h: Floats
+    angular_velocity_b_rad_s: Floats
+    quaternion_c_from_h: Floats
+    attitude_quaternion: Floats
+    attitude_rate_b_rad_s: Floats
+    torque_b_n_m: Floats
+    force_body_n: Floats
+    force_hill_n: Floats
+    num_candidates: Integers
+    target_m: Floats
+    lambda_u_rad: Floats
+    eta_u_rad: Floats
+    fis_input: Floats
+    fis_output_n: Floats
+    is_decided: Booleans
+    sun_angle_rad: Floats
+    is_inspected: Booleans
+    delta_v_m_s: Floats
+    safety_limit: Integers
+    safety_force_hill_n: Floats
+
+
+@njit(cache=True)
+def turned_points(points_c: Floats, quaternion_c_from_h: Floats) -> Floats:
+    """Return points given in chief axes in Hill axes, shape (P, 3)."""
+    return points_c @ dcm_b_from_h(quaternion_c_from_h)
+
+
+@njit(cache=True)
+def lit_points(points_h: Floats, sun_h: Floats) -> Booleans:
+    """Tell which points the Sun lights, shape (P,)."""
+    is_lit = np.zeros(len(points_h), dtype=np.bool_)
+    for i in range(len(points_h)):
+        is_lit[i] = is_illuminated(points_h[i], sun_h)
+    return is_lit
+
+
+@njit(cache=True)
+def inspect(
+    world: World, points_h: Floats, position_h: Floats, dcm: Floats, is_lit: Booleans, is_inspected: Booleans
+) -> None:
+    """Mark the points that are lit and in view, in place; none is ever unmarked."""
+    boresight_h = transposed_times(dcm, world.boresight_b)
+    for i in range(len(points_h)):
+        if is_lit[i] and not is_inspected[i]:
+            is_inspected[i] = is_in_view(
+                points_h[i], position_h, boresight_h, world.cos_half_angle, world.points_radius
+            )
+
+
+@njit(cache=True)
+def gather_candidates(points_h: Floats, is_lit: Booleans, is_inspected: Booleans, candidates: Floats) -> int:
+    """Write the points lit and not yet inspected into the columns of `candidates`; return how many."""
+    num_candidates = 0
+    for i in range(len(points_h)):
+        if is_lit[i] and not is_inspected[i]:
+            for axis in range(3):
+                candidates[axis, num_candidates] = points_h[i, axis]
+            num_candidates += 1
+    return num_candidates
+
+
+@njit(cache=True)
+def next_y(world: World, position_h: Floats, y_h: Floats) -> Floats:
+    """Return the desired second body axis at an attitude instant from the one before, shape (3,)."""
+    if world.has_pole_blending:
+        return blended_y(position_h, y_h, world.attitude_period)
+    return desired_y(position_h, y_h)
+
+
+@njit(cache=True)
+def turn_for_a_tick(
+    world: World, quaternion_b_from_h: Floats, angular_velocity_b: Floats, torque_b: Floats
+) -> tuple[Floats, Floats]:
+    """Turn the deputy for an attitude period under a held torque."""
+    hill_rate = np.array([0.0, 0.0, world.mean_motion])
+    for _ in range(world.num_substeps):
+        quaternion_b_from_h, angular_velocity_b = relative_attitude_step(
+            quaternion_b_from_h,
+            angular_velocity_b,
+            world.inertia,
+            world.inverse_inertia,
+            torque_b,
+            hill_rate,
+            world.attitude_period / world.num_substeps,
+        )
+    return quaternion_b_from_h, angular_velocity_b
+
+
+@njit(cache=True)
+def turn_deputy(
+    world: World,
+    state: Floats,
+    force_h: Floats,
+    attitude: tuple[Floats, Floats, Floats],
+    quaternion_log: Floats,
+    rate_log: Floats,
+    torque_log: Floats,
+) -> tuple[Floats, Floats, Floats]:
+    """Turn the deputy for a control period, steered at every tick towards the chief.
+
+    Parameters
+    ----------
+    world : World
+    state : array, shape (6,)
+        At the sample, m and m/s, Hill axes.
+    force_h : array, shape (3,)
+        Held over the control period, N, Hill axes.
+    attitude : tuple of arrays
+        Quaternion (4,), relative rate (3,) in body axes, and y* (3,) in Hill axes, at the sample.
+    quaternion_log, rate_log, torque_log : array, shape (S, 4), (S, 3), (S, 3)
+        Written.
+
+    Returns
+    -------
+    tuple of arrays
+        `attitude` at the next sample but for y*, which is of the last tick.
+    """
+    quaternion, rate, y = attitude
+    for tick in range(world.num_ticks):
+        if tick > 0:
+            state = propagate(state, force_h, world.tick_transition, world.tick_input)
+            y = next_y(world, state[:3], y)
+        desired = from_dcm(desired_dcm(state[:3], y))
+        if world.is_pointing_ideal:
+            quaternion_log[tick] = desired
+            continue
+        torque = control_torque(
+            quaternion, desired, rate, world.proportional_gain, world.derivative_gain, world.max_torque
+        )
+        quaternion_log[tick] = quaternion
+        rate_log[tick] = rate
+        torque_log[tick] = torque
+        quaternion, rate = turn_for_a_tick(world, quaternion, rate, torque)
+    return quaternion, rate, y
+
+
+@njit(cache=True)
+def clipped(force_h: Floats, max_force: float) -> Floats:
+    """Return a force with each Hill axis clipped to the thrust limit, N, shape (3,)."""
+    return np.minimum(np.maximum(force_h, -max_force), max_force)
+
+
+def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
+    world: World,
+    safety: SafetyWorld,
+    channels: Channels,
+    start: Floats,
+    initial_sun_angle: float,
+    inference: Any,
+    guidance: Any,
+    memory: ClusterMemory,
+    log: _Log,
+) -> None:
+    """Fly from a start of shape (6,), m and m/s in Hill axes, and write the log."""
+    num_points = len(world.points_c)
+    state = start
+    quaternion = np.array([0.0, 0.0, 0.0, 1.0])
+    rate = np.array([0.0, 0.0, world.mean_motion])
+    y = np.array(FIRST_Y)
+    if world.has_pole_blending:
+        y = desired_y(state[:3], y)
+    quaternion_c = np.array([0.0, 0.0, 0.0, 1.0])
+    rate_c = world.chief_rate
+    is_inspected = np.zeros(num_points, dtype=np.bool_)
+    candidates = np.zeros((3, num_points))
+    delta_v = 0.0
+    has_plan = len(channels.plan_h) > 0
+    last_lit = deadlines(world, initial_sun_angle) if channels.senses_urgency else np.zeros(num_points)
+
+    for k in range(world.num_controls + 1):
+        position = state[:3].copy()
+        velocity = state[3:].copy()
+        y = next_y(world, position, y)
+        if world.is_pointing_ideal:
+            quaternion = from_dcm(desired_dcm(position, y))
+            rate = np.zeros(3)
+        dcm = dcm_b_from_h(quaternion)
+        angle = sun_angle(initial_sun_angle, world.mean_motion, k * world.control_period)
+        points_h = turned_points(world.points_c, quaternion_c)
+        is_lit = lit_points(points_h, sun_direction_h(angle))
+
+        inspect(world, points_h, position, dcm, is_lit, is_inspected)
+
+        num_candidates = gather_candidates(points_h, is_lit, is_inspected, candidates)
+        target = np.zeros(3)
+        if num_candidates > 0:
+            target = choose_target(guidance, candidates, num_candidates, position, memory)
+        else:
+            memory.num_centres[0] = 0
+        lambda_u = relative_angle(target[0], target[1], position[0], position[1])
+        eta_u = relative_angle(target[0], target[2], position[0], position[2])
+
+        log.position_m[k] = position
+        log.velocity_m_s[k] = velocity
+        log.quaternion_b_from_h[k] = quaternion
+        log.angular_velocity_b_rad_s[k] = rate
+        log.quaternion_c_from_h[k] = quaternion_c
+        log.num_candidates[k] = num_candidates
+        log.target_m[k] = target
+        log.lambda_u_rad[k] = lambda_u
+        log.eta_u_rad[k] = eta_u
+        log.sun_angle_rad[k] = angle
+        log.is_inspected[k] = is_inspected
+        log.delta_v_m_s[k] = delta_v
+        if k == world.num_controls:
+            break
+
+        is_complete = bool(is_inspected.all())
+        is_decided = not has_plan and not (is_complete and world.coasts_when_complete)
+        commanded = np.zeros(3)
+        if is_decided:
+            foreseen = np.zeros(3)
+            if channels.senses_preview:
+                foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
+            urgent = np.zeros(3)
+            if channels.senses_urgency:
+                is_wanted = is_lit & ~is_inspected
+                time = k * world.control_period
+                urgent = urgent_direction(points_h, is_wanted, last_lit, time, channels.urgency_time)
+                urgent = around_the_chief(urgent, position, channels.skirt_distance, world.min_distance)
+            is_coasting = (
+                foreseen[0] < channels.coast_below
+                and foreseen[1] >= world.min_distance + channels.coast_margin
+                and foreseen[2] <= world.max_distance - channels.coast_margin
+            )
+            signals = measure(
+                position,
+                velocity,
+                dcm,
+                lambda_u,
+                eta_u,
+                target,
+                world.mean_motion,
+                angle,
+                foreseen,
+                urgent,
+                channels,
+            )
+            for f in range(len(channels.axes)):
+                inputs = np.zeros(MAX_INPUTS)
+                for i in range(MAX_INPUTS):
+                    if channels.signals[f, i] >= 0:
+                        inputs[i] = signals[channels.signals[f, i]]
+                output = infer(inference, f, inputs)
+                if abs(output) >= channels.dead_band[channels.axes[f]] and not is_coasting:
+                    commanded[channels.axes[f]] += output
+                log.fis_input[k, f] = inputs
+                log.fis_output_n[k, f] = output
+        if has_plan:
+            wanted_h = channels.plan_h[k]
+        elif channels.is_force_hill:
+            wanted_h = commanded
+        else:
+            wanted_h = transposed_times(dcm, commanded)
+        force_h = clipped(wanted_h, world.max_force)
+        if safety.is_on:
+            asked_h = force_h
+            force_h, log.safety_limit[k] = assured(safety, state, asked_h)
+            log.safety_force_hill_n[k] = force_h - asked_h
+        log.is_decided[k] = is_decided
+        log.force_body_n[k] = times(dcm, wanted_h)
+        log.force_hill_n[k] = force_h
+
+        quaternion, rate, y = turn_deputy(
+            world,
+            state,
+            force_h,
+            (quaternion, rate, y),
+            log.attitude_quaternion[k],
+            log.attitude_rate_b_rad_s[k],
+            log.torque_b_n_m[k],
+        )
+        quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
+        state = propagate(state, force_h, world.control_transition, world.control_input)
+        delta_v += np.abs(force_h).sum() * world.control_period / world.mass
+
+
+_compiled_episode = njit(cache=True)(_episode)
+
+
+def fly(
+    mission: Mission,
+    scenario: Scenario,
+    channels: Channels,
+    inference: Infer,
+    guidance: ChooseTarget | None = None,
+) -> FlightLog:
+    """Fly once in plain Python, with any engine.
+
+    Parameters
+    ----------
+    mission : Mission
+        Valid settings.
+    scenario : Scenario
+        The start.
+    channels : Channels
+        How the controller is wired.
+    inference : callable
+        Returns the output of a system, N, from its place in `channels` and three inputs, of which the last
+        may be unused.
+    guidance : callable, optional
+        Chooses a target as `pipeline.flight.guidance.choose_cluster` does; by default the one that
+        ``mission.guidance`` names.
+    """
+    if guidance is None and mission.guidance.kind == "centroid":
+        guidance = choose_centroid
+    elif guidance is None:
+        guidance = choose_cluster_sklearn if mission.guidance.engine == "sklearn" else choose_cluster
+    return _fly(_episode, mission, scenario, channels, inference, guidance)
+
+
+def fly_compiled(
+    mission: Mission, scenario: Scenario, channels: Channels, systems: PackedSystems
+) -> FlightLog:
+    """Fly once, compiled from the same lines as `fly`, with our own inference and guidance.
+
+    Parameters
+    ----------
+    mission : Mission
+        Valid settings.
+    scenario : Scenario
+        The start.
+    channels : Channels
+        How the controller is wired.
+    systems : PackedSystems
+        Of `pipeline.flight.reference.inference.pack`; ``pack([])`` beside a plan.
+    """
+    is_clustered = mission.guidance.kind == "clusters"
+    return _fly(_compiled_episode, mission, scenario, channels, systems, is_clustered)
+
+
+def _fly(
+    episode: Callable[..., None],
+    mission: Mission,
+    scenario: Scenario,
+    channels: Channels,
+    inference: Any,
+    guidance: Any,
+) -> FlightLog:
+    world, safety = world_of(mission), safety_world_of(mission)
+    log = _empty_log(world, len(channels.axes))
+    memory = cluster_memory(len(world.points_c))
+    start = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
+    episode(world, safety, channels, start, float(scenario.sun_angle_rad), inference, guidance, memory, log)
+    return FlightLog(*log)
+
+
+def _empty_log(world: World, num_systems: int) -> _Log:
+    num_samples = world.num_controls + 1
+    ticks = (world.num_controls, world.num_ticks)
+    return _Log(
+        position_m=np.zeros((num_samples, 3)),
+        velocity_m_s=np.zeros((num_samples, 3)),
+        quaternion_b_from_h=np.zeros((num_samples, 4)),
+        angular_velocity_b_rad_s=np.zeros((num_samples, 3)),
+        quaternion_c_from_h=np.zeros((num_samples, 4)),
+        attitude_quaternion=np.zeros((*ticks, 4)),
+        attitude_rate_b_rad_s=np.zeros((*ticks, 3)),
+        torque_b_n_m=np.zeros((*ticks, 3)),
+        force_body_n=np.zeros((world.num_controls, 3)),
+        force_hill_n=np.zeros((world.num_controls, 3)),
+        num_candidates=np.zeros(num_samples, dtype=np.int64),
+        target_m=np.zeros((num_samples, 3)),
+        lambda_u_rad=np.zeros(num_samples),
+        eta_u_rad=np.zeros(num_samples),
+        fis_input=np.zeros((world.num_controls, num_systems, MAX_INPUTS)),
+        fis_output_n=np.zeros((world.num_controls, num_systems)),
+        is_decided=np.zeros(world.num_controls, dtype=np.bool_),
+        sun_angle_rad=np.zeros(num_samples),
+        is_inspected=np.zeros((num_samples, len(world.points_c)), dtype=np.bool_),
+        delta_v_m_s=np.zeros(num_samples),
+        safety_limit=np.zeros(world.num_controls, dtype=np.int64),
+        safety_force_hill_n=np.zeros((world.num_controls, 3)),
+    )

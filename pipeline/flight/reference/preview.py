@@ -1,0 +1,68 @@
+"""What a deputy of the readable reference would see if it fired no more."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.flight.reference.world import World, turn_chief
+from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.vectors import norm
+from pipeline.physics.visibility import is_in_view
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+
+@njit(cache=True)
+def preview(
+    world: World,
+    state: Floats,
+    k: int,
+    initial_sun_angle: float,
+    quaternion_c_from_h: Floats,
+    chief_rate_c: Floats,
+    is_inspected: Booleans,
+) -> Floats:
+    """Follow free motion to the flight's end, every `World.preview_stride` control periods, the end included.
+
+    Parameters
+    ----------
+    world : World
+    state : array, shape (6,)
+        At sample k, m and m/s, Hill axes.
+    k : int
+    initial_sun_angle : float
+        At k = 0, rad.
+    quaternion_c_from_h, chief_rate_c : array, shape (4,), (3,)
+        Of the chief at sample k.
+    is_inspected : array of bool, shape (P,)
+        By then.
+
+    Returns
+    -------
+    array, shape (3,)
+        How many points are left with the camera on the chief's centre, and the least and the greatest
+        distance on the way, m.
+    """
+    is_seen = is_inspected.copy()
+    nearest = norm(state[:3])
+    farthest = nearest
+    for sample in range(k + 1, world.num_controls + 1):
+        state = world.control_transition @ state
+        quaternion_c_from_h, chief_rate_c = turn_chief(world, quaternion_c_from_h, chief_rate_c)
+        if (world.num_controls - sample) % world.preview_stride != 0:
+            continue
+        position = state[:3].copy()
+        nearest, farthest = min(nearest, norm(position)), max(farthest, norm(position))
+        points_h = world.points_c @ dcm_b_from_h(quaternion_c_from_h)
+        sun_h = sun_direction_h(
+            sun_angle(initial_sun_angle, world.mean_motion, sample * world.control_period)
+        )
+        boresight_h = -position / norm(position)
+        for i in range(len(points_h)):
+            if not is_seen[i] and is_illuminated(points_h[i], sun_h):
+                is_seen[i] = is_in_view(
+                    points_h[i], position, boresight_h, world.cos_half_angle, world.points_radius
+                )
+    return np.array([float(len(is_seen) - is_seen.sum()), nearest, farthest])

@@ -1,0 +1,131 @@
+"""A mission as plain numbers for the readable reference flight."""
+
+from math import ceil, cos, radians
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.flight.guidance import preview_stride
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.physics.rigid_body import tumbling_step
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: longest step of the attitude integrator, s
+LONGEST_STEP_S = 1.0
+
+
+class World(NamedTuple):
+    """What the equations need besides the start and the controller, SI and rad.
+
+    A tick is a period of the attitude clock, of which a control period has `num_ticks`. Each is integrated in
+    `num_substeps` steps.
+    """
+
+    mean_motion: float
+    num_controls: int
+    control_period: float
+    num_ticks: int
+    attitude_period: float
+    num_substeps: int
+    #: closed-form matrices over a control period and over a tick, (6, 6) and (6, 3)
+    control_transition: Floats
+    control_input: Floats
+    tick_transition: Floats
+    tick_input: Floats
+    mass: float
+    max_force: float
+    max_torque: float
+    #: (3, 3), body axes
+    inertia: Floats
+    inverse_inertia: Floats
+    proportional_gain: Floats
+    derivative_gain: Floats
+    is_pointing_ideal: bool
+    has_pole_blending: bool
+    #: (3, 3) and (3,), chief axes
+    chief_inertia: Floats
+    chief_inverse_inertia: Floats
+    chief_rate: Floats
+    is_chief_tumbling: bool
+    #: (P, 3), chief axes
+    points_c: Floats
+    points_radius: float
+    #: (3,), body axes
+    boresight_b: Floats
+    cos_half_angle: float
+    coasts_when_complete: bool
+    #: m
+    min_distance: float
+    max_distance: float
+    #: control periods between the places that a preview looks at
+    preview_stride: int
+
+
+def world_of(mission: Mission) -> World:
+    """Turn a mission's settings into numbers.
+
+    Parameters
+    ----------
+    mission : Mission
+        Valid: the attitude period divides the control period, that the duration; inertias can be inverted.
+    """
+    n = mission.orbit.mean_motion_rad_s
+    deputy, chief, attitude = mission.deputy, mission.chief, mission.attitude
+    inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
+    chief_inertia = np.array(chief.inertia_kg_m2, dtype=np.float64)
+    chief_rate = chief.initial_angular_velocity_rad_s
+    place = regular_placement if chief.placement == "deserno" else fibonacci_placement
+    return World(
+        mean_motion=n,
+        num_controls=mission.num_controls,
+        control_period=mission.control_period_s,
+        num_ticks=mission.num_attitude_steps,
+        attitude_period=mission.attitude_period_s,
+        num_substeps=ceil(mission.attitude_period_s / LONGEST_STEP_S),
+        control_transition=state_transition(n, mission.control_period_s),
+        control_input=input_matrix(n, mission.control_period_s, deputy.mass_kg),
+        tick_transition=state_transition(n, mission.attitude_period_s),
+        tick_input=input_matrix(n, mission.attitude_period_s, deputy.mass_kg),
+        mass=deputy.mass_kg,
+        max_force=deputy.max_force_n,
+        max_torque=deputy.max_torque_n_m,
+        inertia=inertia,
+        inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
+        proportional_gain=attitude.proportional_gain * inertia,
+        derivative_gain=attitude.derivative_gain * inertia,
+        is_pointing_ideal=attitude.mode == "ideal",
+        has_pole_blending=attitude.pole_blending,
+        chief_inertia=chief_inertia,
+        chief_inverse_inertia=np.linalg.inv(chief_inertia).astype(np.float64),
+        chief_rate=np.array((0.0, 0.0, n) if chief_rate is None else chief_rate, dtype=np.float64),
+        is_chief_tumbling=chief_rate is not None,
+        points_c=place(chief.num_points, chief.inspection_radius_m),
+        points_radius=chief.inspection_radius_m,
+        boresight_b=np.array(mission.sensor.boresight, dtype=np.float64),
+        cos_half_angle=cos(radians(mission.sensor.half_angle_deg)),
+        coasts_when_complete=mission.coast_when_complete,
+        min_distance=deputy.min_distance_m,
+        max_distance=deputy.max_distance_m,
+        preview_stride=preview_stride(mission),
+    )
+
+
+@njit(cache=True)
+def turn_chief(world: World, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
+    """Turn a tumbling chief for a control period; one that is aligned with Hill stays so."""
+    if world.is_chief_tumbling:
+        for _ in range(world.num_ticks * world.num_substeps):
+            quaternion_c_from_h, chief_rate_c = tumbling_step(
+                quaternion_c_from_h,
+                chief_rate_c,
+                world.chief_inertia,
+                world.chief_inverse_inertia,
+                world.mean_motion,
+                world.attitude_period / world.num_substeps,
+            )
+    return quaternion_c_from_h, chief_rate_c

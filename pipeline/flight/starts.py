@@ -1,0 +1,103 @@
+"""Starts of flights, drawn case by case so that a case does not depend on how many others there are.
+
+Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
+Sun's angle, whether or not the angle is used. The same seed therefore gives the same positions whatever the
+Sun does.
+"""
+
+from collections.abc import Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.log import Scenario
+from pipeline.settings.experiment import Deputy, MonteCarlo, Starts, Sun
+
+#: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
+#: starts are sought, ``HARD + r``; and those on which the champion is chosen
+EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
+
+OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
+
+
+def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun) -> Scenario:
+    """Draw one start: isotropic direction, distance uniform in the shell, at rest.
+
+    Parameters
+    ----------
+    seed, stage, case : int
+        Together they say what is drawn.
+    shell_m : (float, float)
+        Least and greatest distance.
+    sun : Sun
+        Fixed, random, or by turns: even cases fixed, odd ones random.
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
+    direction = generator.standard_normal(3)
+    direction /= np.linalg.norm(direction)
+    distance = generator.uniform(*shell_m)
+    angle = generator.uniform(0.0, 2.0 * np.pi)
+    is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
+    return Scenario(
+        distance * direction, np.zeros(3), float(np.radians(sun.angle_deg)) if is_fixed else angle
+    )
+
+
+def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
+    """Return the starts of a round of training; without `starts.redraw` all rounds have the first one's."""
+    stage = TRAINING + (round_index if starts.redraw else 0)
+    shell = (starts.min_distance_m, starts.max_distance_m)
+    drawn = [draw(seed, stage, case, shell, sun) for case in range(starts.num_cases)]
+    if starts.kind == "random":
+        return drawn
+    return [
+        Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad)
+        for direction, case in zip(OCTANTS, drawn, strict=True)
+    ]
+
+
+def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
+    """Return the starts among which the hard ones of a round of training are sought."""
+    shell = (starts.min_distance_m, starts.max_distance_m)
+    return [draw(seed, HARD + round_index, case, shell, sun) for case in range(starts.hard_from)]
+
+
+def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
+    """Return the starts on which the champion is chosen: of training's kind, flown by no training."""
+    shell = (starts.min_distance_m, starts.max_distance_m)
+    return [draw(seed, VALIDATION, case, shell, sun) for case in range(num_cases)]
+
+
+def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
+    """Return the start that the configuration gives; a Sun that is drawn is an evaluation's first."""
+    angle = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun).sun_angle_rad
+    return Scenario(np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s), angle)
+
+
+def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
+    """Return the starts of an evaluation."""
+    shell = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
+    return [draw(seed, EVALUATION, case, shell, sun) for case in range(monte_carlo.num_cases)]
+
+
+def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
+    """Return the starts that a table of episodes or of solved cases tells of, row by row.
+
+    Parameters
+    ----------
+    columns : mapping of (n,) arrays
+        ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``, and ``velocity_x_m_s`` and so on, without
+        which all are at rest.
+    """
+    angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
+    at_rest = np.zeros(len(angles))
+    positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
+    velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
+    return [
+        Scenario(position, velocity, angle)
+        for position, velocity, angle in zip(
+            positions.astype(np.float64), velocities.astype(np.float64), angles.tolist(), strict=True
+        )
+    ]

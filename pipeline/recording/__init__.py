@@ -1,0 +1,1 @@
+"""Flown episodes as recordings, and what happened in them in words."""

@@ -1,0 +1,148 @@
+"""What happened in a flight, in words: points, limits, what the safety layer did, how it ended."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, FlightLog
+from pipeline.settings.experiment import Mission
+from pipeline.training.fitness import points_needed
+
+Floats = NDArray[np.float64]
+Level = Literal["info", "warning", "error"]
+
+#: what the safety layer acts for, in words
+SAFETY_WORDS = {
+    KEEP_OUT: "keep-out",
+    KEEP_IN: "keep-in",
+    SPEED: "speed",
+    PASSIVE_SAFETY: "passive safety",
+}
+#: the safety layer has ceased to act once it has left the force alone for so many periods
+REST_PERIODS = 6
+
+
+@dataclass(frozen=True)
+class Event:
+    """A sentence about a sample, from 0 to K."""
+
+    sample: int
+    level: Level
+    text: str
+
+
+def events(mission: Mission, log: FlightLog, near_limit_m: float) -> list[Event]:
+    """Tell a flight's events, in the order of time.
+
+    Parameters
+    ----------
+    mission : Mission
+    log : FlightLog
+    near_limit_m : float
+        A distance limit is near when it is nearer than this. The warning is given once, and again only after
+        the deputy has been twice as far from the limits.
+
+    Returns
+    -------
+    list of Event
+        The last one sums the flight up.
+    """
+    found = [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    found.append(_summary(mission, log))
+    return sorted(found, key=lambda event: event.sample)
+
+
+def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Say when enough points were inspected, and when all were."""
+    count = log.is_inspected.sum(axis=1)
+    num_points = log.is_inspected.shape[1]
+    threshold = mission.inspection_threshold_percent
+    enough = np.flatnonzero(count >= points_needed(num_points, threshold))
+    if enough.size:
+        sample = int(enough[0])
+        yield Event(
+            sample,
+            "info",
+            f"{threshold:g} % reached: {count[sample]} of {num_points} points inspected, delta-v "
+            f"{log.delta_v_m_s[sample]:.3f} m/s",
+        )
+    complete = np.flatnonzero(count == num_points)
+    if complete.size:
+        sample = int(complete[0])
+        later = log.force_hill_n[sample:]
+        then = "; no force from here on" if len(later) and not later.any() else ""
+        yield Event(sample, "info", f"complete: all {num_points} points inspected{then}")
+
+
+def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[Event]:
+    """Say when the deputy comes near a distance limit, goes beyond it and comes back."""
+    low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    is_warned = is_outside = False
+    for sample, distance in enumerate(_distances(log).tolist()):
+        margin = min(distance - low, high - distance)
+        limit = f"the {'least' if distance - low < high - distance else 'greatest'} distance allowed"
+        limit += f" ({low if distance - low < high - distance else high:g} m)"
+        if margin < 0.0:
+            if not is_outside:
+                yield Event(sample, "error", f"{distance:.1f} m from the chief: beyond {limit}")
+            is_outside = is_warned = True
+        elif is_outside:
+            yield Event(sample, "info", f"{distance:.1f} m from the chief: inside the limits again")
+            is_outside = False
+        elif margin >= 2.0 * near_limit_m:
+            is_warned = False
+        elif margin < near_limit_m and not is_warned:
+            yield Event(sample, "warning", f"{distance:.1f} m from the chief: {margin:.1f} m from {limit}")
+            is_warned = True
+
+
+def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Say when the safety layer begins and ceases to change the force, for which limits and by how much."""
+    acted = np.flatnonzero(log.safety_limit)
+    for spell in np.split(acted, np.flatnonzero(np.diff(acted) > REST_PERIODS) + 1) if acted.size else ():
+        first, last = int(spell[0]), int(spell[-1])
+        limits = [SAFETY_WORDS[limit] for limit in dict.fromkeys(log.safety_limit[spell].tolist())]
+        yield Event(first, "warning", f"safety layer acts: {limits[0]}")
+        changed = _delta_v(mission, log.safety_force_hill_n[spell])
+        yield Event(
+            last + 1,
+            "info",
+            f"safety layer ceases to act: {', '.join(limits)}; it changed the force in {len(spell)} of "
+            f"{last + 1 - first} periods, by {changed:.4f} m/s",
+        )
+
+
+def _delta_v(mission: Mission, force_h: Floats) -> float:
+    return float(np.abs(force_h).sum()) * mission.control_period_s / mission.deputy.mass_kg
+
+
+def _summary(mission: Mission, log: FlightLog) -> Event:
+    """Sum the flight up."""
+    distance = _distances(log)
+    low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    # the start is given, not flown
+    num_outside = int(np.sum((distance[1:] < low) | (distance[1:] > high)))
+    inside = "always inside the limits"
+    if num_outside:
+        inside = f"outside the limits at {num_outside} of {len(distance) - 1} samples"
+    reach = f"{distance.min():.1f} to {distance.max():.1f} m from the chief"
+    count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
+    acted = np.count_nonzero(log.safety_limit)
+    if acted:
+        changed = _delta_v(mission, log.safety_force_hill_n)
+        inside += f", safety layer acted in {acted} periods ({changed:.4f} m/s)"
+    is_success = count >= points_needed(num_points, mission.inspection_threshold_percent)
+    return Event(
+        len(distance) - 1,
+        "info" if is_success and not num_outside else "warning",
+        f"end: {count} of {num_points} points inspected ({100.0 * count / num_points:.2f} %), delta-v "
+        f"{log.delta_v_m_s[-1]:.3f} m/s, {reach}, {inside}",
+    )
+
+
+def _distances(log: FlightLog) -> Floats:
+    distances: Floats = np.linalg.norm(log.position_m, axis=1)
+    return distances

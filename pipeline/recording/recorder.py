@@ -1,0 +1,312 @@
+"""Turns flown episodes into recordings: what the topics say about each sample, and what a file carries.
+
+The words of the topics are `telemetry`'s; the numbers are a `FlightLog`'s.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numba import njit
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import firing_strengths
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.words.text import sentences
+from pipeline.flight.controller import Controller, packed
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.simulation import inspection_points
+from pipeline.physics.illumination import is_illuminated, sun_direction_h
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.vectors import transposed_times
+from pipeline.physics.visibility import is_in_view
+from pipeline.recording.events import Event, events
+from pipeline.run import artifacts
+from pipeline.settings.experiment import Mission
+from telemetry import EpisodeWriter
+from telemetry.file.metadata import EpisodeDescription, FisDescription
+from telemetry.file.topics import EPISODE_METADATA, FIS_METADATA_PREFIX, PointState
+
+Floats = NDArray[np.float64]
+States = NDArray[np.int64]
+#: name of the system, inputs, firing strengths, output
+Inference = tuple[str, Floats, Floats, float]
+
+CONFIG_ATTACHMENT = "config.yaml"
+CONTROLLER_ATTACHMENT = "controller.json"
+
+DARK, LIT = int(PointState.DARK), int(PointState.LIT)
+IN_VIEW_BUT_DARK, INSPECTED = int(PointState.IN_VIEW_BUT_DARK), int(PointState.INSPECTED)
+
+
+class FlightRecorder:
+    """Records flights of one controller in one mission; what they share is prepared once.
+
+    Parameters
+    ----------
+    mission : Mission
+    controller : Controller
+    seed : int
+        Of the run.
+    config : mapping
+        Of the run: resolved, plain data.
+    near_limit_m : float
+        The log warns when a distance limit is nearer than this.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        controller: Controller,
+        *,
+        seed: int,
+        config: Mapping[str, Any],
+        near_limit_m: float,
+    ):
+        self._mission = mission
+        self._controller = controller
+        self._seed = seed
+        self._near_limit_m = near_limit_m
+        self._config_hash = artifacts.config_hash(config)
+        self._product_version = artifacts.product_version()
+        self._attachments = {
+            CONFIG_ATTACHMENT: _config_text(config).encode(),
+            CONTROLLER_ATTACHMENT: controller_text(controller).encode(),
+        }
+        self._systems = {
+            FIS_METADATA_PREFIX + system.name: describe(system).to_metadata() for system in controller.systems
+        }
+        self._points = inspection_points(mission)
+        self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
+            mission.num_attitude_steps, dtype=np.float64
+        )
+        self._numbers = packed(controller)
+
+    def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
+        """Write a flight as one file, which appears under its name when it is complete.
+
+        Parameters
+        ----------
+        path : Path
+            In a folder that exists.
+        scenario : Scenario
+            From where it was flown.
+        log : FlightLog
+            Of this recorder's controller in its mission.
+        scenario_id : str
+            What the start is called.
+
+        Raises
+        ------
+        telemetry.RecordingError
+            If the disk refuses.
+        """
+        metadata = {EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
+        with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
+            self._write(writer, log)
+
+    def _episode(self, scenario: Scenario, scenario_id: str) -> dict[str, str]:
+        mission = self._mission
+        description = EpisodeDescription(
+            scenario_id=scenario_id,
+            seed=self._seed,
+            position_m=tuple(scenario.position_m.tolist()),
+            velocity_m_s=tuple(scenario.velocity_m_s.tolist()),
+            sun_angle_rad=float(scenario.sun_angle_rad),
+            product_version=self._product_version,
+            config_hash=self._config_hash,
+            min_distance_m=mission.deputy.min_distance_m,
+            max_distance_m=mission.deputy.max_distance_m,
+            max_force_n=mission.deputy.max_force_n,
+            max_torque_n_m=mission.deputy.max_torque_n_m,
+            half_angle_rad=math.radians(mission.sensor.half_angle_deg),
+            boresight=mission.sensor.boresight,
+            inspection_threshold_percent=mission.inspection_threshold_percent,
+        )
+        return {
+            **description.to_metadata(),
+            "inspection_radius_m": json.dumps(mission.chief.inspection_radius_m),
+            "num_points": json.dumps(len(self._points)),
+        }
+
+    def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:
+        """Write the samples one after the other."""
+        period = self._mission.control_period_s
+        states = point_states(self._mission, self._points, log)
+        target_directions = directions(log.target_m)
+        distances = np.linalg.norm(log.position_m, axis=1)
+        inferences = self._inferences(log)
+        words: dict[int, list[Event]] = {}
+        for event in events(self._mission, log, self._near_limit_m):
+            words.setdefault(event.sample, []).append(event)
+        for k in range(len(log.position_m)):
+            time_s = k * period
+            _write_state(writer, time_s, log, k)
+            writer.points(time_s, self._points, states[k])
+            writer.guidance(
+                time_s,
+                int(log.num_candidates[k]),
+                target_directions[k],
+                float(log.lambda_u_rad[k]),
+                float(log.eta_u_rad[k]),
+            )
+            writer.mission(
+                time_s,
+                sun_angle_rad=float(log.sun_angle_rad[k]),
+                distance_m=float(distances[k]),
+                inspected_mask=log.is_inspected[k],
+                delta_v_m_s=float(log.delta_v_m_s[k]),
+            )
+            if k < len(log.force_hill_n):
+                _write_control(writer, time_s, log, k, self._attitude_offsets)
+                for inference in inferences.get(k, ()):
+                    writer.fis(time_s, *inference)
+            for event in words.get(k, ()):
+                writer.log(time_s, event.level, event.text)
+
+    def _inferences(self, log: FlightLog) -> dict[int, list[Inference]]:
+        """Return the inferences of each sample at which they decided the force."""
+        decided = np.flatnonzero(log.is_decided)
+        found: dict[int, list[Inference]] = {int(k): [] for k in decided}
+        for place, system in enumerate(self._controller.systems):
+            inputs = log.fis_input[decided, place, : len(system.inputs)]
+            strengths = firing_strengths(self._numbers, inputs, place)
+            for row, k in enumerate(decided.tolist()):
+                output = float(log.fis_output_n[k, place])
+                found[k].append((system.name, inputs[row], strengths[row], output))
+        return found
+
+
+def _write_state(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int) -> None:
+    """Write where the deputy is and how it and the chief are turned."""
+    position, quaternion = log.position_m[k], log.quaternion_b_from_h[k]
+    writer.poses(time_s, position, quaternion, log.quaternion_c_from_h[k])
+    writer.deputy_state(time_s, position, log.velocity_m_s[k], quaternion, log.angular_velocity_b_rad_s[k])
+
+
+def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int, offsets: Floats) -> None:
+    """Write what is applied over the control period that follows."""
+    attitudes, rates = log.attitude_quaternion[k], log.attitude_rate_b_rad_s[k]
+    writer.attitude_history(time_s, offsets, attitudes, rates, log.torque_b_n_m[k])
+    writer.control(time_s, log.force_body_n[k], log.force_hill_n[k])
+
+
+def record_flight(
+    path: Path,
+    mission: Mission,
+    controller: Controller,
+    scenario: Scenario,
+    log: FlightLog,
+    *,
+    scenario_id: str,
+    seed: int,
+    config: Mapping[str, Any],
+    near_limit_m: float,
+) -> None:
+    """Record one flight; for several of one controller, make one `FlightRecorder`, which takes the same."""
+    recorder = FlightRecorder(mission, controller, seed=seed, config=config, near_limit_m=near_limit_m)
+    recorder.record(path, scenario, log, scenario_id)
+
+
+def describe(system: FuzzySystem) -> FisDescription:
+    """Say what the numbers of a system's topic mean."""
+    output = system.outputs[0]
+    return FisDescription(
+        input_names=tuple(variable.name for variable in system.inputs),
+        input_units=tuple(variable.unit for variable in system.inputs),
+        output_name=output.name,
+        output_unit=output.unit,
+        rules=tuple(sentences(system)),
+    )
+
+
+def controller_text(controller: Controller) -> str:
+    """Write a controller as JSON.
+
+    A fuzzy one is written whole, as `fis_tools.formats.serialize` reads it. One that plays forces made
+    beforehand is only named, ``{"kind": "open_loop", "name": ...}``, for its forces are on the control's
+    topic; one without any force is of kind ``coast``, and one that plans of the kind that it is named after.
+    """
+    if controller.planner is not None:
+        return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
+    if controller.plan is None:
+        attributes = (("force_axes", controller.force_axes),)
+        fuzzy = controller.fuzzy or FuzzyController(controller.name, controller.systems, attributes)
+        return serialize.dump_json(fuzzy)
+    kind = "open_loop" if len(controller.plan) else "coast"
+    return json.dumps({"kind": kind, "name": controller.name}, ensure_ascii=False) + "\n"
+
+
+def directions(vectors: Floats) -> Floats:
+    """Return unit vectors, shape (n, 3), of vectors of the same shape; zeros for zeros."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    found: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
+    return found
+
+
+def point_states(mission: Mission, points_c: Floats, log: FlightLog) -> States:
+    """Tell what has become of each inspection point at each sample.
+
+    Parameters
+    ----------
+    mission : Mission
+    points_c : (P, 3)
+        Chief axes, m.
+    log : FlightLog
+
+    Returns
+    -------
+    (K+1, P) int
+        A `telemetry.file.topics.PointState`, the first that applies of inspected, in view but dark, lit,
+        dark.
+    """
+    return _point_states(
+        points_c,
+        log.position_m,
+        log.quaternion_b_from_h,
+        log.quaternion_c_from_h,
+        log.sun_angle_rad,
+        log.is_inspected,
+        np.array(mission.sensor.boresight, dtype=np.float64),
+        math.cos(math.radians(mission.sensor.half_angle_deg)),
+        float(mission.chief.inspection_radius_m),
+    )
+
+
+@njit(cache=True)
+def _point_states(
+    points_c: Floats,
+    position_h: Floats,
+    quaternion_b_from_h: Floats,
+    quaternion_c_from_h: Floats,
+    sun_angle: Floats,
+    is_inspected: NDArray[np.bool_],
+    boresight_b: Floats,
+    cos_half_angle: float,
+    radius: float,
+) -> States:
+    states = np.full(is_inspected.shape, DARK, dtype=np.int64)
+    for k in range(is_inspected.shape[0]):
+        boresight_h = transposed_times(dcm_b_from_h(quaternion_b_from_h[k]), boresight_b)
+        dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h[k])
+        sun_h = sun_direction_h(sun_angle[k])
+        for j in range(is_inspected.shape[1]):
+            point_h = transposed_times(dcm_c_from_h, points_c[j])
+            if is_inspected[k, j]:
+                states[k, j] = INSPECTED
+            elif is_illuminated(point_h, sun_h):
+                states[k, j] = LIT
+            elif is_in_view(point_h, position_h[k], boresight_h, cos_half_angle, radius):
+                states[k, j] = IN_VIEW_BUT_DARK
+    return states
+
+
+def _config_text(config: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(
+        dict(config), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+    )

@@ -1,0 +1,118 @@
+"""Runs the stages of an experiment in a folder, one after the other, and keeps the manifest up to date."""
+
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from pipeline.run import artifacts
+from pipeline.settings.experiment import STAGES, Experiment
+
+Stage = Callable[[Experiment, Path], None]
+
+#: where each stage's `run` is; imported when its turn comes
+STAGE_MODULES: Mapping[str, str] = {
+    "scenario": "pipeline.stages.scenario",
+    "train": "pipeline.stages.train",
+    "evaluate": "pipeline.stages.evaluate",
+    "record": "pipeline.stages.record",
+    "optimum": "pipeline.stages.optimum",
+    "compare": "pipeline.stages.compare",
+    "report": "pipeline.stages.report",
+}
+
+_LOG = logging.getLogger("pipeline")
+
+
+class Interrupted(KeyboardInterrupt):
+    """The keyboard stopped a run; says what was kept and how to go on."""
+
+
+def stage_named(name: str) -> Stage:
+    """Return the function that runs a stage."""
+    stage: Stage = import_module(STAGE_MODULES[name]).run
+    return stage
+
+
+def finished_stages(folder: Path) -> list[str]:
+    """Return the stages that have come to their end in a run's folder, none for a new one."""
+    if not (folder / artifacts.MANIFEST).exists():
+        return []
+    return [str(name) for name in artifacts.read_manifest(folder)["finished_stages"]]
+
+
+def run_stages(
+    experiment: Experiment, config: Mapping[str, Any], folder: Path, stages: Sequence[str] | None = None
+) -> None:
+    """Run stages in a run's folder.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    config : mapping
+        The same as plain data, for the folder.
+    folder : Path
+        Made where it is missing.
+    stages : sequence of str, optional
+        Those to run; by default all of the experiment's.
+
+    Raises
+    ------
+    Interrupted
+        After an interrupt from the keyboard; the manifest then tells what is finished.
+    """
+    stages = experiment.stages if stages is None else tuple(stages)
+    folder.mkdir(parents=True, exist_ok=True)
+    finished = finished_stages(folder)
+    artifacts.write_config(folder, config)
+    artifacts.write_manifest(folder, config, finished)
+    with _logged_to(folder / artifacts.LOG):
+        for index, name in enumerate(stages, start=1):
+            sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
+            started = time.perf_counter()
+            try:
+                stage_named(name)(experiment, folder)
+            except KeyboardInterrupt as error:
+                artifacts.write_manifest(folder, config, finished)
+                _LOG.info("stage %s interrupted", name)
+                raise Interrupted(_kept(folder, name, finished)) from error
+            except Exception:  # raised again below: here the run's own log learns of it too
+                _LOG.exception("stage %s failed", name)
+                raise
+            _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
+            # what came after is made from files that are no longer there
+            finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
+            artifacts.write_manifest(folder, config, finished)
+
+
+def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
+    """Say what an interrupted run leaves behind and how to go on."""
+    files = [name for name in artifacts.list_artifacts(folder) if name != artifacts.CONFIG]
+    if (folder / artifacts.CHECKPOINT).exists():
+        files.append(artifacts.CHECKPOINT)
+    done = f"finished before: {', '.join(finished)}" if finished else "no stage was finished before"
+    kept = f"kept in {folder}: {', '.join(files)}" if files else f"nothing to keep in {folder} yet"
+    return f"interrupted in the stage {stage} ({done}); {kept}. To go on: python -m pipeline resume={folder}"
+
+
+@contextmanager
+def _logged_to(path: Path) -> Iterator[None]:
+    """Append what the packages log to a file."""
+    handler = logging.FileHandler(path, encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    loggers = [logging.getLogger(name) for name in ("pipeline", "fis_tools", "telemetry")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.removeHandler(handler)
+            logger.setLevel(level)
+        handler.close()

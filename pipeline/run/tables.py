@@ -1,0 +1,52 @@
+"""Tables of a run's folder: Parquet and CSV, written whole or not at all, and read back as columns."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.run import artifacts
+
+
+def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns of equal length; a two-dimensional one becomes a list a row."""
+    arrays = {
+        name: pa.array(list(column) if np.ndim(column) == 2 else column) for name, column in columns.items()
+    }
+    sink = pa.BufferOutputStream()
+    # measured numbers hardly repeat: dictionaries of them would take six times as long and more room
+    pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=False)
+    artifacts.write_atomically(path, sink.getvalue().to_pybytes())
+
+
+def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
+    """Read the columns of a run's table.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If it is missing or cannot be read.
+    """
+    path = artifacts.require(folder, name)
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise artifacts.ArtifactError(
+            f"{path} cannot be read ({error}); repeat the stage that writes it"
+        ) from error
+    return {column: table[column].to_numpy() for column in table.column_names}
+
+
+def write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Write rows under a header."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    artifacts.write_atomically(path, text.getvalue())

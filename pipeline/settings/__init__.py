@@ -1,0 +1,1 @@
+"""Every key of the configuration as checked, frozen data."""

@@ -1,0 +1,1 @@
+"""Training: the fitness, the genome, the evolution."""

@@ -1,0 +1,66 @@
+"""Where the champions of a training fly, generation by generation, to watch it learn."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.controller import law_of
+from pipeline.flight.simulation import fly_population, pack_world, stack_starts
+from pipeline.flight.starts import given_start
+from pipeline.settings.experiment import Experiment
+from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.genome import Genome
+
+Floats = NDArray[np.float64]
+
+
+class ChampionFlights:
+    """The flight of each champion of a training, all from the start that the configuration gives.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    genome : Genome
+        What their genes are.
+    """
+
+    def __init__(self, experiment: Experiment, genome: Genome):
+        mission = experiment.mission
+        self._world, self._law = pack_world(mission), law_of(genome.template, mission.num_controls)
+        self._genome = genome
+        self._start = stack_starts([given_start(mission.deputy, experiment.sun, experiment.seed)])
+        self._num_seen = 0
+        self._last: Floats | None = None
+        self._moments: list[tuple[int, int]] = []
+        self._tracks: list[NDArray[np.float32]] = []
+
+    def add(self, history: Sequence[Generation]) -> bool:
+        """Fly the champions that are new since the last call; tell whether there was one."""
+        num_flown = len(self._tracks)
+        for generation in history[self._num_seen :]:
+            if self._last is None or not np.array_equal(generation.champion, self._last):
+                self._last = generation.champion
+                self._moments.append((generation.round, generation.generation))
+                self._tracks.append(self._fly(generation.champion))
+        self._num_seen = len(history)
+        return len(self._tracks) > num_flown
+
+    def _fly(self, genome: Floats) -> NDArray[np.float32]:
+        tracks = np.empty((1, self._world.num_controls + 1, 3), dtype=np.float32)
+        numbers = self._genome.pack(genome[np.newaxis])
+        fly_population(self._world, self._law, numbers, *self._start, workers=1, tracks=tracks)
+        track: NDArray[np.float32] = tracks[0]
+        return track
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """Return a row for each sample of each champion, under the generation that brought it."""
+        num_samples = self._world.num_controls + 1
+        moments = np.repeat(np.array(self._moments, dtype=np.int32), num_samples, axis=0)
+        positions = np.concatenate(self._tracks)
+        return {
+            "round": moments[:, 0],
+            "generation": moments[:, 1],
+            "sample": np.tile(np.arange(num_samples, dtype=np.int32), len(self._tracks)),
+            **{f"position_{axis}_m": positions[:, i] for i, axis in enumerate("xyz")},
+        }

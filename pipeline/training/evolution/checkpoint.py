@@ -1,0 +1,214 @@
+"""The state of an evolution between two generations, on disk: no pickle, written whole or not at all."""
+
+import io
+import json
+import random
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.run.artifacts import write_atomically
+
+Floats = NDArray[np.float64]
+
+VERSION = 2
+
+_ARRAYS = ("genomes", "fitness", "parts", "champions")
+#: begins the names of arrays of what CMA-ES has learnt
+_STRATEGY = "strategy_"
+_AFRESH = "delete it to start the training afresh"
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be gone on from."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generation:
+    """What is known once a generation has been evaluated.
+
+    Parameters
+    ----------
+    round : int
+        From 0.
+    generation : int
+        Within the round; 0 is the initial population.
+    evaluations : int
+        Individuals evaluated since the beginning, all rounds together.
+    best, mean, std : float
+        Fitness over the population; std with ddof = 1.
+    step_size : float
+        Of the mutation that led here.
+    parts : mapping of str to float
+        The champion's fitness parts.
+    champion : (num_genes,) array
+        The genome of the best individual.
+    """
+
+    round: int
+    generation: int
+    evaluations: int
+    best: float
+    mean: float
+    std: float
+    step_size: float
+    parts: Mapping[str, float]
+    champion: Floats
+
+    def row(self) -> dict[str, Any]:
+        """Return everything but the genome and the parts, by name."""
+        names = ("round", "generation", "evaluations", "best", "mean", "std", "step_size")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass
+class State:
+    """Everything the next generation depends on.
+
+    Parameters
+    ----------
+    round, generation, evaluations : int
+        As in `Generation`.
+    step_size : float
+        Of the next mutation, before it adapts.
+    genomes : (population_size, num_genes) array
+    fitness : (population_size,) array
+    parts : dict of str to (population_size,) array
+    python_state : tuple
+        Of Python's random generator, as `random.getstate` gives it.
+    generator : numpy Generator
+        PCG64.
+    strategy : dict of str to array
+        What CMA-ES has learnt; empty for the other algorithms.
+    history : list of Generation
+        All generations so far.
+    """
+
+    round: int
+    generation: int
+    evaluations: int
+    step_size: float
+    genomes: Floats
+    fitness: Floats
+    parts: dict[str, Floats]
+    python_state: tuple[Any, ...]
+    generator: np.random.Generator
+    strategy: dict[str, Floats] = field(default_factory=dict)
+    history: list[Generation] = field(default_factory=list)
+
+
+def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
+    """Write a state: arrays and one JSON text in an .npz.
+
+    Parameters
+    ----------
+    path : Path
+    state : State
+    fingerprint : mapping
+        What must be the same when the evolution is resumed; plain values.
+    """
+    note = {
+        "version": VERSION,
+        "fingerprint": dict(fingerprint),
+        "round": state.round,
+        "generation": state.generation,
+        "evaluations": state.evaluations,
+        "step_size": state.step_size,
+        "parts": list(state.parts),
+        "strategy": list(state.strategy),
+        "python_state": state.python_state,
+        "numpy_state": state.generator.bit_generator.state,
+        "history": [{**g.row(), "parts": dict(g.parts)} for g in state.history],
+    }
+    stream = io.BytesIO()
+    arrays: dict[str, Any] = {
+        "note": np.frombuffer(json.dumps(note).encode(), dtype=np.uint8),
+        "genomes": state.genomes,
+        "fitness": state.fitness,
+        "parts": np.array(list(state.parts.values())).reshape(len(state.parts), len(state.fitness)),
+        "champions": np.array([g.champion for g in state.history]),
+        **{_STRATEGY + name: values for name, values in state.strategy.items()},
+    }
+    np.savez(stream, **arrays)
+    write_atomically(path, stream.getvalue())
+
+
+def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
+    """Read a state that `save` wrote.
+
+    Raises
+    ------
+    CheckpointError
+        If the file is damaged, of another version, or its fingerprint differs.
+    """
+    note, arrays = _read(path)
+    if note.get("version") != VERSION:
+        raise CheckpointError(
+            f"{path} has checkpoint version {note.get('version')}, this program reads {VERSION}; {_AFRESH}"
+        )
+    written = note.get("fingerprint")
+    if not isinstance(written, dict):
+        raise _damaged(path)
+    for name, value in fingerprint.items():
+        if written.get(name) != value:
+            raise CheckpointError(
+                f"{path} was written with {name} = {written.get(name)}, now it is {value}; "
+                "resume with the configuration of that run, or start a new one"
+            )
+    try:
+        return _state_from(note, arrays)
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise _damaged(path) from error
+
+
+def _damaged(path: Path) -> CheckpointError:
+    return CheckpointError(f"{path} is not a readable checkpoint (damaged, or cut short); {_AFRESH}")
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read the note and the arrays of a file that `save` wrote."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise CheckpointError(f"{path} cannot be read ({error.strerror}); {_AFRESH}") from error
+    if not content.startswith(b"PK"):  # no archive; numpy would speak of pickles
+        raise _damaged(path)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            note = json.loads(archive["note"].tobytes())
+            learnt = [name for name in archive.files if name.startswith(_STRATEGY)]
+            arrays = {name: archive[name] for name in (*_ARRAYS, *learnt)}
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise _damaged(path) from error
+    if not isinstance(note, dict):
+        raise _damaged(path)
+    return note, arrays
+
+
+def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
+    """Put a state together and try its random generators."""
+    generator = np.random.default_rng()
+    generator.bit_generator.state = note["numpy_state"]
+    version, internal, gauss = note["python_state"]
+    python_state = (version, tuple(internal), gauss)
+    random.Random().setstate(python_state)  # noqa: S311 - a trial, nothing is drawn
+    rows = zip(note["history"], arrays["champions"], strict=True)
+    return State(
+        round=note["round"],
+        generation=note["generation"],
+        evaluations=note["evaluations"],
+        step_size=note["step_size"],
+        genomes=arrays["genomes"],
+        fitness=arrays["fitness"],
+        parts=dict(zip(note["parts"], arrays["parts"], strict=True)),
+        python_state=python_state,
+        generator=generator,
+        strategy={name: arrays[_STRATEGY + name] for name in note["strategy"]},
+        history=[Generation(champion=champion, **row) for row, champion in rows],
+    )

@@ -1,0 +1,137 @@
+"""The genetic algorithm's children: crossover first, then mutants; parents are chosen in tournaments.
+
+The operators and rates of Choi, Kim and Leeghim (AAS 25-727), defined as in MATLAB's Global Optimization
+Toolbox ("Genetic Algorithm Options"). Instead of its adaptive feasible mutation a local one may be chosen,
+which moves few genes a little: the search near a controller that is already good.
+
+DEAP draws from Python's global generator: it is lent a state of ours for each generation, and the caller gets
+his own back.
+"""
+
+import random
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from deap import base, tools
+from numpy.typing import NDArray
+
+from pipeline.settings.experiment import Optimizer
+from pipeline.training.evolution.checkpoint import State
+from pipeline.training.evolution.mutation import adaptive_feasible_mutation
+
+Floats = NDArray[np.float64]
+
+GENE_SWAP_PROBABILITY = 0.5
+
+#: a local mutant moves each gene with one of these probabilities, by one of these multiples of the step: most
+#: steps are fine, some are bold
+LOCAL_SHARES = (0.01, 0.03, 0.1)
+LOCAL_STEPS = (0.3, 1.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Split:
+    """How many individuals of a generation come from where."""
+
+    elite: int
+    crossover: int
+    mutants: int
+
+
+def split_population(settings: Optimizer) -> Split:
+    """Turn rates into numbers of individuals.
+
+    With `split` = ``whole`` the crossover rate counts the whole population (of 200 at 0.1 and 0.8: 20, 160,
+    20), with ``rest`` all but the elite (20, 144, 36). Mutants fill up.
+    """
+    size = settings.population_size
+    elite = max(1, round(settings.elitism_rate * size))
+    counted = size if settings.split == "whole" else size - elite
+    crossover = min(size - elite, round(settings.crossover_rate * counted))
+    return Split(elite, crossover, size - elite - crossover)
+
+
+class Fitness(base.Fitness):  # type: ignore[misc]
+    """One value, to be made small."""
+
+    weights = (-1.0,)
+
+
+class Individual(list[float]):
+    """A genome with its fitness; a list, because DEAP's operators corrupt views of arrays."""
+
+    def __init__(self, genes: Sequence[float], fitness: float | None = None) -> None:
+        super().__init__(genes)
+        self.fitness = Fitness() if fitness is None else Fitness((fitness,))
+
+
+def select_parents(
+    population: Sequence[Individual], num_parents: int, tournament_size: int
+) -> list[Individual]:
+    """Choose parents, each the best of `tournament_size` drawn with replacement."""
+    return cast(list[Individual], tools.selTournament(population, num_parents, tournament_size))
+
+
+def scattered_crossover(first: Individual, second: Individual) -> Individual:
+    """Make one child that takes each gene from either parent with probability 1/2."""
+    child, _ = tools.cxUniform(Individual(first), Individual(second), GENE_SWAP_PROBABILITY)
+    return cast(Individual, child)
+
+
+def local_mutation(genome: Sequence[float], step_size: float) -> Individual:
+    """Move few genes by normal steps; one that leaves [0, 1] stops at its end."""
+    share, scale = random.choice(LOCAL_SHARES), random.choice(LOCAL_STEPS)  # noqa: S311
+    (mutant,) = tools.mutGaussian(Individual(genome), 0.0, scale * step_size, share)
+    return Individual([min(1.0, max(0.0, gene)) for gene in mutant])
+
+
+@contextmanager
+def lent_global_random(state: State) -> Iterator[None]:
+    """Let DEAP draw from our state of Python's global generator, and give the caller's back."""
+    callers = random.getstate()
+    random.setstate(state.python_state)
+    try:
+        yield
+    finally:
+        state.python_state = random.getstate()
+        random.setstate(callers)
+
+
+def breed(state: State, settings: Optimizer) -> Floats:
+    """Make a generation's children, of crossover first, then mutants; shape (children, num_genes).
+
+    With the local mutation those of crossover mutate as well: near one another, parents differ little.
+    """
+    split = split_population(settings)
+    num_crossed = 2 * split.crossover
+    is_local = settings.mutation == "local"
+    with lent_global_random(state):
+        population = [
+            Individual(genes, fitness)
+            for genes, fitness in zip(state.genomes.tolist(), state.fitness.tolist(), strict=True)
+        ]
+        parents = select_parents(population, num_crossed + split.mutants, settings.tournament_size)
+        pairs = zip(parents[:num_crossed:2], parents[1:num_crossed:2], strict=True)
+        children: Sequence[Sequence[float]] = [scattered_crossover(first, second) for first, second in pairs]
+        if is_local:
+            children = [
+                local_mutation(child, state.step_size) for child in [*children, *parents[num_crossed:]]
+            ]
+    mutants = [
+        adaptive_feasible_mutation(np.array(parent), state.step_size, state.generator)
+        for parent in (() if is_local else parents[num_crossed:])
+    ]
+    return np.array([*children, *mutants]).reshape(-1, state.genomes.shape[1])
+
+
+def scatter(seeds: Floats, settings: Optimizer, state: State) -> Floats:
+    """Make a first population of the seeds and local mutants of them, shape (population_size, num_genes)."""
+    with lent_global_random(state):
+        mutants = [
+            local_mutation(seeds[index % len(seeds)].tolist(), settings.initial_step)
+            for index in range(settings.population_size - len(seeds))
+        ]
+    return np.concatenate((seeds, np.array(mutants).reshape(-1, seeds.shape[1])))

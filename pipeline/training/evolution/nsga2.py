@@ -1,0 +1,149 @@
+"""Evolution of a front: what is better in one objective than all that are no worse in the other survives.
+
+NSGA-II (Deb, Pratap, Agarwal and Meyarivan, IEEE Transactions on Evolutionary Computation 6, 2002), DEAP's
+selection: parents and children together are sorted into fronts, and of the last front that finds room those
+survive that are least crowded. Children come about as in `pipeline.training.evolution.genetic`, by scattered
+crossover and local mutation. Individuals of equal objectives survive once while there are others, for a
+population of copies is no front; and the one of least fitness, the champion, always survives.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from deap import base, tools
+from numpy.typing import NDArray
+
+from pipeline.settings.experiment import Optimizer
+from pipeline.training.evolution.checkpoint import State
+from pipeline.training.evolution.genetic import (
+    Individual,
+    lent_global_random,
+    local_mutation,
+    scattered_crossover,
+)
+
+Floats = NDArray[np.float64]
+
+#: begins the names of those parts of the fitness that are objectives, to be made small
+OBJECTIVE = "objective_"
+NUM_OBJECTIVES = 2
+
+
+@dataclass(frozen=True)
+class Front:
+    """Those of a population that none of it dominates, each of other objectives than the rest.
+
+    Parameters
+    ----------
+    genomes : (n, num_genes) array
+        By the first objective, the least first.
+    fitness : (n,) array
+    parts : mapping of str to (n,) array
+        The objectives among them.
+    """
+
+    genomes: Floats
+    fitness: Floats
+    parts: Mapping[str, Floats]
+
+
+class Objectives(base.Fitness):  # type: ignore[misc]
+    """Two values, to be made small; DEAP notes beside them how far off the neighbours in a front are."""
+
+    weights = (-1.0,) * NUM_OBJECTIVES
+
+
+class Ranked:
+    """A row of a population with its objectives, for DEAP to select."""
+
+    def __init__(self, row: int, objectives: Sequence[float]) -> None:
+        self.row = row
+        self.fitness = Objectives(objectives)
+
+
+def objectives_of(parts: Mapping[str, Floats]) -> Floats:
+    """Return the objectives among the parts of a fitness, shape (n, 2).
+
+    Raises
+    ------
+    ValueError
+        If there are not two, or one is not finite.
+    """
+    names = [name for name in parts if name.startswith(OBJECTIVE)]
+    if len(names) != NUM_OBJECTIVES or not all(np.all(np.isfinite(parts[name])) for name in names):
+        raise ValueError(
+            f"the fitness function returned the parts {sorted(parts)}; for a front, two of them must be "
+            f"finite and have names that begin with {OBJECTIVE!r}"
+        )
+    return np.column_stack([parts[name] for name in names])
+
+
+def breed(state: State, settings: Optimizer) -> Floats:
+    """Make as many children as there are parents, of crossover first; all mutate; (children, num_genes)."""
+    num_children = settings.population_size
+    num_crossed = round(settings.crossover_rate * num_children)
+    genomes = state.genomes.tolist()
+    with lent_global_random(state):
+        rows = _select_parents(objectives_of(state.parts), num_crossed + num_children)
+        parents = [Individual(genomes[row]) for row in rows]
+        pairs = zip(parents[: 2 * num_crossed : 2], parents[1 : 2 * num_crossed : 2], strict=True)
+        crossed = [scattered_crossover(first, second) for first, second in pairs]
+        children = [local_mutation(child, state.step_size) for child in crossed + parents[2 * num_crossed :]]
+    return np.array(children)
+
+
+def _select_parents(objectives: Floats, num_parents: int) -> list[int]:
+    """Choose rows in tournaments of two: the dominating one wins, else the one that is less crowded."""
+    population = _ranked(objectives, range(len(objectives)))
+    tools.selNSGA2(population, len(population))  # notes how crowded each is
+    # DEAP takes four at a time, none more than twice
+    at_once = len(population) - len(population) % 4
+    chosen: list[Any] = []
+    while len(chosen) < num_parents:
+        chosen += tools.selTournamentDCD(population, at_once)
+    return [individual.row for individual in chosen[:num_parents]]
+
+
+def survivors(objectives: Floats, fitness: Floats, size: int) -> NDArray[np.int_]:
+    """Return the rows that survive of parents and children, in ascending order.
+
+    Parameters
+    ----------
+    objectives : (n, 2) array
+    fitness : (n,) array
+    size : int
+        How many; at most n.
+    """
+    first = _first_of_their_kind(objectives)
+    if len(first) <= size:
+        others = np.setdiff1d(np.arange(len(objectives)), first)
+        return np.sort(np.concatenate((first, others[: size - len(first)])))
+    chosen = [individual.row for individual in tools.selNSGA2(_ranked(objectives, first), size)]
+    champion = int(first[np.argmin(fitness[first])])
+    if champion not in chosen:
+        # in the place of the most crowded
+        chosen[-1] = champion
+    return np.sort(chosen)
+
+
+def front_of(state: State) -> Front:
+    """Return the front of a population."""
+    objectives = objectives_of(state.parts)
+    first = _first_of_their_kind(objectives)
+    best = tools.sortNondominated(_ranked(objectives, first), len(first), first_front_only=True)[0]
+    rows = np.array([individual.row for individual in best])
+    rows = rows[np.argsort(objectives[rows, 0], kind="stable")]
+    return Front(
+        state.genomes[rows], state.fitness[rows], {name: part[rows] for name, part in state.parts.items()}
+    )
+
+
+def _first_of_their_kind(objectives: Floats) -> NDArray[np.int_]:
+    """Return, of the rows of equal objectives, the first, in ascending order."""
+    return np.sort(np.unique(objectives, axis=0, return_index=True)[1])
+
+
+def _ranked(objectives: Floats, rows: Any) -> list[Ranked]:
+    return [Ranked(int(row), objectives[row].tolist()) for row in rows]

@@ -1,0 +1,174 @@
+"""What a flight is worth: the terms of the fitness, and the statistics of an evaluation.
+
+Pure functions of outcomes. The fitness of a controller is the mean over its flights of delta-v plus
+
+``zeta = c_d [outside] (1 + metres outside) + c_95 max(0, needed - points) + c_99 (all - points)``
+
+with `needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the
+distance limits drawn in by the penalty's margins, so that a champion keeps clear of them
+(Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
+
+For a front the fitness falls into two objectives of which it is the sum, so that its champion is on the
+front: what is spent and what is missed. Faults, to leave the limits or to fall short of the points that make
+a success, are paid for half and half, so that no controller buys one objective with them.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from pipeline.flight.simulation import Outcomes
+from pipeline.settings.experiment import Penalty
+
+Floats = NDArray[np.float64]
+
+
+def points_needed(num_points: int, threshold_percent: float) -> int:
+    """Return the least number of inspected points whose rate reaches the threshold."""
+    return math.ceil(num_points * threshold_percent / 100.0 - 1e-9)
+
+
+def fitness_parts(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> dict[str, Floats]:
+    """Judge a population.
+
+    Parameters
+    ----------
+    outcomes : Outcomes
+        Arrays of shape (n, m): n controllers, m flights each.
+    penalty : Penalty
+    limits_m : (float, float)
+        Least and greatest distance.
+    num_points : int
+        All points.
+    threshold_percent : float
+
+    Returns
+    -------
+    dict of (n,) arrays
+        ``fitness``, and what it is made of: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
+        left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
+    """
+    needed = points_needed(num_points, threshold_percent)
+    points = outcomes.inspected_count
+    return {
+        "fitness": costs(outcomes, penalty, limits_m, num_points, threshold_percent).mean(axis=-1),
+        "delta_v_m_s": outcomes.delta_v_m_s.mean(axis=-1),
+        "points": points.mean(axis=-1),
+        "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
+        "outside_m": outcomes.outside_m.mean(axis=-1),
+        "short": (points < needed).sum(axis=-1).astype(np.float64),
+    }
+
+
+def costs(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> Floats:
+    """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
+    outside, short, missed = _prices(outcomes, penalty, limits_m, num_points, threshold_percent)
+    return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
+
+
+def objectives(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> dict[str, Floats]:
+    """Part the fitness of a population in two; see `fitness_parts`.
+
+    Returns
+    -------
+    dict of (n,) arrays
+        ``spent``, delta-v and half the price of faults, and ``missed``, the price of all points missed and
+        the other half; means over the flights, m/s.
+    """
+    outside, short, missed = _prices(outcomes, penalty, limits_m, num_points, threshold_percent)
+    faults = 0.5 * (outside + short)
+    return {
+        "spent": (outcomes.delta_v_m_s + faults).mean(axis=-1),
+        "missed": (missed + faults).mean(axis=-1),
+    }
+
+
+def _prices(
+    outcomes: Outcomes,
+    penalty: Penalty,
+    limits_m: tuple[float, float],
+    num_points: int,
+    threshold_percent: float,
+) -> tuple[Floats, Floats, Floats]:
+    """Return what each flight pays for being outside, for falling short and for missing points, m/s."""
+    points = outcomes.inspected_count
+    outside_m = outcomes.outside_m
+    if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:
+        too_near = limits_m[0] + penalty.near_margin_m - outcomes.min_distance_m
+        too_far = outcomes.max_distance_m - (limits_m[1] - penalty.far_margin_m)
+        outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
+    short = np.maximum(0, points_needed(num_points, threshold_percent) - points)
+    return (
+        penalty.c_d * (outside_m > 0.0) * (1.0 + outside_m),
+        penalty.c_95 * short,
+        np.asarray(penalty.c_99 * (num_points - points)),
+    )
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A mean with its spread: standard deviation (ddof = 1) and confidence interval of the mean."""
+
+    mean: float
+    standard_deviation: float
+    minimum: float
+    maximum: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """A share of cases with its Wilson interval."""
+
+    count: int
+    fraction: float
+    low: float
+    high: float
+
+
+def statistic(values: Floats, confidence_percent: float) -> Statistic:
+    """Describe a sample of at least one value; the interval of the mean is normal."""
+    values = np.asarray(values, dtype=np.float64)
+    spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+    mean = float(values.mean())
+    reach = _z(confidence_percent) * spread / math.sqrt(len(values))
+    return Statistic(mean, spread, float(values.min()), float(values.max()), mean - reach, mean + reach)
+
+
+def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
+    """Describe how often something happens, with the interval of Wilson (J. Am. Stat. Assoc. 22, 1927)."""
+    count, number = int(np.sum(is_so)), len(is_so)
+    z = _z(confidence_percent)
+    share = count / number
+    scale = 1.0 + z * z / number
+    middle = (share + z * z / (2 * number)) / scale
+    reach = z / scale * math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number * number))
+    # the interval holds the share; at 0 and 1 rounding must not part them
+    low, high = min(share, middle - reach), max(share, middle + reach)
+    return Fraction(count, share, max(0.0, low), min(1.0, high))
+
+
+def _z(confidence_percent: float) -> float:
+    return float(ndtri(0.5 + confidence_percent / 200.0))

@@ -1,0 +1,142 @@
+"""What evolution tunes in a controller: its systems' numbers and rules, and its constants."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import Packed
+from fis_tools.genes.parameters import Bounds
+from fis_tools.genes.parameters import Encoding as SystemEncoding
+from fis_tools.genes.reduction import KeptRules, Planes
+from fis_tools.model import FuzzyController
+from pipeline.flight.controller import (
+    CONSTANTS,
+    Controller,
+    ControllerError,
+    constants_of,
+    from_fuzzy,
+    has_constants,
+)
+from pipeline.settings.experiment import Encoding
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Genome:
+    """Which gene tunes what in a controller; every vector in [0, 1] is a controller.
+
+    First come the genes of the systems (`fis_tools.genes.parameters.Encoding`, or fewer,
+    `fis_tools.genes.reduction`), then one for each constant that is tuned, linear between its bounds, in the
+    order of `pipeline.flight.controller.CONSTANTS`.
+
+    Parameters
+    ----------
+    template : Controller
+        Whose structure is tuned, with an attribute for each constant that is.
+    systems : fis_tools.genes.parameters.Encoding
+    reduction : Planes or KeptRules, optional
+        What the genes of the systems are where they are fewer than the encoding's.
+    constants : tuple of (str, float, float)
+        Those tuned, with their bounds.
+    """
+
+    template: Controller
+    systems: SystemEncoding
+    reduction: Planes | KeptRules | None
+    constants: tuple[tuple[str, float, float], ...]
+
+    @property
+    def num_genes(self) -> int:
+        """Length of the vector."""
+        return self._num_system_genes + len(self.constants)
+
+    @property
+    def _num_system_genes(self) -> int:
+        return (self.reduction or self.systems).num_genes
+
+    def gene_names(self) -> list[str]:
+        """Say for each gene what it tunes."""
+        return (self.reduction or self.systems).gene_names() + [name for name, _, _ in self.constants]
+
+    def pack(self, genomes: Floats) -> Packed:
+        """Return what the compiled flight reads of a population of shape (n, num_genes)."""
+        genomes = np.asarray(genomes, dtype=np.float64)
+        numbers = self.systems.pack(self._system_genes(genomes))
+        if not has_constants(self.template):
+            return numbers
+        rows = np.repeat(constants_of(self.template)[np.newaxis], len(genomes), axis=0)
+        order = list(CONSTANTS)
+        for gene, (name, low, high) in enumerate(self.constants, start=self._num_system_genes):
+            rows[:, order.index(name)] = low + (high - low) * genomes[:, gene]
+        return replace(numbers, values=np.hstack([numbers.values, rows]))
+
+    def decode(self, genome: Floats) -> FuzzyController:
+        """Return the controller of one genome of shape (num_genes,), under the template's name."""
+        fuzzy = _fuzzy(self.template)
+        attributes = dict(fuzzy.attributes)
+        for gene, (name, low, high) in enumerate(self.constants, start=self._num_system_genes):
+            attributes[name] = repr(float(low + (high - low) * genome[gene]))
+        systems = self.systems.decode(self._system_genes(np.asarray(genome)[np.newaxis])[0])
+        return replace(fuzzy, systems=systems, attributes=tuple(sorted(attributes.items())))
+
+    def encode(self, controller: FuzzyController | None = None) -> Floats:
+        """Return the genome of a controller of this structure, or of the template itself.
+
+        What lies outside the bounds is clipped.
+        """
+        controller = controller or _fuzzy(self.template)
+        genome = self.systems.encode(controller.systems)
+        if self.reduction is not None:
+            genome = self.reduction.reduce(genome)
+        attributes = dict(controller.attributes)
+        values = [float(attributes.get(name, "0")) for name, _, _ in self.constants]
+        bounds = [(low, high) for _, low, high in self.constants]
+        genes = [(value - low) / (high - low) for value, (low, high) in zip(values, bounds, strict=True)]
+        return np.asarray(np.clip(np.concatenate([genome, np.array(genes)]), 0.0, 1.0))
+
+    def _system_genes(self, genomes: Floats) -> Floats:
+        genes = genomes[:, : self._num_system_genes]
+        return self.reduction.expand(genes) if self.reduction is not None else genes
+
+
+def genome_of(template: Controller, settings: Encoding) -> Genome:
+    """Return what the settings let evolution tune in a controller.
+
+    Raises
+    ------
+    ControllerError
+        If the controller has no fuzzy system.
+    """
+    fuzzy = _fuzzy(template)
+    least, greatest = settings.standard_deviation_fraction
+    shortest, longest = settings.output_range_n
+    bounds = Bounds(
+        mean_window=settings.mean_window,
+        standard_deviation=(least, greatest),
+        output_reach=(shortest, longest),
+    )
+    systems = SystemEncoding(fuzzy.systems, bounds)
+    reduction: Planes | KeptRules | None = None
+    if settings.rules == "planes":
+        reduction = Planes(systems)
+    elif settings.rules == "fixed":
+        reduction = KeptRules(systems, systems.encode(fuzzy.systems))
+    constants = []
+    for name in CONSTANTS:
+        pair = settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
+        if pair is not None:
+            constants.append((name, float(pair[0]), float(pair[1])))
+    if constants:
+        attributes = {name: "0" for name, _, _ in constants} | dict(fuzzy.attributes)
+        template = from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
+    return Genome(template, systems, reduction, tuple(constants))
+
+
+def _fuzzy(controller: Controller) -> FuzzyController:
+    if controller.fuzzy is None:
+        raise ControllerError(
+            f"controller {controller.name!r} has no fuzzy system to train; choose a fuzzy one"
+        )
+    return controller.fuzzy

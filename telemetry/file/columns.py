@@ -1,0 +1,192 @@
+"""Turns the messages of a topic into columns: one array a field, the first axis being time."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from typing import Any, Final
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.descriptor import FieldDescriptor
+from google.protobuf.message import Message
+from numpy.typing import NDArray
+
+from telemetry.file import topics
+from telemetry.file.errors import RecordingError
+from telemetry.file.schema import inspection_pb2
+
+Columns = dict[str, NDArray[np.generic]]
+
+#: what a point's colour is worth where it is none of ours
+UNKNOWN_STATE: Final = 255
+
+_DTYPE_OF_FIELD: Final[Mapping[int, np.dtype[Any]]] = {
+    FieldDescriptor.TYPE_DOUBLE: np.dtype(np.float64),
+    FieldDescriptor.TYPE_FLOAT: np.dtype(np.float32),
+    FieldDescriptor.TYPE_UINT32: np.dtype(np.int64),
+}
+_DTYPE_OF_POINT_FIELD: Final = {
+    PackedElementField.UINT8: "u1",
+    PackedElementField.INT8: "i1",
+    PackedElementField.UINT16: "<u2",
+    PackedElementField.INT16: "<i2",
+    PackedElementField.UINT32: "<u4",
+    PackedElementField.INT32: "<i4",
+    PackedElementField.FLOAT32: "<f4",
+    PackedElementField.FLOAT64: "<f8",
+}
+
+
+def decode(schema: str, payloads: Sequence[bytes]) -> Columns:
+    """Decode the messages of one topic.
+
+    Parameters
+    ----------
+    schema : str
+        The messages' full protobuf name, one of `known_schemas`.
+    payloads : sequence of bytes
+        The messages as they are in the file, in the order of time.
+
+    Returns
+    -------
+    dict of str to array
+        The first axis of each array is the message.
+
+    Raises
+    ------
+    RecordingError
+        If the messages do not have the same shape throughout.
+    """
+    return _DECODERS[schema](payloads)
+
+
+def known_schemas() -> frozenset[str]:
+    """Return the names of the schemas that `decode` knows."""
+    return frozenset(_DECODERS)
+
+
+def _own_message(message_class: type[Message]) -> Callable[[Sequence[bytes]], Columns]:
+    fields = message_class.DESCRIPTOR.fields
+
+    def decode_own(payloads: Sequence[bytes]) -> Columns:
+        messages = [message_class.FromString(payload) for payload in payloads]
+        values = {field.name: [getattr(message, field.name) for message in messages] for field in fields}
+        return {f.name: _field(values[f.name], f.name, f.type, is_repeated=f.is_repeated) for f in fields}
+
+    return decode_own
+
+
+def _attitude_history(payloads: Sequence[bytes]) -> Columns:
+    columns = _own_message(inspection_pb2.AttitudeHistory)(payloads)
+    num_messages, num_instants = columns["time_offset_s"].shape
+    widths = {"quaternion": 4, "angular_velocity_rad_s": 3, "torque_n_m": 3}
+    for name, width in widths.items():
+        columns[name] = columns[name].reshape(num_messages, num_instants, width)
+    return columns
+
+
+def _field(values: list[Any], name: str, kind: int, *, is_repeated: bool) -> NDArray[np.generic]:
+    if kind == FieldDescriptor.TYPE_BYTES:
+        return _rectangle(values, name, np.dtype(np.uint8)).astype(np.bool_)
+    dtype = _DTYPE_OF_FIELD[kind]
+    return _rectangle(values, name, dtype) if is_repeated else np.array(values, dtype=dtype)
+
+
+def _rectangle(
+    rows: Sequence[Sequence[float]] | Sequence[bytes], name: str, dtype: np.dtype[Any]
+) -> NDArray[np.generic]:
+    lengths = {len(row) for row in rows}
+    if len(lengths) > 1:
+        raise RecordingError(
+            f"the field {name!r} has rows of {' and '.join(map(str, sorted(lengths)))} values, but a column "
+            "needs rows of one length; read a shorter stretch with start_s and end_s"
+        )
+    width = lengths.pop() if lengths else 0
+    flat = np.fromiter(chain.from_iterable(rows), dtype, count=len(rows) * width)
+    return flat.reshape(len(rows), width)
+
+
+def _transforms(payloads: Sequence[bytes]) -> Columns:
+    messages = [FrameTransform.FromString(payload) for payload in payloads]
+    return {
+        "parent_frame": np.array([m.parent_frame_id for m in messages], dtype=np.str_),
+        "child_frame": np.array([m.child_frame_id for m in messages], dtype=np.str_),
+        "translation_m": _vectors([m.translation for m in messages]),
+        "quaternion": _quaternions([m.rotation for m in messages]),
+    }
+
+
+def _poses(payloads: Sequence[bytes]) -> Columns:
+    messages = [PoseInFrame.FromString(payload) for payload in payloads]
+    return {
+        "frame": np.array([m.frame_id for m in messages], dtype=np.str_),
+        "position_m": _vectors([m.pose.position for m in messages]),
+        "quaternion": _quaternions([m.pose.orientation for m in messages]),
+    }
+
+
+def _logs(payloads: Sequence[bytes]) -> Columns:
+    messages = [Log.FromString(payload) for payload in payloads]
+    return {
+        "level": np.array([Log.Level.Name(m.level).lower() for m in messages], dtype=np.str_),
+        "message": np.array([m.message for m in messages], dtype=np.str_),
+    }
+
+
+def _point_clouds(payloads: Sequence[bytes]) -> Columns:
+    messages = [PointCloud.FromString(payload) for payload in payloads]
+    if not messages:
+        empty = np.empty((0, 0, 4), dtype=np.uint8)
+        return _cloud_columns(np.empty((0, 0, 3), dtype=np.float32), empty)
+    layout = np.dtype(
+        {
+            "names": [field.name for field in messages[0].fields],
+            "formats": [_DTYPE_OF_POINT_FIELD[field.type] for field in messages[0].fields],
+            "offsets": [field.offset for field in messages[0].fields],
+            "itemsize": messages[0].point_stride,
+        }
+    )
+    raw = _rectangle([m.data for m in messages], "data", np.dtype(np.uint8))
+    points = raw.view(layout).reshape(len(messages), -1)
+    positions = np.stack([points[axis] for axis in ("x", "y", "z")], axis=-1)
+    colours = np.stack([points[channel] for channel in ("red", "green", "blue", "alpha")], axis=-1)
+    return _cloud_columns(positions, colours)
+
+
+def _cloud_columns(positions: NDArray[np.float32], colours: NDArray[np.uint8]) -> Columns:
+    states = np.full(colours.shape[:-1], UNKNOWN_STATE, dtype=np.uint8)
+    for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA, strict=True):
+        states[(colours == colour).all(axis=-1)] = state
+    return {"position_m": positions, "colour_rgba": colours, "state": states}
+
+
+def _vectors(vectors: Sequence[Vector3]) -> NDArray[np.float64]:
+    return np.array([(v.x, v.y, v.z) for v in vectors], dtype=np.float64).reshape(-1, 3)
+
+
+def _quaternions(quaternions: Sequence[Quaternion]) -> NDArray[np.float64]:
+    return np.array([(q.x, q.y, q.z, q.w) for q in quaternions], dtype=np.float64).reshape(-1, 4)
+
+
+_DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
+    "foxglove.FrameTransform": _transforms,
+    "foxglove.PoseInFrame": _poses,
+    "foxglove.PointCloud": _point_clouds,
+    "foxglove.Log": _logs,
+    "inspection.AttitudeHistory": _attitude_history,
+    **{
+        message_class.DESCRIPTOR.full_name: _own_message(message_class)
+        for message_class in (
+            inspection_pb2.DeputyState,
+            inspection_pb2.Control,
+            inspection_pb2.Guidance,
+            inspection_pb2.FisActivation,
+            inspection_pb2.MissionStatus,
+        )
+    },
+}

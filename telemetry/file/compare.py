@@ -1,0 +1,359 @@
+"""Compares two recordings: where they first part, by how much, and how far each field strays."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from telemetry.file import topics
+from telemetry.file.errors import RecordingError
+from telemetry.file.reader import Recording, TopicColumns
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Value = float | int | bool | str
+
+#: within a sample a topic follows from those before it: the first that parts is the nearest to the cause
+_DATA_FLOW: Final = (
+    topics.DEPUTY_STATE,
+    topics.DEPUTY_POSE,
+    topics.TRANSFORMS,
+    topics.CHIEF_POINTS,
+    topics.MISSION,
+    topics.GUIDANCE,
+    topics.FIS_PREFIX,
+    topics.DEPUTY_CONTROL,
+    topics.DEPUTY_ATTITUDE,
+    topics.LOG,
+)
+_KEY: Final = np.dtype([("time_s", np.float64), ("occurrence", np.int64)])
+
+
+@dataclass(frozen=True)
+class Parting:
+    """Where two fields first differ by more than is tolerated.
+
+    Parameters
+    ----------
+    topic, field, unit : str
+    sample : int
+        Number of the instant among all instants of both recordings, from 0.
+    time_s : float
+    component : tuple of int
+        Which number of the field; the farthest apart, if several part at once.
+    first, second : float, int, bool or str
+        What the two recordings say there.
+    """
+
+    topic: str
+    field: str
+    unit: str
+    sample: int
+    time_s: float
+    component: tuple[int, ...]
+    first: Value
+    second: Value
+
+
+@dataclass(frozen=True)
+class FieldComparison:
+    """One field, over all messages that both recordings have.
+
+    Parameters
+    ----------
+    topic, field, unit : str
+    greatest : float
+        The largest difference of two numbers, in the field's unit; infinite where one is not finite, and for
+        words and lengths that differ.
+    greatest_time_s : float
+        Where it is.
+    parting : Parting or None
+        None where the field never differs by more than is tolerated.
+    """
+
+    topic: str
+    field: str
+    unit: str
+    greatest: float
+    greatest_time_s: float
+    parting: Parting | None
+
+
+@dataclass(frozen=True)
+class LoneMessages:
+    """Messages of a topic that one recording has and the other has not.
+
+    Parameters
+    ----------
+    topic : str
+    is_in_first : bool
+        Whether it is the first recording that has them.
+    num_messages : int
+    sample, time_s : int, float
+        The first of them.
+    """
+
+    topic: str
+    is_in_first: bool
+    num_messages: int
+    sample: int
+    time_s: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What two recordings have in common, and what not.
+
+    Parameters
+    ----------
+    first, second : Path
+    tolerance : float
+        Differences of quantities up to it, in each field's own unit, do not count.
+    num_samples : int
+        Instants of both recordings together.
+    fields : tuple of FieldComparison
+        In the order of the data's flow within a sample.
+    lone : tuple of LoneMessages
+    told_apart : tuple of str
+        Metadata entries and attachments that differ: why flights part, but not whether they do.
+    """
+
+    first: Path
+    second: Path
+    tolerance: float
+    num_samples: int
+    fields: tuple[FieldComparison, ...]
+    lone: tuple[LoneMessages, ...]
+    told_apart: tuple[str, ...]
+
+    @property
+    def is_equal(self) -> bool:
+        """Whether nothing differs by more than is tolerated."""
+        return not self.lone and all(field.parting is None for field in self.fields)
+
+    @property
+    def parting(self) -> Parting | LoneMessages | None:
+        """What differs first, None where nothing does."""
+        partings = [field.parting for field in self.fields if field.parting is not None]
+        ways: list[Parting | LoneMessages] = [*self.lone, *partings]
+        return min(ways, key=lambda way: (way.sample, _flow(way.topic)), default=None)
+
+
+def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comparison:
+    """Compare two recordings message by message; those of a topic at the same time belong together.
+
+    Parameters
+    ----------
+    first, second : Recording
+        They may be of different lengths and have different topics.
+    tolerance : float
+        The greatest difference that does not count, in each field's own unit. It is for measured quantities:
+        counts, states, masks and words have to be the same, as everything has where it is 0. Two NaNs are.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    RecordingError
+        If the tolerance is negative or NaN.
+    """
+    if not tolerance >= 0.0:
+        raise RecordingError(
+            f"the tolerance is {tolerance}, but zero or a positive number is expected; "
+            "give the greatest difference that does not count"
+        )
+    recorded = [topic for recording in (first, second) for topic in recording.topics.values()]
+    samples = np.unique(np.concatenate([np.empty(0), *(topic.time_s for topic in recorded)]))
+    fields: list[FieldComparison] = []
+    lone: list[LoneMessages] = []
+    for name in sorted({topic.topic for topic in recorded}, key=_flow):
+        pair = first.topics.get(name), second.topics.get(name)
+        rows, other_rows = _common_rows(*pair)
+        lone += _lone_messages(name, pair, (rows, other_rows), samples)
+        if pair[0] is not None and pair[1] is not None and rows.size:
+            fields += _compared_fields(pair[0], pair[1], (rows, other_rows), samples, tolerance)
+    return Comparison(
+        first.path,
+        second.path,
+        tolerance,
+        len(samples),
+        tuple(fields),
+        tuple(lone),
+        tuple(_told_apart(first, second)),
+    )
+
+
+def _told_apart(first: Recording, second: Recording) -> Iterator[str]:
+    for name in sorted(first.metadata.keys() | second.metadata.keys()):
+        entries, others = first.metadata.get(name, {}), second.metadata.get(name, {})
+        for key in sorted(entries.keys() | others.keys()):
+            if entries.get(key) != others.get(key):
+                yield f"{name} {key}"
+    for name in sorted(first.attachments.keys() | second.attachments.keys()):
+        if first.attachments.get(name) != second.attachments.get(name):
+            yield name
+
+
+def _flow(topic: str) -> tuple[int, str]:
+    """Place a topic in the order of the data's flow; one of another kind comes last."""
+    kind = topics.FIS_PREFIX if topic.startswith(topics.FIS_PREFIX) else topic
+    return (_DATA_FLOW.index(kind) if kind in _DATA_FLOW else len(_DATA_FLOW)), topic
+
+
+def _common_rows(first: TopicColumns | None, second: TopicColumns | None) -> tuple[Indices, Indices]:
+    """Find the messages that belong together: the same time, and the same place among those of that time."""
+    _, rows, other_rows = np.intersect1d(_keys(first), _keys(second), assume_unique=True, return_indices=True)
+    return rows, other_rows
+
+
+def _keys(topic: TopicColumns | None) -> NDArray[np.void]:
+    times = np.empty(0) if topic is None else topic.time_s
+    keys = np.empty(len(times), dtype=_KEY)
+    keys["time_s"] = times
+    keys["occurrence"] = np.arange(len(times)) - np.searchsorted(times, times)
+    return keys
+
+
+def _lone_messages(
+    name: str,
+    pair: tuple[TopicColumns | None, TopicColumns | None],
+    rows: tuple[Indices, Indices],
+    samples: Floats,
+) -> Iterator[LoneMessages]:
+    for topic, common, is_in_first in zip(pair, rows, (True, False), strict=True):
+        times = np.empty(0) if topic is None else np.delete(topic.time_s, common)
+        if times.size:
+            yield LoneMessages(name, is_in_first, len(times), _sample(samples, times[0]), float(times[0]))
+
+
+def _compared_fields(
+    first: TopicColumns,
+    second: TopicColumns,
+    rows: tuple[Indices, Indices],
+    samples: Floats,
+    tolerance: float,
+) -> Iterator[FieldComparison]:
+    times = first.time_s[rows[0]]
+    for field in (name for name in first.columns if name in second.columns):
+        one, other = first[field][rows[0]], second[field][rows[1]]
+        apart = _apart(one, other)
+        greatest = apart.reshape(len(apart), -1).max(axis=1, initial=0.0)
+        # half a point is not inspected: whole numbers are the same or they are not
+        row = _first_beyond(greatest, tolerance if one.dtype.kind == "f" else 0.0)
+        unit = first.units.get(field, "")
+        parting = None
+        if row is not None:
+            sample, time_s = _sample(samples, times[row]), float(times[row])
+            component, value, other_value = _values(one, other, apart, row)
+            parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
+        yield FieldComparison(
+            topic=first.topic,
+            field=field,
+            unit=unit,
+            greatest=float(greatest.max()),
+            greatest_time_s=float(times[greatest.argmax()]),
+            parting=parting,
+        )
+
+
+def _first_beyond(numbers: Floats, limit: float) -> int | None:
+    beyond = np.flatnonzero(numbers > limit)
+    return int(beyond[0]) if beyond.size else None
+
+
+def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
+    """Return how far numbers are apart; infinitely where they cannot be subtracted."""
+    if one.shape != other.shape:
+        return np.full(len(one), np.inf)
+    if one.dtype.kind == "U":
+        return np.where(one == other, 0.0, np.inf)
+    numbers, others = one.astype(np.float64), other.astype(np.float64)
+    is_same = (numbers == others) | (np.isnan(numbers) & np.isnan(others))
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(numbers - others)
+    return np.where(is_same, 0.0, np.where(np.isfinite(apart), apart, np.inf))
+
+
+def _values(
+    one: NDArray[np.generic], other: NDArray[np.generic], apart: Floats, row: int
+) -> tuple[tuple[int, ...], Value, Value]:
+    """Return which numbers of a row are the farthest apart, and what they are."""
+    if one.shape != other.shape:
+        return (), _length(one), _length(other)
+    component = tuple(int(i) for i in np.unravel_index(int(apart[row].argmax()), apart.shape[1:]))
+    place = (row, *component)
+    return component, one[place].item(), other[place].item()
+
+
+def _length(values: NDArray[np.generic]) -> str:
+    return f"{' x '.join(map(str, values.shape[1:]))} values"
+
+
+def _sample(samples: Floats, time_s: float) -> int:
+    return int(np.searchsorted(samples, time_s))
+
+
+def in_words(comparison: Comparison) -> list[str]:
+    """Spell a comparison out: the first parting, messages of one recording alone, each field that differs."""
+    pair = f"{comparison.first} and {comparison.second}"
+    parting = comparison.parting
+    if parting is None:
+        extent = f"{comparison.num_samples} samples, {len(comparison.fields)} fields"
+        within = f" to within {comparison.tolerance:g}" if comparison.tolerance else ""
+        lines = [f"{pair} are the same{within}: {extent}"]
+    else:
+        lines = [f"{pair} part at {_parting_in_words(parting, comparison.num_samples)}"]
+    for lone in comparison.lone:
+        owner = "first" if lone.is_in_first else "second"
+        lines.append(
+            f"  {lone.topic}: {lone.num_messages} messages in the {owner} alone, from {lone.time_s:g} s on"
+        )
+    if comparison.told_apart:
+        lines.append(f"  described differently: {', '.join(comparison.told_apart)}")
+    return lines + _table(comparison.fields)
+
+
+def _parting_in_words(parting: Parting | LoneMessages, num_samples: int) -> str:
+    instant = f"sample {parting.sample} of 0 to {num_samples - 1} ({parting.time_s:g} s): {parting.topic}"
+    if isinstance(parting, LoneMessages):
+        return f"{instant} has a message in the {'first' if parting.is_in_first else 'second'} alone"
+    first, second, unit = parting.first, parting.second, _spaced(parting.unit)
+    index = f"[{', '.join(map(str, parting.component))}]" if parting.component else ""
+    told = (
+        f"{instant} {parting.field}{index} is {first!r}{unit} in the first and {second!r}{unit} in the second"
+    )
+    if isinstance(first, str) or isinstance(second, str) or not np.isfinite(first - second):
+        return told
+    return f"{told}, {abs(first - second):.6g}{unit} apart"
+
+
+def _spaced(unit: str) -> str:
+    """Return a unit to stand behind a number; none for a field whose numbers have several."""
+    return f" {unit}" if unit and "," not in unit else ""
+
+
+def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
+    """Lay out the fields that differ at all, those that never do being counted."""
+    rows = [("field", "parts at", "greatest difference", "at")]
+    for field in fields:
+        if field.greatest > 0.0:
+            rows.append(
+                (
+                    f"{field.topic} {field.field}",
+                    "within the tolerance" if field.parting is None else f"{field.parting.time_s:g} s",
+                    f"{field.greatest:.6g}{_spaced(field.unit)}"
+                    if np.isfinite(field.greatest)
+                    else "differs",
+                    f"{field.greatest_time_s:g} s",
+                )
+            )
+    if len(rows) == 1:
+        return []
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    table = ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return ["", *table, "", f"  the other {len(fields) - len(rows) + 1} fields are the same"]

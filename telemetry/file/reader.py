@@ -1,0 +1,356 @@
+"""Reads a recording, or a part of it, into typed columns."""
+
+import os
+import shlex
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Final
+
+import numpy as np
+import zstandard
+from google.protobuf.message import DecodeError
+from mcap.exceptions import McapError
+from mcap.reader import FOOTER_SIZE, SeekingReader
+from mcap.records import Channel, Footer, Schema
+from mcap.stream_reader import MAGIC_SIZE, StreamReader
+from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
+
+from telemetry.file import arrow, columns, topics
+from telemetry.file.errors import RecordingError
+from telemetry.file.messages import NANOSECONDS
+from telemetry.file.metadata import EpisodeDescription, FisDescription, unsealed
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["Recording", "RecordingError", "read"]
+
+CHECKSUM_SIZE: Final = 4
+#: the kind of a record, one byte, and its length, eight
+RECORD_HEAD_SIZE: Final = 9
+#: what the mcap library raises on bytes that are not what they should be
+DAMAGE: Final = (
+    McapError,
+    DecodeError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    KeyError,
+    OverflowError,
+    MemoryError,
+    OSError,
+)
+
+
+@dataclass(frozen=True)
+class TopicColumns:
+    """The messages of one topic as columns.
+
+    Parameters
+    ----------
+    topic, schema : str
+        Where the messages were, and the full name of their protobuf type.
+    time_s : (N,)
+        Simulation time of each message, ascending.
+    columns : mapping of str to array
+        One array a field; the first axis, of length N, is the message.
+    units : mapping of str to str
+        The unit of each column; empty where it has none.
+    """
+
+    topic: str
+    schema: str
+    time_s: NDArray[np.float64]
+    columns: Mapping[str, NDArray[np.generic]]
+    units: Mapping[str, str]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def to_arrow(self) -> "pa.Table":
+        """Return the columns as an Arrow table: `time_s` first, vectors as lists of fixed size.
+
+        Each field's metadata holds its ``unit``; `telemetry.flat_table` gives one number a cell instead.
+        """
+        return arrow.table(
+            {"time_s": self.time_s, **self.columns},
+            {"time_s": "s", **self.units},
+            {"topic": self.topic, "schema": self.schema},
+        )
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        # whatever takes Arrow's stream protocol takes a topic as it is: polars.DataFrame(topic), duckdb
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
+
+    def __getitem__(self, field: str) -> NDArray[np.generic]:
+        if field not in self.columns:
+            raise KeyError(f"topic {self.topic} has no field {field!r}; it has {', '.join(self.columns)}")
+        return self.columns[field]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was read of a recording.
+
+    Parameters
+    ----------
+    path : Path
+    topics : mapping of str to TopicColumns
+        By topic name; a topic on which nothing happened is there with no messages.
+    metadata : mapping of str to mapping of str to str
+        By name: `episode`, ``fis.<name>``, and `recovery` in a rescued file.
+    attachments : mapping of str to bytes
+        By file name.
+    """
+
+    path: Path
+    topics: Mapping[str, TopicColumns]
+    metadata: Mapping[str, Mapping[str, str]]
+    attachments: Mapping[str, bytes]
+
+    def __getitem__(self, topic: str) -> TopicColumns:
+        if topic not in self.topics:
+            raise KeyError(f"{self.path} has no topic {topic!r} here; it has {', '.join(self.topics)}")
+        return self.topics[topic]
+
+    @property
+    def fis_names(self) -> tuple[str, ...]:
+        """Names of the fuzzy systems that the metadata describes, in the order of the recording."""
+        prefix = topics.FIS_METADATA_PREFIX
+        return tuple(name.removeprefix(prefix) for name in self.metadata if name.startswith(prefix))
+
+    @property
+    def episode(self) -> EpisodeDescription:
+        """What the episode was, as far as the recording tells."""
+        return EpisodeDescription.from_metadata(self.metadata.get(topics.EPISODE_METADATA, {}))
+
+    def fis_description(self, name: str) -> FisDescription:
+        """Return what the numbers of the fuzzy system called `name` mean.
+
+        Raises
+        ------
+        RecordingError
+            If the metadata does not fit what was recorded.
+        """
+        description = FisDescription.from_metadata(self.metadata[topics.FIS_METADATA_PREFIX + name])
+        topic = self.topics.get(topics.fis_topic(name))
+        if topic is not None and len(topic):
+            told = (len(description.input_names), len(description.rules))
+            recorded = (topic["inputs"].shape[1], topic["firing_strengths"].shape[1])
+            if told != recorded or len(description.input_units) != told[0]:
+                raise RecordingError(
+                    f"{self.path}: metadata fis.{name} tells of {told[0]} inputs and {told[1]} rules, but "
+                    f"{recorded[0]} and {recorded[1]} are recorded; record the flight again, with metadata "
+                    "and inferences of the same fuzzy system"
+                )
+        return description
+
+
+def read(
+    path: Path | str,
+    topics: str | Iterable[str] | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> Recording:
+    """Read a recording, or a part of it.
+
+    The file's index is used: chunks outside the time asked for are not read.
+
+    Parameters
+    ----------
+    path : Path or str
+    topics : str or iterable of str, optional
+        Topics to read, ``*`` standing for any part of a name (``/fis/*``, which may be none); all by default.
+    start_s, end_s : float, optional
+        The first and the last simulation time to read, both included; infinity is no limit.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, is no MCAP file, is cut short or damaged, or lacks a topic asked for, or
+        if the times are no span.
+    """
+    path = Path(path)
+    _check_span(start_s, end_s)
+    wanted = [topics] if isinstance(topics, str) else None if topics is None else list(topics)
+    with _opened(path) as stream, damage_explained(path):
+        _check_summary(stream)
+        reader = SeekingReader(stream, validate_crcs=True)
+        _check_attachments(reader, stream)
+        chosen = _chosen_channels(path, reader, wanted)
+        metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
+        attachments = {record.name: record.data for record in reader.iter_attachments()}
+        log_times, payloads = _messages(reader, chosen.keys(), start_s, end_s)
+        return Recording(
+            path=path,
+            topics={
+                topic: _topic_columns(topic, schema, log_times[topic], payloads[topic], metadata)
+                for topic, schema in chosen.items()
+            },
+            metadata=metadata,
+            attachments=attachments,
+        )
+
+
+def _check_span(start_s: float | None, end_s: float | None) -> None:
+    first, last = -inf if start_s is None else start_s, inf if end_s is None else end_s
+    # also false where one is no number
+    if not (first <= last and first < inf and last > -inf):
+        raise RecordingError(
+            f"from start_s={start_s} to end_s={end_s} there is no time; "
+            "give a start that is not after the end"
+        )
+
+
+@contextmanager
+def damage_explained(path: Path) -> Iterator[None]:
+    """Turn what the mcap library raises on damaged bytes into one clear error."""
+    try:
+        yield
+    except DAMAGE as error:
+        raise RecordingError(
+            f"{path} is damaged ({error or type(error).__name__}), but a recording must be whole to be read; "
+            f"rescue what can be read with `python -m telemetry recover {shlex.quote(str(path))}`"
+        ) from error
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    try:
+        stream = path.open("rb")
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be opened: {error.strerror or error}; give the path of a recording, a .mcap file"
+        ) from error
+    with stream:
+        check_is_whole(path, stream)
+        yield stream
+
+
+def check_is_whole(path: Path, stream: BinaryIO) -> None:
+    """Check that a file begins and ends as an MCAP file does.
+
+    Raises
+    ------
+    RecordingError
+        If it does not; the text tells a cut recording from a file of another kind.
+    """
+    head = stream.read(MAGIC_SIZE)
+    if not head or not MCAP0_MAGIC.startswith(head):
+        what = "is empty" if not head else "is not an MCAP file"
+        raise RecordingError(
+            f"{path} {what}, but a recording is an MCAP file that telemetry.EpisodeWriter wrote; "
+            "give the path of a .mcap file"
+        )
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(max(size - MAGIC_SIZE, 0))
+    tail = stream.read()
+    stream.seek(0)
+    if size < 2 * MAGIC_SIZE or tail != MCAP0_MAGIC:
+        raise RecordingError(
+            f"{path} is cut short, but a recording must be whole to be read; "
+            f"rescue every flushed step with `python -m telemetry recover {shlex.quote(str(path))}`"
+        )
+
+
+def _check_summary(stream: BinaryIO) -> None:
+    """Check the index against its checksum, which the library does not do."""
+    stream.seek(-(FOOTER_SIZE + MAGIC_SIZE), os.SEEK_END)
+    footer = next(StreamReader(stream, skip_magic=True).records)
+    if not isinstance(footer, Footer):
+        raise McapError("it has no footer")
+    end = stream.seek(-(MAGIC_SIZE + CHECKSUM_SIZE), os.SEEK_END)
+    stream.seek(footer.summary_start)
+    if zlib.crc32(stream.read(end - footer.summary_start)) != footer.summary_crc:
+        raise McapError("its index does not agree with its checksum")
+    stream.seek(0)
+
+
+def _check_attachments(reader: SeekingReader, stream: BinaryIO) -> None:
+    summary = reader.get_summary()
+    for index in summary.attachment_indexes if summary else ():
+        stream.seek(index.offset)
+        check_attachment(stream.read(index.length))
+
+
+def check_attachment(record_bytes: bytes) -> None:
+    """Check an attachment against its checksum, which the library does not do.
+
+    Raises
+    ------
+    McapError
+        If they do not agree.
+    """
+    checksum = int.from_bytes(record_bytes[-CHECKSUM_SIZE:], "little")
+    if zlib.crc32(record_bytes[RECORD_HEAD_SIZE:-CHECKSUM_SIZE]) != checksum:
+        raise McapError("an attachment does not agree with its checksum")
+
+
+def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None) -> dict[str, str]:
+    summary = reader.get_summary()
+    if summary is None:
+        raise McapError("it has no summary")
+    schemas: dict[int, Schema] = summary.schemas
+    channels: Iterable[Channel] = summary.channels.values()
+    available = {
+        channel.topic: schemas[channel.schema_id].name
+        for channel in channels
+        if channel.message_encoding == "protobuf"
+        and schemas[channel.schema_id].name in columns.known_schemas()
+    }
+    if wanted is None:
+        return available
+    for pattern in wanted:
+        if "*" not in pattern and pattern not in available:
+            raise RecordingError(
+                f"{path} has no topic {pattern!r}; choose from {', '.join(sorted(available)) or 'none'}"
+            )
+    return {
+        topic: schema
+        for topic, schema in available.items()
+        if any(fnmatchcase(topic, pattern) for pattern in wanted)
+    }
+
+
+def _messages(
+    reader: SeekingReader, chosen: Iterable[str], start_s: float | None, end_s: float | None
+) -> tuple[dict[str, list[int]], dict[str, list[bytes]]]:
+    log_times: dict[str, list[int]] = defaultdict(list)
+    payloads: dict[str, list[bytes]] = defaultdict(list)
+    for _schema, channel, message in reader.iter_messages(
+        topics=list(chosen),
+        starting_at=None if start_s is None or start_s == -inf else round(start_s * NANOSECONDS),
+        ending_before=None if end_s is None or end_s == inf else round(end_s * NANOSECONDS) + 1,
+        log_time_order=True,
+    ):
+        log_times[channel.topic].append(message.log_time)
+        payloads[channel.topic].append(message.data)
+    return log_times, payloads
+
+
+def _topic_columns(
+    topic: str,
+    schema: str,
+    log_times: list[int],
+    payloads: list[bytes],
+    metadata: Mapping[str, Mapping[str, str]],
+) -> TopicColumns:
+    decoded = columns.decode(schema, payloads)
+    units = {field: topics.unit_of(field) for field in decoded}
+    fis_metadata = metadata.get(topics.FIS_METADATA_PREFIX + topic.removeprefix(topics.FIS_PREFIX))
+    if topic.startswith(topics.FIS_PREFIX) and fis_metadata is not None and "input_units" in fis_metadata:
+        units["inputs"] = ", ".join(FisDescription.from_metadata(fis_metadata).input_units)
+    time_s = np.array(log_times, dtype=np.float64) / NANOSECONDS
+    return TopicColumns(topic, schema, time_s, decoded, units)

@@ -1,0 +1,249 @@
+"""Rescues a recording that was cut short or damaged: all that is provably whole, and nothing else.
+
+A record counts where all of its bytes are there. A chunk of messages counts as a whole, where its checksum
+agrees; a chunk that was still being written when the file was cut has none that does.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+
+from telemetry.file import topics
+from telemetry.file.errors import RecordingError
+from telemetry.file.messages import NANOSECONDS
+from telemetry.file.metadata import sealed, unsealed
+from telemetry.file.partial_file import PARTIAL_SUFFIX, whole_file
+from telemetry.file.reader import DAMAGE, check_attachment
+
+_FRAME: Final = struct.Struct("<BQ")
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What a rescue found.
+
+    Parameters
+    ----------
+    output : Path or None
+        The file made; None where the source was whole, so that there was nothing to rescue.
+    num_messages : int
+        How many messages came back.
+    end_s : float or None
+        Simulation time of the last one; None without any.
+    num_bytes_lost : int
+        Bytes of the source that no whole record covers.
+    num_damaged_records : int
+        Records whose bytes are all there, but wrong.
+    """
+
+    output: Path | None
+    num_messages: int
+    end_s: float | None
+    num_bytes_lost: int
+    num_damaged_records: int
+
+
+@dataclass
+class _Salvage:
+    """What a scan of a file found, in the order of the file."""
+
+    is_finished: bool = False
+    num_bytes_read: int = 0
+    num_damaged_records: int = 0
+    metadata: list[Metadata] = field(default_factory=list)
+    attachments: list[Attachment] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[list[Message]] = field(default_factory=list)
+
+    def add(self, record: McapRecord) -> None:
+        """Keep a record; schemas and channels stand in a chunk and, once more, in the summary."""
+        if isinstance(record, Metadata):
+            self.metadata.append(record)
+        elif isinstance(record, Attachment):
+            self.attachments.append(record)
+        elif isinstance(record, Schema):
+            self.schemas.setdefault(record.id, record)
+        elif isinstance(record, Channel):
+            self.channels.setdefault(record.id, record)
+        elif isinstance(record, Message):
+            self.chunks[-1].append(record)
+
+    def drop_unexplained(self) -> None:
+        """Drop messages of channels that no whole record describes: nobody can tell what they mean."""
+        self.channels = {i: c for i, c in self.channels.items() if c.schema_id in self.schemas}
+        self.chunks = [[m for m in chunk if m.channel_id in self.channels] for chunk in self.chunks]
+
+    @property
+    def log_times(self) -> list[int]:
+        return [message.log_time for chunk in self.chunks for message in chunk]
+
+
+def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
+    """Write what is whole in a cut or damaged recording to a new one.
+
+    Parameters
+    ----------
+    path : Path or str
+        The recording, also one still called ``.mcap.partial``.
+    output : Path or str, optional
+        The file to make; by default it lies beside the source, ``flight.mcap`` becoming
+        ``flight.recovered.mcap``.
+
+    Returns
+    -------
+    Recovery
+
+    Raises
+    ------
+    RecordingError
+        If the source is missing or no MCAP file, if nothing in it is whole, or if the output exists or cannot
+        be written.
+    """
+    path = Path(path)
+    output = _default_output(path) if output is None else Path(output)
+    salvage = _scan(_content(path))
+    log_times = salvage.log_times
+    is_whole = salvage.is_finished and salvage.num_damaged_records == 0
+    if not is_whole:
+        if not salvage.metadata and not log_times:
+            raise RecordingError(
+                f"nothing in {path} is whole: it ends before its first flushed step; fly the episode again"
+            )
+        _write(path, output, salvage)
+    return Recovery(
+        output=None if is_whole else output,
+        num_messages=len(log_times),
+        end_s=max(log_times) / NANOSECONDS if log_times else None,
+        num_bytes_lost=path.stat().st_size - salvage.num_bytes_read,
+        num_damaged_records=salvage.num_damaged_records,
+    )
+
+
+def _default_output(path: Path) -> Path:
+    name = path.name.removesuffix(PARTIAL_SUFFIX).removesuffix(".mcap")
+    return path.with_name(f"{name}.recovered.mcap")
+
+
+def _content(path: Path) -> bytes:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be read: {error.strerror or error}; give the path of a recording"
+        ) from error
+    if content[: len(MCAP0_MAGIC)] != MCAP0_MAGIC[: len(content)]:
+        raise RecordingError(
+            f"{path} is not an MCAP file, so there is no recording to rescue in it; give the path of a .mcap "
+            "or .mcap.partial file"
+        )
+    return content
+
+
+def _scan(content: bytes) -> _Salvage:
+    salvage = _Salvage(num_bytes_read=min(len(content), len(MCAP0_MAGIC)))
+    for record_bytes in _whole_records(content):
+        salvage.num_bytes_read += len(record_bytes)
+        try:
+            record = _parse(record_bytes)
+            records = _chunk_records(record) if isinstance(record, Chunk) else [record]
+        except DAMAGE:
+            salvage.num_damaged_records += 1
+            continue
+        if isinstance(record, Chunk):
+            salvage.chunks.append([])
+        for part in records:
+            salvage.add(part)
+        salvage.is_finished = isinstance(record, Footer)
+    if content[salvage.num_bytes_read :] == MCAP0_MAGIC:
+        salvage.num_bytes_read = len(content)
+    else:
+        salvage.is_finished = False
+    salvage.drop_unexplained()
+    return salvage
+
+
+def _whole_records(content: bytes) -> Iterator[bytes]:
+    """Yield every record whose bytes are all there, up to the footer, which is the last one."""
+    start = len(MCAP0_MAGIC)
+    while start + _FRAME.size <= len(content):
+        opcode, length = _FRAME.unpack_from(content, start)
+        end = start + _FRAME.size + length
+        if end > len(content):
+            return
+        yield content[start:end]
+        if opcode == Opcode.FOOTER:
+            return
+        start = end
+
+
+def _parse(record_bytes: bytes) -> McapRecord:
+    if record_bytes[0] == Opcode.MESSAGE:
+        raise ValueError("message outside a chunk, without a checksum")
+    if record_bytes[0] == Opcode.ATTACHMENT:
+        check_attachment(record_bytes)
+    record = next(StreamReader(BytesIO(record_bytes), skip_magic=True, emit_chunks=True).records)
+    if isinstance(record, Metadata):
+        return Metadata(record.name, unsealed(record.name, record.metadata))
+    return record
+
+
+def _chunk_records(chunk: Chunk) -> list[McapRecord]:
+    if chunk.uncompressed_crc == 0:
+        raise ValueError("chunk without a checksum")
+    return breakup_chunk(chunk, validate_crc=True)
+
+
+def _write(source: Path, output: Path, salvage: _Salvage) -> None:
+    if output.exists():
+        raise RecordingError(f"{output} exists; remove it or choose another name with -o")
+    try:
+        with whole_file(output) as stream:
+            _copy(Writer(stream, compression=CompressionType.ZSTD), source, salvage)
+    except OSError as error:
+        raise RecordingError(
+            f"{output} cannot be written: {error.strerror or error}; "
+            "make room, or choose another file with -o"
+        ) from error
+
+
+def _copy(writer: Writer, source: Path, salvage: _Salvage) -> None:
+    writer.start(library="fuzzy-spacecraft-inspection telemetry recover")
+    for metadata in salvage.metadata:
+        writer.add_metadata(metadata.name, sealed(metadata.name, metadata.metadata))
+    log_times = salvage.log_times
+    remark = {"source": source.name, "num_messages": str(len(log_times))}
+    if log_times:
+        remark["end_s"] = str(max(log_times) / NANOSECONDS)
+    writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
+    for attachment in salvage.attachments:
+        writer.add_attachment(
+            attachment.create_time,
+            attachment.log_time,
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+        )
+    schema_ids = {
+        schema.id: writer.register_schema(schema.name, schema.encoding, schema.data)
+        for schema in salvage.schemas.values()
+    }
+    channel_ids = {
+        channel.id: writer.register_channel(
+            channel.topic, channel.message_encoding, schema_ids[channel.schema_id], channel.metadata
+        )
+        for channel in salvage.channels.values()
+    }
+    for chunk in salvage.chunks:
+        for m in chunk:
+            writer.add_message(channel_ids[m.channel_id], m.log_time, m.data, m.publish_time, m.sequence)
+        writer.flush()  # type: ignore[no-untyped-call]
+    writer.finish()  # type: ignore[no-untyped-call]

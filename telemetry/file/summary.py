@@ -1,0 +1,108 @@
+"""Tells what a recording is: the flight, how it went, and what the file holds."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from telemetry.file import topics
+from telemetry.file.reader import Recording
+
+
+def summarize(recording: Recording) -> dict[str, Any]:
+    """Sum a recording up as plain data, fit for JSON.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read as a whole.
+
+    Returns
+    -------
+    dict
+        ``path``, ``bytes``, ``start_s`` and ``end_s`` (None without messages), ``is_rescued``, ``episode``
+        (the metadata as it stands), ``outcome``, ``fuzzy_systems``, ``topics``, ``attachments`` (sizes).
+    """
+    # a rescued file may have no topics at all
+    times = np.concatenate([np.empty(0), *(topic.time_s for topic in recording.topics.values())])
+    return {
+        "path": str(recording.path),
+        "bytes": recording.path.stat().st_size,
+        "start_s": float(times.min()) if times.size else None,
+        "end_s": float(times.max()) if times.size else None,
+        "is_rescued": topics.RECOVERY_METADATA in recording.metadata,
+        "episode": dict(recording.metadata.get(topics.EPISODE_METADATA, {})),
+        "outcome": _outcome(recording),
+        "fuzzy_systems": {name: _system(recording, name) for name in recording.fis_names},
+        "topics": {
+            name: {"schema": topic.schema, "messages": len(topic)} for name, topic in recording.topics.items()
+        },
+        "attachments": {name: len(content) for name, content in recording.attachments.items()},
+    }
+
+
+def _outcome(recording: Recording) -> dict[str, float]:
+    mission = recording.topics.get(topics.MISSION)
+    if mission is None or not len(mission):
+        return {}
+    distance = mission["distance_m"].astype(np.float64)
+    return {
+        "inspected_count": int(mission["inspected_count"][-1]),
+        "num_points": mission["inspected_mask"].shape[1],
+        "inspection_rate_percent": float(mission["inspection_rate_percent"][-1]),
+        "delta_v_m_s": float(mission["delta_v_m_s"][-1]),
+        "min_distance_m": float(distance.min()),
+        "max_distance_m": float(distance.max()),
+    }
+
+
+def _system(recording: Recording, name: str) -> dict[str, Any]:
+    words = recording.fis_description(name)
+    return {
+        "inputs": dict(zip(words.input_names, words.input_units, strict=True)),
+        "output": words.output_name,
+        "output_unit": words.output_unit,
+        "num_rules": len(words.rules),
+    }
+
+
+def in_words(summary: Mapping[str, Any]) -> list[str]:
+    """Spell out what `summarize` gives, a line an entry."""
+    has_messages = summary["start_s"] is not None
+    span = f"{summary['start_s']:g} to {summary['end_s']:g} s" if has_messages else "no messages"
+    lines = [f"{summary['path']}: {summary['bytes'] / 1024:.0f} KiB, {span}"]
+    if summary["is_rescued"]:
+        lines.append("rescued from a cut or damaged file: the flight may have gone on")
+    lines += ["", "episode", *_indented(summary["episode"])]
+    lines += ["", "outcome", *_indented(_outcome_in_words(summary["outcome"]))]
+    systems = summary["fuzzy_systems"]
+    lines += ["", "fuzzy systems", *([] if systems else ["  none"])]
+    for name, system in systems.items():
+        inputs = ", ".join(
+            f"{signal} ({unit})" if unit else signal for signal, unit in system["inputs"].items()
+        )
+        lines.append(
+            f"  {name}: {inputs} -> {system['output']} ({system['output_unit']}), {system['num_rules']} rules"
+        )
+    counts = {
+        name: f"{topic['messages']:5d} x {topic['schema']}" for name, topic in summary["topics"].items()
+    }
+    lines += ["", "topics", *_indented(counts)]
+    sizes = {name: f"{size} bytes" for name, size in summary["attachments"].items()}
+    return [*lines, "", "attachments", *_indented(sizes)]
+
+
+def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
+    if not outcome:
+        return {}
+    return {
+        "points inspected": f"{outcome['inspected_count']} of {outcome['num_points']}",
+        "inspection rate": f"{outcome['inspection_rate_percent']:.2f} %",
+        "delta-v": f"{outcome['delta_v_m_s']:.4f} m/s",
+        "distance": f"{outcome['min_distance_m']:.1f} to {outcome['max_distance_m']:.1f} m",
+    }
+
+
+def _indented(entries: Mapping[str, str]) -> list[str]:
+    width = max(map(len, entries), default=0)
+    return [f"  {key:<{width}}  {value}" for key, value in entries.items()] or ["  none"]

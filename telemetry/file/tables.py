@@ -1,0 +1,154 @@
+"""Flat tables of a recording, for tools that read CSV or Parquet: one number a cell, units in the names."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from telemetry.file import arrow, topics
+from telemetry.file.errors import RecordingError
+from telemetry.file.partial_file import whole_file
+from telemetry.file.reader import Recording, TopicColumns
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Table = dict[str, NDArray[np.generic]]
+Format = Literal["csv", "parquet"]
+
+_AXES: Final = ("x", "y", "z", "w")
+
+
+def export(recording: Recording, folder: Path, file_format: Format) -> list[Path]:
+    """Write every topic that holds anything to a file of its own.
+
+    Parameters
+    ----------
+    recording : Recording
+    folder : Path
+        Made where it does not exist; files of the same names are replaced, each once the new one is complete.
+    file_format : str
+        ``csv`` or ``parquet``.
+
+    Returns
+    -------
+    list of Path
+        The files, such as ``deputy_state.csv``.
+
+    Raises
+    ------
+    RecordingError
+        If the recording holds no messages of a flight, or the folder cannot be written to.
+    """
+    if not any(map(len, recording.topics.values())):
+        raise RecordingError(
+            f"{recording.path} holds no messages of a flight, so there is no table to write; "
+            "give a recording that telemetry.EpisodeWriter wrote"
+        )
+    # pyarrow takes a tenth of a second to import, which nobody who exports nothing should pay
+    import pyarrow.csv  # noqa: PLC0415
+    import pyarrow.parquet  # noqa: PLC0415
+
+    paths = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, topic in recording.topics.items():
+            if not len(topic):
+                continue
+            path = folder / f"{name.strip('/').replace('/', '_')}.{file_format}"
+            table = flat_table(recording, name)
+            with whole_file(path) as stream:
+                if file_format == "csv":
+                    pyarrow.csv.write_csv(table, stream)
+                else:
+                    pyarrow.parquet.write_table(table, stream)
+            paths.append(path)
+    except OSError as error:
+        raise RecordingError(
+            f"{folder} cannot be written to: {error.strerror or error}; "
+            "make room, or choose another folder with -o"
+        ) from error
+    return paths
+
+
+def flat_table(recording: Recording, name: str) -> "pa.Table":
+    """Spread the columns of a topic over columns of one number a row, as data frames want them.
+
+    A vector becomes a column for each axis, its unit staying last (``position_x_m``). Instants of the
+    attitude clock and inspection points become rows of their own.
+
+    Parameters
+    ----------
+    recording : Recording
+    name : str
+        Of the topic.
+
+    Returns
+    -------
+    pyarrow.Table
+        `time_s` first; each field's metadata holds its ``unit``. ``to_pandas()`` makes a data frame of it.
+    """
+    topic = recording[name]
+    columns = _flat_columns(recording, topic)
+    units = {column: topics.unit_of(column) for column in columns}
+    if name.startswith(topics.FIS_PREFIX):
+        names = _component_names(recording, topic, "inputs") or ()
+        words = recording.fis_description(name.removeprefix(topics.FIS_PREFIX))
+        units |= dict(zip(names, words.input_units, strict=True))
+    return arrow.table(columns, units, {"topic": name, "schema": topic.schema})
+
+
+def _flat_columns(recording: Recording, topic: TopicColumns) -> Table:
+    if topic.topic == topics.DEPUTY_ATTITUDE:
+        return _attitude_table(topic)
+    if topic.topic == topics.CHIEF_POINTS:
+        return _point_table(topic)
+    table: Table = {"time_s": topic.time_s}
+    for field, values in topic.columns.items():
+        table.update(_spread(field, values, _component_names(recording, topic, field)))
+    return table
+
+
+def _attitude_table(topic: TopicColumns) -> Table:
+    offsets = topic["time_offset_s"].astype(np.float64)
+    table: Table = {"time_s": (topic.time_s[:, None] + offsets).ravel()}
+    for field in ("quaternion", "angular_velocity_rad_s", "torque_n_m"):
+        values = topic[field]
+        table.update(_spread(field, values.reshape(-1, values.shape[-1]), None))
+    return table
+
+
+def _point_table(topic: TopicColumns) -> Table:
+    states = topic["state"]
+    num_samples, num_points = states.shape
+    words = np.array([state.name.lower() for state in topics.PointState] + ["unknown"])
+    return {
+        "time_s": np.repeat(topic.time_s, num_points),
+        "point": np.tile(np.arange(num_points), num_samples),
+        **_spread("position_m", topic["position_m"].reshape(-1, 3), None),
+        "state": words[np.minimum(states.astype(np.int64), len(words) - 1).ravel()],
+    }
+
+
+def _component_names(recording: Recording, topic: TopicColumns, field: str) -> Sequence[str] | None:
+    width = topic[field].shape[1] if topic[field].ndim > 1 else 0
+    if field == "inputs" and topic.topic.startswith(topics.FIS_PREFIX):
+        words = recording.fis_description(topic.topic.removeprefix(topics.FIS_PREFIX))
+        pairs = zip(words.input_names, words.input_units, strict=True)
+        return [f"input_{name}{topics.suffix_of(unit)}" for name, unit in pairs]
+    if field == "firing_strengths":
+        return [f"firing_strength_{rule}" for rule in range(1, width + 1)]
+    if field == "inspected_mask":
+        return [f"inspected_{point}" for point in range(width)]
+    return None
+
+
+def _spread(field: str, values: NDArray[np.generic], names: Sequence[str] | None) -> Table:
+    if values.ndim == 1:
+        return {field: values}
+    if names is None:
+        stem, suffix = topics.split_unit(field)
+        names = [f"{stem}_{axis}{suffix}" for axis in _AXES[: values.shape[1]]]
+    return {name: np.ascontiguousarray(values[:, index]) for index, name in enumerate(names)}

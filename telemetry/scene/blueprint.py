@@ -1,0 +1,244 @@
+"""The layouts: which view shows what, and where, in a window of about 1600 x 900."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from telemetry.scene.curves import Plot
+from telemetry.scene.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
+from telemetry.scene.lettering import drawable
+
+#: the timeline of a flight, s
+TIME: Final = "time"
+#: the timeline of a training, all rounds in a row
+GENERATION: Final = "generation"
+#: an hour of flight in a minute
+PLAYBACK_SPEED: Final = 60.0
+GENERATIONS_PER_SECOND: Final = 10.0
+#: of so many generations the scene of a training shows where the champions flew
+GENERATIONS_IN_SIGHT: Final = 30
+
+SCENE: Final = "/scene"
+CURVES: Final = "/curves"
+CHARTS: Final = "/charts"
+RULE_MAP: Final = "/rules/map"
+RULES_IN_WORDS: Final = "/rules/words"
+SUMMARY: Final = "/summary"
+EVENTS: Final = "/events"
+
+#: the chief's centre with the deputy's axes
+SEEN: Final = f"{SCENE}/seen"
+
+_MAP_MARGIN: Final = 20.0
+_CLOSE_UP_M: Final = 32.0
+BACKGROUND: Final = (10, 12, 20)
+#: curves end before the right edge, so that a legend hides none of them
+_ROOM_FOR_LEGEND: Final = 1.25
+_EYE_DIRECTION: Final = np.array([0.70, -0.80, 0.42])
+
+
+def trail_path(index: int) -> str:
+    """Return under which path the trail of a flight is, the first flight being 0."""
+    return f"{SCENE}/flights/{index}/trail"
+
+
+def plot_path(plot: Plot) -> str:
+    """Return under which path the curves of a plot are."""
+    return f"{CURVES}/{plot.key}"
+
+
+def replay(
+    mission: Sequence[Plot],
+    effort: Sequence[Plot],
+    fis: Sequence[Plot],
+    *,
+    farthest_m: float,
+    boresight: Sequence[float],
+    trails: Sequence[str],
+) -> rrb.Blueprint:
+    """Lay out flights: above the scene and the curves, below the rules and the events.
+
+    Parameters
+    ----------
+    mission : sequence of Plot
+        Distance, inspection rate and delta-v.
+    effort : sequence of Plot
+        Force and torque.
+    fis : sequence of Plot
+        What the fuzzy systems answered and were told, the first in front; empty where there were none.
+    farthest_m : float
+        The deputy's largest distance, which the scene has to hold.
+    boresight : (3,)
+        Unit vector along which the camera looks, body axes.
+    trails : sequence of str
+        Entities of which the scene shows everything up to now.
+    """
+    end_s = max(float(lines.instants[-1]) for lines in mission[0].curves)
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="Flight")
+    beside = rrb.Vertical(_camera_view(boresight), summary, row_shares=[48, 52])
+    fuzzy: list[rrb.Container] = []
+    if fis:
+        answers, *told = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis)
+        fuzzy = [rrb.Horizontal(answers, rrb.Tabs(*told, active_tab=0))]
+    rows = [
+        rrb.Horizontal(*(_plot(plot, end_s) for plot in mission), column_shares=[41, 34, 25]),
+        rrb.Horizontal(*(_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)),
+        *fuzzy,
+    ]
+    up_to_now = rrb.VisibleTimeRanges(
+        timeline=TIME,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
+    )
+    scene = _scene("Flight, Hill frame", farthest_m, trails, up_to_now)
+    top = rrb.Horizontal(scene, beside, rrb.Vertical(*rows), column_shares=[34, 17, 49])
+    if not fis:
+        return _blueprint(rrb.Vertical(top, _events(), row_shares=[75, 25]), TIME, PLAYBACK_SPEED)
+    words = rrb.TextDocumentView(
+        origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
+    )
+    bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[42, 30, 28])
+    return _blueprint(rrb.Vertical(top, bottom, row_shares=[61, 39]), TIME, PLAYBACK_SPEED)
+
+
+def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: float) -> rrb.Blueprint:
+    """Lay out the trajectories of many cases.
+
+    Parameters
+    ----------
+    distance : Plot
+        Over the time of the flights.
+    charts : sequence of (path, title)
+        Bar charts.
+    farthest_m : float
+        The largest distance, which the scene has to hold.
+    """
+    end_s = max(float(lines.instants[-1]) for lines in distance.curves)
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="How the cases ended")
+    without_legend = rrb.PlotLegend(visible=False)
+    bars = [rrb.BarChartView(origin=path, name=title, plot_legend=without_legend) for path, title in charts]
+    side = rrb.Vertical(
+        summary,
+        _plot(distance, _ROOM_FOR_LEGEND * end_s),
+        rrb.Grid(*bars, grid_columns=2),
+        row_shares=[41, 23, 36],
+    )
+    scene = _scene("All cases, Hill frame", farthest_m)
+    return _blueprint(rrb.Horizontal(scene, side, column_shares=[58, 42]), TIME, PLAYBACK_SPEED)
+
+
+def training(plots: Sequence[Plot], *, earlier: str, farthest_m: float) -> rrb.Blueprint:
+    """Lay out a training, also one that goes on.
+
+    Parameters
+    ----------
+    plots : sequence of Plot
+        Over the generations.
+    earlier : str
+        The entity of which the scene shows the last generations besides the present one.
+    farthest_m : float
+        A distance which the scene has to hold.
+    """
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="The champion of this generation")
+    lately = rrb.VisibleTimeRanges(
+        timeline=GENERATION,
+        start=rrb.TimeRangeBoundary.cursor_relative(seq=-GENERATIONS_IN_SIGHT),
+        end=rrb.TimeRangeBoundary.cursor_relative(seq=0),
+    )
+    scene = _scene("The champion's flight, Hill frame", farthest_m, (earlier,), lately)
+    left = rrb.Vertical(scene, summary, row_shares=[68, 32])
+    right = rrb.Grid(*(_plot(plot) for plot in plots), grid_columns=2)
+    return _blueprint(rrb.Horizontal(left, right, column_shares=[46, 54]), GENERATION, GENERATIONS_PER_SECOND)
+
+
+def _blueprint(root: rrb.Container, timeline: str, speed: float) -> rrb.Blueprint:
+    is_in_frames = timeline == GENERATION
+    time = rrb.TimePanel(
+        state="collapsed",
+        timeline=timeline,
+        playback_speed=None if is_in_frames else speed,
+        fps=speed if is_in_frames else None,
+        play_state="following" if is_in_frames else "playing",
+        loop_mode="off" if is_in_frames else "all",
+    )
+    return rrb.Blueprint(
+        root,
+        time,
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _events() -> rrb.View:
+    columns = rrb.TextLogColumns(
+        timeline_columns=[rrb.encodings.TimelineColumn(TIME, visible=False)],
+        text_log_columns=["Body"],
+    )
+    return rrb.TextLogView(origin=EVENTS, name="Events", columns=columns)
+
+
+def _scene(
+    title: str, farthest_m: float, trails: Sequence[str] = (), span: rrb.VisibleTimeRanges | None = None
+) -> rrb.View:
+    eye = 1.8 * max(farthest_m, 40.0) * _EYE_DIRECTION
+    return rrb.Spatial3DView(
+        origin=SCENE,
+        name=title,
+        background=BACKGROUND,
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(position=eye, look_target=[0, 0, 0], eye_up=[0, 0, 1]),
+        overrides=None if span is None else dict.fromkeys(trails, span),
+    )
+
+
+def _camera_view(boresight: Sequence[float]) -> rrb.View:
+    return rrb.Spatial3DView(
+        origin=SEEN,
+        contents=[f"{SCENE}/chief/**"],
+        name="As the deputy sees it",
+        background=BACKGROUND,
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(
+            position=-_CLOSE_UP_M * np.asarray(boresight, dtype=np.float64),
+            look_target=[0, 0, 0],
+            eye_up=[0, 0, 1],
+        ),
+    )
+
+
+def _plot(plot: Plot, end_s: float | None = None) -> rrb.View:
+    corner = rrb.Corner2D.LeftTop if plot.rises else rrb.Corner2D.RightTop
+    axis_y = None
+    if plot.low is not None and plot.high is not None:
+        axis_y = rrb.ScalarAxis(range=(plot.low, plot.high))
+    axis_x = None
+    if end_s is not None:
+        whole_flight = rr.TimeRange(
+            start=rr.TimeRangeBoundary.absolute(seconds=0.0),
+            end=rr.TimeRangeBoundary.absolute(seconds=end_s),
+        )
+        axis_x = rrb.TimeAxis(link="Independent", view_range=whole_flight)
+    return rrb.TimeSeriesView(
+        origin=plot_path(plot),
+        name=drawable(plot.title),
+        axis_x=axis_x,
+        axis_y=axis_y,
+        plot_legend=rrb.PlotLegend(corner, visible=plot.has_legend),
+    )
+
+
+def _rule_map() -> rrb.View:
+    return rrb.Spatial2DView(
+        origin=RULE_MAP,
+        name="Rules fired: one row each, rule 1 on top",
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + 3 * _MAP_MARGIN],
+            y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN],
+        ),
+    )

@@ -1,0 +1,258 @@
+"""The trajectories of an evaluation as one scene: all paths by outcome, the telling ones by name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from telemetry.scene import blueprint, entities
+from telemetry.scene.curves import LIMIT_COLOUR, PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
+from telemetry.scene.entities import seconds, send
+from telemetry.scene.lettering import drawable
+from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
+from telemetry.scene.viewer import Scene
+
+Floats = NDArray[np.float64]
+
+OUTCOME_COLOURS: Final[dict[Outcome, Colour]] = {
+    Outcome.SUCCESS: (0, 190, 130),
+    Outcome.SHORT: (255, 170, 60),
+    Outcome.OUTSIDE: (240, 60, 60),
+}
+UNKNOWN_COLOUR: Final[Colour] = (120, 140, 175)
+BAR_COLOUR: Final[Colour] = (86, 160, 255)
+NAMED_COLOUR: Final[Colour] = PLAIN_COLOUR
+NUM_BARS: Final = 30
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """A case that is more of something than all others.
+
+    Parameters
+    ----------
+    key : str
+        A word for its entity.
+    row : int
+        Of the evaluation.
+    sample : int
+        Where its label stands.
+    label : str
+    """
+
+    key: str
+    row: int
+    sample: int
+    label: str
+
+
+def scene(path: Path) -> Scene:
+    """Make a scene of an evaluation.
+
+    Parameters
+    ----------
+    path : Path
+        A run's folder, or its table of trajectories.
+
+    Raises
+    ------
+    RecordingError
+        If there are no trajectories, or they cannot be read.
+    """
+    evaluation = read_evaluation(path)
+    distance = distance_plot(evaluation)
+    charts = _charts(evaluation)
+    layout = blueprint.campaign(
+        distance,
+        [(f"{blueprint.CHARTS}/{key}", title) for key, title, _ in charts],
+        farthest_m=float(np.percentile(evaluation.distance_m.max(axis=1), 90)),
+    )
+
+    def send_all(stream: rr.RecordingStream) -> None:
+        surroundings = evaluation.surroundings
+        entities.send_chief(stream, surroundings.chief_radius_m)
+        entities.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)
+        entities.send_styles(stream, [distance])
+        entities.send_values(stream, [distance], seconds)
+        _send_paths(stream, evaluation)
+        _send_deputies(stream, evaluation)
+        for extreme in extremes(evaluation):
+            _send_extreme(stream, evaluation, extreme)
+        for key, _, values in charts:
+            _send_histogram(stream, f"{blueprint.CHARTS}/{key}", values)
+        text = rr.TextDocument(in_words(evaluation), media_type="text/markdown")
+        stream.log(blueprint.SUMMARY, text, static=True)
+
+    return Scene("evaluation", f"{drawable(evaluation.name)}: {len(evaluation.case)} cases", layout, send_all)
+
+
+def extremes(evaluation: Evaluation) -> list[Extreme]:
+    """Return the cases worth a name: the most delta-v, the fewest points, the nearest and the farthest."""
+    distance = evaluation.distance_m
+    last = distance.shape[1] - 1
+    nearest, near_sample = np.unravel_index(np.argmin(distance), distance.shape)
+    farthest, far_sample = np.unravel_index(np.argmax(distance), distance.shape)
+    found = [
+        _extreme(evaluation, "nearest", int(nearest), int(near_sample), f"{distance.min():.1f} m"),
+        _extreme(evaluation, "farthest", int(farthest), int(far_sample), f"{distance.max():.1f} m"),
+    ]
+    if evaluation.episodes:
+        delta_v, count = evaluation.episodes["delta_v_m_s"], evaluation.episodes["inspected_count"]
+        row = int(np.argmax(delta_v))
+        found.append(_extreme(evaluation, "most delta-v", row, last, f"{delta_v[row]:.3f} m/s"))
+        row = int(np.argmin(count))
+        found.append(_extreme(evaluation, "least inspected", row, last, f"{count[row]} points"))
+    return found
+
+
+def _extreme(evaluation: Evaluation, what: str, row: int, sample: int, how_much: str) -> Extreme:
+    label = f"{what}: case {evaluation.case[row]}, {how_much}"
+    return Extreme(what.replace(" ", "_").replace("-", "_"), row, sample, label)
+
+
+def in_words(evaluation: Evaluation) -> str:
+    """Say how the cases of an evaluation ended, as Markdown."""
+    num_cases = len(evaluation.case)
+    rows = ["| cases | " + str(num_cases) + " |", "|---|---|"]
+    outcome = evaluation.outcome
+    if outcome is None:
+        rows.append("| outcome | not known: no episodes.parquet lies beside the trajectories |")
+    else:
+        for kind, words in _outcomes_in_words(evaluation).items():
+            count = int(np.sum(outcome == kind))
+            rows.append(f"| {words} | {count} ({100 * count / num_cases:.1f} %) |")
+        for title, name, unit, digits in (
+            ("delta-v", "delta_v_m_s", "m/s", 3),
+            ("inspected", "inspection_rate_percent", "%", 1),
+        ):
+            values = evaluation.episodes[name]
+            spread = values.std(ddof=min(1, num_cases - 1))
+            rows.append(
+                f"| {title} | {values.mean():.{digits}f} ± {spread:.{digits}f} {unit}, "
+                f"{values.min():.{digits}f} to {values.max():.{digits}f} |"
+            )
+    rows += [
+        f"| {name} | {rest} |"
+        for name, rest in (extreme.label.split(": ", 1) for extreme in extremes(evaluation))
+    ]
+    told = "White: the cases named above. Dots: the deputies now; at 0 s where the cases start."
+    return "\n".join(rows) + f"\n\n{told}"
+
+
+def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
+    around = evaluation.surroundings
+    goal = "the goal" if around.threshold_percent is None else f"{around.threshold_percent:g} %"
+    limits = "the limits"
+    if around.min_distance_m is not None and around.max_distance_m is not None:
+        limits = f"{around.min_distance_m:g} to {around.max_distance_m:g} m"
+    return {
+        Outcome.SUCCESS: f"green: success, {goal} inspected",
+        Outcome.SHORT: f"orange: short of {goal}",
+        Outcome.OUTSIDE: f"red: outside {limits}",
+    }
+
+
+def distance_plot(evaluation: Evaluation) -> Plot:
+    """Plot the nearest, the median and the farthest distance of all cases over time, with the limits."""
+    distance, time_s = evaluation.distance_m, evaluation.time_s
+    spread = np.column_stack((distance.max(axis=0), np.median(distance, axis=0), distance.min(axis=0)))
+    colours = (SIGNAL_COLOURS[3], PLAIN_COLOUR, SIGNAL_COLOURS[2])
+    curves = [Curves("spread", time_s, spread, ("farthest", "median", "nearest"), colours)]
+    around = evaluation.surroundings
+    limits = [limit for limit in (around.min_distance_m, around.max_distance_m) if limit is not None]
+    for limit in limits:
+        level = np.full((2, 1), limit)
+        curves.append(
+            Curves(
+                f"limit_{limit:g}", time_s[[0, -1]], level, (f"limit {limit:g}",), (LIMIT_COLOUR,), width=1.0
+            )
+        )
+    return Plot(
+        "distance",
+        "Distance of all cases (m)",
+        tuple(curves),
+        0.0,
+        1.05 * max(float(spread.max()), *limits, 0.0),
+    )
+
+
+def _charts(evaluation: Evaluation) -> list[tuple[str, str, Floats]]:
+    distance = evaluation.distance_m
+    charts = []
+    if evaluation.episodes:
+        charts = [
+            ("delta_v", "Cases over delta-v (m/s)", evaluation.episodes["delta_v_m_s"]),
+            (
+                "inspected",
+                "Cases over points inspected",
+                evaluation.episodes["inspected_count"].astype(np.float64),
+            ),
+        ]
+    return [
+        *charts,
+        ("nearest", "Cases over nearest distance (m)", distance.min(axis=1)),
+        ("farthest", "Cases over farthest distance (m)", distance.max(axis=1)),
+    ]
+
+
+def _send_histogram(stream: rr.RecordingStream, entity: str, values: Floats) -> None:
+    counts, edges = np.histogram(values, bins=NUM_BARS)
+    middles = (edges[:-1] + edges[1:]) / 2
+    widths = np.diff(edges).astype(np.float32)
+    chart = rr.BarChart(counts, color=BAR_COLOUR, abscissa=middles, widths=widths)
+    stream.log(entity, chart, static=True)
+
+
+def _colours(evaluation: Evaluation) -> NDArray[np.uint8]:
+    outcome = evaluation.outcome
+    if outcome is None:
+        return np.tile(np.array(UNKNOWN_COLOUR, dtype=np.uint8), (len(evaluation.case), 1))
+    return np.array([OUTCOME_COLOURS[kind] for kind in Outcome], dtype=np.uint8)[outcome]
+
+
+def _send_paths(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
+    outcome = evaluation.outcome
+    kinds: Sequence[tuple[str, Colour, NDArray[np.bool_]]]
+    if outcome is None:
+        kinds = [("all", UNKNOWN_COLOUR, np.ones(len(evaluation.case), dtype=np.bool_))]
+    else:
+        kinds = [(kind.name.lower(), OUTCOME_COLOURS[kind], outcome == kind) for kind in Outcome]
+    for name, colour, chosen in kinds:
+        if not chosen.any():
+            continue
+        is_faint = name in ("all", "success")
+        lines = rr.LineStrips3D(
+            list(evaluation.position_m[chosen]),
+            colors=[(*colour, 90 if is_faint else 255)],
+            radii=rr.Radius.ui_points(0.3 if is_faint else 0.7),
+        )
+        stream.log(f"{blueprint.SCENE}/paths/{name}", lines, static=True)
+
+
+def _send_deputies(stream: rr.RecordingStream, evaluation: Evaluation) -> None:
+    entity = f"{blueprint.SCENE}/deputies"
+    num_cases, num_samples = evaluation.position_m.shape[:2]
+    style = rr.Points3D.from_fields(colors=_colours(evaluation), radii=rr.Radius.ui_points(2.8))
+    stream.log(entity, style, static=True)
+    positions = np.ascontiguousarray(evaluation.position_m.transpose(1, 0, 2)).reshape(-1, 3)
+    columns = rr.Points3D.columns(positions=positions)
+    send(stream, entity, seconds(evaluation.time_s), columns.partition([num_cases] * num_samples))
+
+
+def _send_extreme(stream: rr.RecordingStream, evaluation: Evaluation, extreme: Extreme) -> None:
+    entity = f"{blueprint.SCENE}/named/{extreme.key}"
+    track = evaluation.position_m[extreme.row]
+    lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))
+    stream.log(entity, lines, static=True)
+    place = rr.Points3D(
+        [track[extreme.sample]],
+        labels=[extreme.label],
+        colors=[NAMED_COLOUR],
+        radii=rr.Radius.ui_points(4.0),
+        show_labels=True,
+    )
+    stream.log(f"{entity}/label", place, static=True)

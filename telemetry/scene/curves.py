@@ -1,0 +1,208 @@
+"""What is plotted, as data: which curves stand together, under which title, in what colour."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from telemetry.file import topics
+from telemetry.file.reader import Recording
+from telemetry.scene.lettering import drawable
+
+Floats = NDArray[np.float64]
+Colour = tuple[int, int, int]
+
+#: of the x, y, z (or i, j, k) axis
+AXIS_COLOURS: Final[tuple[Colour, ...]] = ((235, 87, 87), (111, 207, 151), (86, 160, 255))
+SIGNAL_COLOURS: Final[tuple[Colour, ...]] = (*AXIS_COLOURS, (240, 200, 80), (190, 130, 255), (80, 210, 220))
+PLAIN_COLOUR: Final[Colour] = (220, 224, 235)
+LIMIT_COLOUR: Final[Colour] = (200, 70, 70)
+GOAL_COLOUR: Final[Colour] = (0, 190, 130)
+
+#: a limit is kept in sight only where the curve fills at least this part of it
+_LEAST_SHARE_OF_LIMIT: Final = 0.25
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Lines that share their instants.
+
+    Parameters
+    ----------
+    name : str
+        Unique within the plot.
+    instants : (N,)
+        Of the view's timeline: seconds, or generations.
+    values : (N, M)
+    labels : tuple of str
+        M names for the legend.
+    colours : tuple of Colour
+        M of them.
+    in_steps : bool
+        Whether a value holds until the next one.
+    width : float
+        In points.
+    """
+
+    name: str
+    instants: Floats
+    values: Floats
+    labels: tuple[str, ...]
+    colours: tuple[Colour, ...]
+    in_steps: bool = False
+    width: float = 1.6
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Curves in one view.
+
+    Parameters
+    ----------
+    key : str
+        A word for the view.
+    title : str
+        With the unit.
+    curves : tuple of Curves
+    low, high : float or None
+        What the vertical axis shows; None to fit the curves.
+    has_legend : bool
+    rises : bool
+        Whether the curves leave room for the legend to the left.
+    """
+
+    key: str
+    title: str
+    curves: tuple[Curves, ...]
+    low: float | None = None
+    high: float | None = None
+    has_legend: bool = True
+    rises: bool = False
+
+
+def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) -> tuple[Plot, Plot, Plot]:
+    """Plot distance, inspection rate and delta-v of some flights, one colour each; the first one's limits."""
+    episode = recordings[0].episode
+    end_s = max(float(recording[topics.MISSION].time_s[-1]) for recording in recordings)
+    has_legend = len(recordings) > 1
+    limits = [limit for limit in (episode.min_distance_m, episode.max_distance_m) if limit is not None]
+    levels = [_level(f"limit_{limit:g}", end_s, limit, LIMIT_COLOUR) for limit in limits]
+    distance = (*_of_each(recordings, colours, "distance_m"), *levels)
+    farthest = max(float(curve.values.max()) for curve in distance)
+    rate = _of_each(recordings, colours, "inspection_rate_percent", in_steps=True)
+    threshold = episode.inspection_threshold_percent
+    if threshold is not None:
+        rate = (*rate, _level("goal", end_s, threshold, GOAL_COLOUR))
+    goal = "" if threshold is None else f"; goal {threshold:g}"
+    bounds = "; limits " + ", ".join(f"{limit:g}" for limit in limits) if limits else ""
+    delta_v = _of_each(recordings, colours, "delta_v_m_s")
+    return (
+        Plot("distance", f"Distance (m{bounds})", distance, 0.0, 1.05 * farthest, has_legend=False),
+        Plot("rate", f"Inspected (%{goal})", rate, 0.0, 104.0, has_legend=False),
+        Plot("delta_v", "Delta-v (m/s)", delta_v, has_legend=has_legend, rises=True),
+    )
+
+
+def flight_names(recordings: Sequence[Recording]) -> list[str]:
+    """Name flights after their files, and files called the same after the folder, too, that parts them."""
+    paths = [recording.path.resolve() for recording in recordings]
+    stems = [drawable(path.stem) for path in paths]
+    for depth in range(min(len(path.parents) for path in paths)):
+        folders = [drawable(path.parents[depth].name) for path in paths]
+        names = [
+            stem if stems.count(stem) == 1 else f"{folder}/{stem}"
+            for stem, folder in zip(stems, folders, strict=True)
+        ]
+        if len(set(names)) == len(names):
+            return names
+    # the same file twice
+    return [f"{stem} {number}" for number, stem in enumerate(stems, start=1)]
+
+
+def effort_plots(recording: Recording) -> tuple[Plot, Plot]:
+    """Plot the force over each control period and the torque over each attitude period."""
+    episode = recording.episode
+    control = recording[topics.DEPUTY_CONTROL]
+    history = recording[topics.DEPUTY_ATTITUDE]
+    axes = ("i radial", "j along-track", "k normal")
+    force = Curves("applied", control.time_s, _floats(control["force_hill_n"]), axes, AXIS_COLOURS, True)
+    instants = (history.time_s[:, None] + _floats(history["time_offset_s"])).ravel()
+    torques = 1e3 * _floats(history["torque_n_m"]).reshape(-1, 3)
+    torque = Curves("applied", instants, torques, ("x", "y", "z"), AXIS_COLOURS, True)
+    max_torque = None if episode.max_torque_n_m is None else 1e3 * episode.max_torque_n_m
+    return (
+        _with_limits("force", "Force, Hill axes (N", force, episode.max_force_n),
+        _with_limits("torque", "Torque, body axes (mN m", torque, max_torque),
+    )
+
+
+def fis_plots(recording: Recording) -> list[Plot]:
+    """Plot what the fuzzy systems answered, then what they were told: one plot for each unit."""
+    outputs: list[Curves] = []
+    inputs: dict[str, list[Curves]] = {}
+    for name in recording.fis_names:
+        topic = recording[topics.fis_topic(name)]
+        if not len(topic):
+            continue
+        words = recording.fis_description(name)
+        colour = (SIGNAL_COLOURS[len(outputs) % len(SIGNAL_COLOURS)],)
+        answer = _floats(topic["output_n"])[:, None]
+        system = f"system_{len(outputs)}"
+        outputs.append(Curves(system, topic.time_s, answer, (words.output_name,), colour, True))
+        told = _floats(topic["inputs"])
+        for index, (signal, unit) in enumerate(zip(words.input_names, words.input_units, strict=True)):
+            same = inputs.setdefault(unit, [])
+            colour = (SIGNAL_COLOURS[len(same) % len(SIGNAL_COLOURS)],)
+            label = (f"{signal} ({name})",)
+            same.append(Curves(f"{system}_input_{index}", topic.time_s, told[:, index, None], label, colour))
+    if not outputs:
+        return []
+    plots = [Plot("fis_outputs", "Fuzzy outputs (N)", tuple(outputs))]
+    for number, (unit, curves) in enumerate(inputs.items()):
+        plots.append(Plot(f"fis_inputs_{number}", f"Inputs ({unit or 'no unit'})", tuple(curves)))
+    return plots
+
+
+def _of_each(
+    recordings: Sequence[Recording], colours: Sequence[Colour], field: str, *, in_steps: bool = False
+) -> tuple[Curves, ...]:
+    return tuple(
+        Curves(
+            f"flight_{index}",
+            recording[topics.MISSION].time_s,
+            _floats(recording[topics.MISSION][field])[:, None],
+            (name,),
+            (colour,),
+            in_steps,
+        )
+        for index, (recording, name, colour) in enumerate(
+            zip(recordings, flight_names(recordings), colours, strict=True)
+        )
+    )
+
+
+def _level(name: str, end_s: float, value: float, colour: Colour) -> Curves:
+    label = name.replace("_", " ")
+    return Curves(name, np.array([0.0, end_s]), np.full((2, 1), value), (label,), (colour,), width=1.0)
+
+
+def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> Plot:
+    if limit is None or not curves.values.size:
+        return Plot(key, f"{title})", (curves,))
+    title = f"{title}; limit ±{limit:g})"
+    largest = float(np.abs(curves.values).max())
+    if largest < _LEAST_SHARE_OF_LIMIT * limit:
+        reach = 1.1 * max(largest, 1e-3 * limit)
+        return Plot(key, title, (curves,), -reach, reach)
+    end_s = float(curves.instants[-1])
+    levels = (
+        _level(name, end_s, level, LIMIT_COLOUR)
+        for name, level in (("limit", limit), ("lower_limit", -limit))
+    )
+    return Plot(key, title, (curves, *levels), -1.1 * limit, 1.1 * limit)
+
+
+def _floats(values: NDArray[np.generic]) -> Floats:
+    return values.astype(np.float64)

@@ -1,0 +1,253 @@
+"""What a replay draws, as arrays and words: nothing here knows the viewer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from telemetry.file import topics
+from telemetry.file.metadata import FisDescription
+from telemetry.file.reader import Recording
+from telemetry.scene.lettering import drawable
+
+Floats = NDArray[np.float64]
+
+#: the heat map's size in pixels; a 2D view keeps the ratio
+MAP_WIDTH: Final = 1000
+MAP_HEIGHT: Final = 640
+#: room for the names of the systems, to the left of the map
+MAP_NAME_WIDTH: Final = 260
+MAP_GAP: Final = 14
+
+COLOURS_IN_WORDS: Final = "Points: grey dark, yellow lit, pink in view but dark, green inspected"
+NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
+
+#: rules shown in words at each instant, for each fuzzy system
+NUM_RULES_IN_WORDS: Final = 3
+_LEAST_STRENGTH_IN_WORDS: Final = 0.005
+
+
+@dataclass(frozen=True)
+class ActivationMap:
+    """The firing strengths of all rules of all fuzzy systems over time, as one picture.
+
+    Parameters
+    ----------
+    image : (MAP_HEIGHT, MAP_WIDTH) uint8
+        255 where a rule fires fully; one band of rows a system, its first rule on top, gaps between bands.
+    band_names : tuple of str
+        The systems, from top to bottom.
+    band_middles : tuple of float
+        In pixels from the top.
+    start_s, end_s : float
+        Simulation time at the left and the right edge.
+    strongest : (N, bands) int
+        Of each sample the rule that fired most in each system, from 0; -1 where nothing was inferred.
+    strongest_middles : (N, bands) float
+        Where the middles of those rules' rows are, in pixels from the top.
+    """
+
+    image: NDArray[np.uint8]
+    band_names: tuple[str, ...]
+    band_middles: tuple[float, ...]
+    start_s: float
+    end_s: float
+    strongest: NDArray[np.int64]
+    strongest_middles: Floats
+
+    def cursors(self, time_s: Floats) -> NDArray[np.float32]:
+        """Draw an upright line across the picture at each time, in pixels, shape (N, 2, 2)."""
+        lines = np.zeros((len(time_s), 2, 2), dtype=np.float32)
+        lines[:, :, 0] = self._across(time_s)[:, None]
+        lines[:, 1, 1] = self.image.shape[0]
+        return lines
+
+    def markers(self, time_s: Floats) -> tuple[NDArray[np.float32], list[str], list[int]]:
+        """Mark the strongest rule of each system at each sample.
+
+        Returns
+        -------
+        points : (M, 2)
+            In pixels, sample by sample.
+        labels : list of str
+            One a point.
+        lengths : list of int
+            How many points belong to each sample: none where nothing was inferred.
+        """
+        is_inferred = self.strongest >= 0
+        across = np.broadcast_to(self._across(time_s)[:, None], is_inferred.shape)
+        points = np.column_stack((across[is_inferred], self.strongest_middles[is_inferred]))
+        labels = [f"rule {rule + 1}" for rule in self.strongest[is_inferred].tolist()]
+        return points.astype(np.float32), labels, is_inferred.sum(axis=1).tolist()
+
+    def _across(self, time_s: Floats) -> Floats:
+        fraction = (time_s - self.start_s) / max(self.end_s - self.start_s, 1e-9)
+        across: Floats = np.clip(fraction, 0.0, 1.0) * self.image.shape[1]
+        return across
+
+
+def sample_times(recording: Recording) -> Floats:
+    """Return every instant at which anything was recorded, ascending."""
+    return np.unique(np.concatenate([topic.time_s for topic in recording.topics.values()]))
+
+
+def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap | None:
+    """Draw when which rule fired; None where no fuzzy system decided anything.
+
+    Parameters
+    ----------
+    recording : Recording
+    sample_time_s : (N,)
+        The samples of the flight, one column of the picture each; dark where nothing was inferred.
+    """
+    names = tuple(n for n in recording.fis_names if len(recording[topics.fis_topic(n)]))
+    if not names:
+        return None
+    height = (MAP_HEIGHT - MAP_GAP * (len(names) - 1)) // len(names)
+    tops = [index * (height + MAP_GAP) for index in range(len(names))]
+    shape = (len(sample_time_s), len(names))
+    strongest, middles = np.full(shape, -1), np.zeros(shape)
+    columns = np.minimum(np.arange(MAP_WIDTH) * len(sample_time_s) // MAP_WIDTH, len(sample_time_s) - 1)
+    image = np.zeros((MAP_HEIGHT, MAP_WIDTH), dtype=np.uint8)
+    for band, (name, top) in enumerate(zip(names, tops, strict=True)):
+        topic = recording[topics.fis_topic(name)]
+        strengths = topic["firing_strengths"]
+        num_rules = strengths.shape[1]
+        samples = np.searchsorted(sample_time_s, topic.time_s)
+        over_samples = np.zeros((len(sample_time_s), num_rules))
+        over_samples[samples] = strengths
+        rows = np.arange(height) * num_rules // height
+        image[top : top + height] = np.round(255.0 * np.clip(over_samples[columns][:, rows].T, 0.0, 1.0))
+        strongest[samples, band] = np.argmax(strengths, axis=1)
+        middles[:, band] = top + (np.maximum(strongest[:, band], 0) + 0.5) * height / num_rules
+    return ActivationMap(
+        image,
+        tuple(map(drawable, names)),
+        tuple(top + height / 2 for top in tops),
+        float(sample_time_s[0]),
+        float(sample_time_s[-1]),
+        strongest,
+        middles,
+    )
+
+
+def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
+    """Say for each sample what the fuzzy systems were told, what they answered, and by which rules.
+
+    Returns
+    -------
+    list of str
+        One Markdown text a sample.
+    """
+    samples: list[list[str]] = [[] for _ in sample_time_s]
+    for name in recording.fis_names:
+        topic = recording[topics.fis_topic(name)]
+        description = recording.fis_description(name)
+        indices = np.searchsorted(sample_time_s, topic.time_s)
+        columns = (topic["inputs"], topic["firing_strengths"], topic["output_n"])
+        for index, inputs, strengths, output in zip(indices, *columns, strict=True):
+            samples[index] += _one_inference(description, inputs, strengths, float(output))
+    return [drawable("\n".join(lines)) or NO_INFERENCE for lines in samples]
+
+
+def _one_inference(
+    description: FisDescription, inputs: Floats, strengths: Floats, output: float
+) -> list[str]:
+    told = " · ".join(
+        f"{name} {value:.3f} {unit}".rstrip()
+        for name, unit, value in zip(description.input_names, description.input_units, inputs, strict=True)
+    )
+    strongest = np.argsort(-strengths, kind="stable")[:NUM_RULES_IN_WORDS]
+    return [
+        f"- **{description.output_name} = {output:+.4f} {description.output_unit}** · {told}",
+        *(
+            f"  - `{strengths[rule]:.2f}` rule {rule + 1}: {description.rules[rule]}"
+            for rule in strongest
+            if strengths[rule] >= _LEAST_STRENGTH_IN_WORDS
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened in a flight, in words."""
+
+    time_s: float
+    level: str
+    text: str
+
+
+def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> list[Event]:
+    """Return what happened in some flights, in order of time; of several each says which one it was."""
+    events = []
+    for recording, name in zip(recordings, names, strict=True):
+        log = recording[topics.LOG]
+        whose = f"{name}: " if len(recordings) > 1 else ""
+        rows = zip(log.time_s.tolist(), log["level"].tolist(), log["message"].tolist(), strict=True)
+        events += [
+            Event(time_s, level.upper(), drawable(f"{time_s:.0f} s: {whose}{text}"))
+            for time_s, level, text in rows
+        ]
+    return sorted(events, key=lambda event: event.time_s)
+
+
+def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> str:
+    """Say what some flights were and how they went, as Markdown: one fact by fact, several a line each."""
+    if len(recordings) == 1:
+        rows = [
+            f"| flight | {names[0]} |",
+            "|---|---|",
+            *(f"| {a} | {b} |" for a, b in _facts(recordings[0])),
+        ]
+        return "\n".join(rows) + f"\n\n{COLOURS_IN_WORDS}"
+    rows = ["| flight | points | m/s |", "|---|---|---|"]
+    for recording, name in zip(recordings, names, strict=True):
+        mission = recording[topics.MISSION]
+        rows.append(f"| {name} | {mission['inspected_count'][-1]} | {mission['delta_v_m_s'][-1]:.3f} |")
+    return "\n".join(rows) + f"\n\nIn full: {names[0]}, the others laid over it. {COLOURS_IN_WORDS}"
+
+
+def _facts(recording: Recording) -> list[tuple[str, str]]:
+    mission = recording[topics.MISSION]
+    distance = mission["distance_m"].astype(np.float64)
+    facts = [
+        ("inspected", f"{mission['inspected_count'][-1]} of {mission['inspected_mask'].shape[1]} points"),
+        ("delta-v", f"{mission['delta_v_m_s'][-1]:.3f} m/s"),
+        ("distance", f"{distance.min():.1f} to {distance.max():.1f} m"),
+        ("duration", f"{mission.time_s[-1]:.0f} s"),
+    ]
+    if recording.episode.scenario_id:
+        facts.append(("scenario", drawable(recording.episode.scenario_id)))
+    if topics.RECOVERY_METADATA in recording.metadata:
+        facts.append(("rescued", "the flight was cut; this is what came back"))
+    return facts
+
+
+def view_cone(boresight: Sequence[float], half_angle_rad: float, num_rays: int = 24) -> list[Floats]:
+    """Draw a field of view of unit depth along its axis: rays from the apex, and the rim.
+
+    Parameters
+    ----------
+    boresight : (3,)
+        Unit vector.
+    half_angle_rad : float
+    num_rays : int
+
+    Returns
+    -------
+    list of array
+        Line strips of shape (M, 3), the closed rim last.
+    """
+    axis = np.asarray(boresight, dtype=np.float64)
+    axis = axis / np.linalg.norm(axis)
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    first = np.cross(axis, helper)
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    angle = np.linspace(0.0, 2.0 * np.pi, num_rays + 1)
+    ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    rim = axis + np.tan(half_angle_rad) * ring
+    rays = [np.stack((np.zeros(3), point)) for point in rim[:-1:3]]
+    return [*rays, rim]

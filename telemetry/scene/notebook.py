@@ -1,0 +1,35 @@
+"""Flights and runs in a notebook."""
+
+from pathlib import Path
+from typing import Any
+
+from telemetry.file.errors import RecordingError
+from telemetry.scene import campaign, replay, runs, training, viewer
+
+
+def show(*paths: str | Path) -> Any:
+    """Show flights, an evaluation or a training in a notebook; needs ``rerun-sdk[notebook]``.
+
+    Parameters
+    ----------
+    *paths : str or Path
+        Flights, the first in full and the others laid over it; or the folder of a run: its evaluation where
+        it has one, else its training.
+
+    Returns
+    -------
+    rerun.notebook.Viewer
+        Which displays itself as the value of a cell.
+
+    Raises
+    ------
+    RecordingError
+        If nothing was given, something cannot be read, or rerun's notebook part is not installed.
+    """
+    if not paths:
+        raise RecordingError("there is nothing to show; give flights (.mcap), or the folder of a run")
+    given = [Path(path) for path in paths]
+    if len(given) > 1 or given[0].suffix not in ("", ".parquet"):
+        return viewer.in_notebook(replay.scene(given))
+    of_run = campaign.scene if runs.has_evaluation(given[0]) else training.scene
+    return viewer.in_notebook(of_run(given[0]))

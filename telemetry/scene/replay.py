@@ -1,0 +1,257 @@
+"""Recordings of flights as a scene: one in full, others laid over it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from rerun.components import FillMode
+
+from telemetry.file import topics
+from telemetry.file.errors import RecordingError
+from telemetry.file.reader import Recording, read
+from telemetry.scene import blueprint, curves, drawing, entities
+from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
+from telemetry.scene.entities import seconds, send
+from telemetry.scene.viewer import Scene
+
+Floats = NDArray[np.float64]
+
+SUN_COLOUR: Final = (255, 214, 64)
+TARGET_COLOUR: Final = (0, 210, 230)
+FORCE_COLOUR: Final = (255, 130, 60)
+CAMERA_COLOUR: Final = (150, 190, 255, 110)
+COMPANION_COLOURS: Final[tuple[Colour, ...]] = (
+    (255, 160, 90),
+    (120, 200, 255),
+    (200, 150, 255),
+    (240, 220, 90),
+)
+
+#: where the recording does not tell: the paper's
+DEFAULT_BORESIGHT: Final = (-1.0, 0.0, 0.0)
+#: how long the largest force of the flight is drawn
+FORCE_ARROW_M: Final = 25.0
+
+
+def scene(paths: Sequence[Path]) -> Scene:
+    """Make a scene of recordings.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        One recording, or several to lay over each other; the first is shown in full.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be read or shown.
+    """
+    recordings = [_showable(read(path)) for path in paths]
+    num_companions = len(recordings) - 1
+    colours = [PLAIN_COLOUR, *(COMPANION_COLOURS[i % len(COMPANION_COLOURS)] for i in range(num_companions))]
+    names = curves.flight_names(recordings)
+    mission = curves.mission_plots(recordings, colours)
+    effort = curves.effort_plots(recordings[0])
+    fis = curves.fis_plots(recordings[0])
+    layout = blueprint.replay(
+        mission,
+        effort,
+        fis,
+        farthest_m=max(float(_distances(recording).max()) for recording in recordings),
+        boresight=recordings[0].episode.boresight or DEFAULT_BORESIGHT,
+        trails=[blueprint.trail_path(index) for index in range(len(recordings))],
+    )
+
+    def send_all(stream: rr.RecordingStream) -> None:
+        plots = (*mission, *effort, *fis)
+        entities.send_styles(stream, plots)
+        entities.send_values(stream, plots, seconds)
+        _send_flight(stream, recordings[0])
+        _send_inferences(stream, recordings[0])
+        _send_words(stream, recordings, names)
+        for index, name in enumerate(names):
+            _send_trail(stream, recordings[index], blueprint.trail_path(index), colours[index])
+            if len(names) > 1:
+                _send_marker(stream, recordings[index], index, name, colours[index])
+
+    return Scene("flight", " + ".join(names), layout, send_all)
+
+
+def _showable(recording: Recording) -> Recording:
+    missing = [topic for topic in topics.FIXED_TOPICS if topic not in recording.topics]
+    missing += [
+        t for t in (topics.DEPUTY_STATE, topics.MISSION) if t not in missing and not len(recording[t])
+    ]
+    if missing:
+        raise RecordingError(
+            f"{recording.path} holds nothing on {', '.join(missing)}, without which there is no flight to "
+            "show; give a recording that telemetry.EpisodeWriter wrote"
+        )
+    return recording
+
+
+def _distances(recording: Recording) -> Floats:
+    distances: Floats = np.linalg.norm(recording[topics.DEPUTY_STATE]["position_m"], axis=1)
+    return distances
+
+
+def _send_flight(stream: rr.RecordingStream, recording: Recording) -> None:
+    _send_chief(stream, recording)
+    _send_points(stream, recording)
+    _send_deputy(stream, recording)
+    _send_camera(stream, recording)
+    _send_arrows(stream, recording)
+    episode = recording.episode
+    entities.send_limits(stream, episode.min_distance_m, episode.max_distance_m)
+
+
+def _send_chief(stream: rr.RecordingStream, recording: Recording) -> None:
+    transforms = recording[topics.TRANSFORMS]
+    is_chief = transforms["child_frame"] == topics.CHIEF_FRAME
+    columns = rr.Transform3D.columns(quaternion=transforms["quaternion"][is_chief])
+    send(stream, f"{blueprint.SCENE}/chief", seconds(transforms.time_s[is_chief]), columns)
+
+
+def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
+    cloud = recording[topics.CHIEF_POINTS]
+    if not len(cloud):
+        return
+    positions = cloud["position_m"].astype(np.float32)
+    rgba = cloud["colour_rgba"].astype(np.uint32)
+    radius = float(np.linalg.norm(positions[0], axis=1).mean())
+    entities.send_chief(stream, radius)
+    packed = (rgba[..., 0] << 24) | (rgba[..., 1] << 16) | (rgba[..., 2] << 8) | rgba[..., 3]
+    entity = f"{blueprint.SCENE}/chief/points"
+    stream.log(entity, rr.Points3D.from_fields(radii=[0.075 * radius]), static=True)
+    columns = rr.Points3D.columns(positions=positions.reshape(-1, 3), colors=packed.ravel())
+    num_samples, num_points = packed.shape
+    send(stream, entity, seconds(cloud.time_s), columns.partition([num_points] * num_samples))
+
+
+def _send_deputy(stream: rr.RecordingStream, recording: Recording) -> None:
+    state = recording[topics.DEPUTY_STATE]
+    deputy = f"{blueprint.SCENE}/deputy"
+    columns = rr.Transform3D.columns(translation=state["position_m"], quaternion=state["quaternion"])
+    send(stream, deputy, seconds(state.time_s), columns)
+    send(
+        stream, blueprint.SEEN, seconds(state.time_s), rr.Transform3D.columns(quaternion=state["quaternion"])
+    )
+    box = rr.Boxes3D(half_sizes=[(2.0, 2.0, 2.0)], colors=[PLAIN_COLOUR], fill_mode=FillMode.Solid)
+    stream.log(f"{deputy}/body", box, static=True)
+    axes = rr.Arrows3D(vectors=12.0 * np.eye(3), colors=AXIS_COLOURS, radii=0.45)
+    stream.log(f"{deputy}/axes", axes, static=True)
+
+
+def _send_camera(stream: rr.RecordingStream, recording: Recording) -> None:
+    episode = recording.episode
+    if episode.half_angle_rad is None or episode.boresight is None:
+        return
+    camera = f"{blueprint.SCENE}/deputy/camera"
+    cone = rr.LineStrips3D(
+        drawing.view_cone(episode.boresight, episode.half_angle_rad),
+        colors=[CAMERA_COLOUR],
+        radii=rr.Radius.ui_points(0.8),
+    )
+    stream.log(f"{camera}/view", cone, static=True)
+    # the cone is of unit depth: the scale makes it reach the chief's centre
+    scale = np.repeat(_distances(recording)[:, None], 3, axis=1)
+    send(stream, camera, seconds(recording[topics.DEPUTY_STATE].time_s), rr.Transform3D.columns(scale=scale))
+
+
+def _send_arrows(stream: rr.RecordingStream, recording: Recording) -> None:
+    mission = recording[topics.MISSION]
+    angle = mission["sun_angle_rad"].astype(np.float64)
+    sun = np.column_stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)))
+    _send_arrow(stream, "Sun", mission.time_s, origins=16.0 * sun, vectors=26.0 * sun, colour=SUN_COLOUR)
+    guidance = recording[topics.GUIDANCE]
+    target = guidance["target_direction"].astype(np.float64)
+    _send_arrow(
+        stream, "target", guidance.time_s, origins=10.0 * target, vectors=16.0 * target, colour=TARGET_COLOUR
+    )
+    control, state = recording[topics.DEPUTY_CONTROL], recording[topics.DEPUTY_STATE]
+    is_placed = np.isin(control.time_s, state.time_s)
+    time_s, force = control.time_s[is_placed], control["force_hill_n"][is_placed].astype(np.float64)
+    if len(force):
+        origins = state["position_m"][np.searchsorted(state.time_s, time_s)].astype(np.float64)
+        scale = FORCE_ARROW_M / max(float(np.linalg.norm(force, axis=1).max()), 1e-12)
+        _send_arrow(stream, "force", time_s, origins=origins, vectors=scale * force, colour=FORCE_COLOUR)
+
+
+def _send_arrow(
+    stream: rr.RecordingStream,
+    label: str,
+    time_s: Floats,
+    *,
+    origins: Floats,
+    vectors: Floats,
+    colour: Colour,
+) -> None:
+    if not len(time_s):
+        return
+    entity = f"{blueprint.SCENE}/{label.lower()}"
+    stream.log(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[0.5], labels=[label]), static=True)
+    send(stream, entity, seconds(time_s), rr.Arrows3D.columns(origins=origins, vectors=vectors))
+
+
+def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, colour: Colour) -> None:
+    state = recording[topics.DEPUTY_STATE]
+    position = state["position_m"].astype(np.float32)
+    ahead = rr.LineStrips3D([position], colors=[(*colour, 45)], radii=rr.Radius.ui_points(0.7))
+    stream.log(f"{entity}_ahead", ahead, static=True)
+    if len(position) < 2:
+        return
+    style = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(1.6))
+    stream.log(entity, style, static=True)
+    segments = np.stack((position[:-1], position[1:]), axis=1)
+    send(stream, entity, seconds(state.time_s[1:]), rr.LineStrips3D.columns(strips=segments))
+
+
+def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
+    time_s = drawing.sample_times(recording)
+    picture = drawing.activation_map(recording, time_s)
+    if picture is None:
+        return
+    image = rr.DepthImage(picture.image, colormap="inferno", depth_range=(0.0, 255.0), meter=255.0)
+    stream.log(f"{blueprint.RULE_MAP}/strengths", image, static=True)
+    names = rr.Points2D(
+        [(-drawing.MAP_NAME_WIDTH / 2, middle) for middle in picture.band_middles],
+        labels=list(picture.band_names),
+        colors=[PLAIN_COLOUR],
+        radii=0.5,
+        show_labels=True,
+    )
+    stream.log(f"{blueprint.RULE_MAP}/names", names, static=True)
+    now = f"{blueprint.RULE_MAP}/now"
+    line = rr.LineStrips2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(1.0))
+    stream.log(now, line, static=True)
+    send(stream, now, seconds(time_s), rr.LineStrips2D.columns(strips=picture.cursors(time_s)))
+    points, labels, lengths = picture.markers(time_s)
+    marks = f"{blueprint.RULE_MAP}/strongest"
+    style = rr.Points2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(2.5), show_labels=True)
+    stream.log(marks, style, static=True)
+    columns = rr.Points2D.columns(positions=points, labels=labels)
+    send(stream, marks, seconds(time_s), columns.partition(lengths))
+    words = drawing.inference_in_words(recording, time_s)
+    columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
+    send(stream, blueprint.RULES_IN_WORDS, seconds(time_s), columns)
+
+
+def _send_words(stream: rr.RecordingStream, recordings: Sequence[Recording], names: Sequence[str]) -> None:
+    rows = drawing.events_in_words(recordings, names)
+    if rows:
+        columns = rr.TextLog.columns(text=[row.text for row in rows], level=[row.level for row in rows])
+        send(stream, blueprint.EVENTS, seconds(np.array([row.time_s for row in rows])), columns)
+    text = rr.TextDocument(drawing.flights_in_words(recordings, names), media_type="text/markdown")
+    stream.log(blueprint.SUMMARY, text, static=True)
+
+
+def _send_marker(
+    stream: rr.RecordingStream, recording: Recording, index: int, name: str, colour: Colour
+) -> None:
+    entity = f"{blueprint.SCENE}/flights/{index}/deputy"
+    state = recording[topics.DEPUTY_STATE]
+    stream.log(entity, rr.Points3D.from_fields(radii=[1.6], colors=[colour], labels=[name]), static=True)
+    send(stream, entity, seconds(state.time_s), rr.Points3D.columns(positions=state["position_m"]))

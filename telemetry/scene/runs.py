@@ -1,0 +1,286 @@
+"""What a run's folder holds of trajectories: those of its evaluation, and those of its training."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from telemetry.file.errors import RecordingError
+
+Floats = NDArray[np.float64]
+Columns = Mapping[str, NDArray[Any]]
+
+CONFIG: Final = "config.yaml"
+EPISODES: Final = "episodes.parquet"
+EVALUATION_TRAJECTORIES: Final = "evaluate/trajectories.parquet"
+HISTORY: Final = "train/history.parquet"
+CHAMPION_TRAJECTORIES: Final = "train/trajectories.parquet"
+CHAMPION: Final = "champion.json"
+
+_POSITION: Final = ("position_x_m", "position_y_m", "position_z_m")
+_JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "success", "violated")
+_HISTORY_COLUMNS: Final = ("round", "generation", "best", "mean", "step_size")
+
+
+class Outcome(IntEnum):
+    """How a case ended; of several that apply, the highest counts."""
+
+    SUCCESS = 0
+    SHORT = 1
+    OUTSIDE = 2
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a run's configuration tells about the scene; None where it does not.
+
+    Parameters
+    ----------
+    sample_period_s : float
+        Between two samples of a trajectory.
+    min_distance_m, max_distance_m : float
+        Between which a deputy has to stay.
+    threshold_percent : float
+        Inspection rate from which on a flight is a success.
+    chief_radius_m : float
+        Of the sphere of inspection points.
+    """
+
+    sample_period_s: float | None = None
+    min_distance_m: float | None = None
+    max_distance_m: float | None = None
+    threshold_percent: float | None = None
+    chief_radius_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The trajectories of many cases, and how they ended.
+
+    Parameters
+    ----------
+    name : str
+        Of the run.
+    case : (n,)
+        Numbers of the cases, ascending.
+    position_m : (n, K+1, 3) float32
+        Hill axes.
+    episodes : mapping of str to (n,) arrays
+        `delta_v_m_s`, `inspected_count`, `inspection_rate_percent`, `success`, `violated`; empty where only
+        the trajectories are known.
+    surroundings : Surroundings
+    """
+
+    name: str
+    case: NDArray[np.int64]
+    position_m: NDArray[np.float32]
+    episodes: Columns
+    surroundings: Surroundings
+
+    @property
+    def outcome(self) -> NDArray[np.int64] | None:
+        """How each case ended, as an `Outcome`; None where it is not known."""
+        if not self.episodes:
+            return None
+        ended = np.where(self.episodes["success"], Outcome.SUCCESS, Outcome.SHORT)
+        return np.where(self.episodes["violated"], Outcome.OUTSIDE, ended).astype(np.int64)
+
+    @property
+    def distance_m(self) -> Floats:
+        """Distance to the chief, shape (n, K+1)."""
+        distance: Floats = np.linalg.norm(self.position_m.astype(np.float64), axis=2)
+        return distance
+
+    @property
+    def time_s(self) -> Floats:
+        """Time of each sample, shape (K+1,); the number of the sample where the period is not known."""
+        samples = np.arange(self.position_m.shape[1], dtype=np.float64)
+        return samples * (self.surroundings.sample_period_s or 1.0)
+
+
+@dataclass(frozen=True)
+class Training:
+    """A training so far.
+
+    Parameters
+    ----------
+    name : str
+        Of the run.
+    columns : mapping of str to (N,) arrays
+        One row a generation, all rounds in a row: `round`, `generation`, `best`, `mean`, `step_size` and the
+        parts of the best one's fitness.
+    tracks : mapping of int to (K+1, 3) float32 array
+        Where a champion flew, m, Hill axes, under the row of the generation that brought it.
+    surroundings : Surroundings
+    """
+
+    name: str
+    columns: Columns
+    tracks: Mapping[int, NDArray[np.float32]]
+    surroundings: Surroundings
+
+    def __len__(self) -> int:
+        return len(self.columns["best"])
+
+
+def has_evaluation(path: Path) -> bool:
+    """Tell whether a path is a run's folder with evaluated trajectories, or a table of such."""
+    return path.suffix == ".parquet" or (path / EVALUATION_TRAJECTORIES).exists()
+
+
+def has_training(path: Path) -> bool:
+    """Tell whether a path is a run's folder in which a training has begun."""
+    return (path / HISTORY).exists()
+
+
+def read_evaluation(path: Path) -> Evaluation:
+    """Read the trajectories of an evaluation, and how its cases ended where that lies beside them.
+
+    Parameters
+    ----------
+    path : Path
+        A run's folder, or its ``evaluate/trajectories.parquet``.
+
+    Raises
+    ------
+    RecordingError
+        If there are none, or a table is damaged or of something else.
+    """
+    if path.is_file() and path.suffix != ".parquet":
+        raise RecordingError(
+            f"{path} is neither a run's folder nor its {EVALUATION_TRAJECTORIES}; to look at a flight: "
+            f"python -m telemetry replay {path}"
+        )
+    table = path if path.suffix == ".parquet" else path / EVALUATION_TRAJECTORIES
+    if not table.exists():
+        raise RecordingError(
+            f"{table} does not exist; give the folder of a run that has been evaluated, as "
+            "`python -m pipeline +experiment=evaluate` makes one"
+        )
+    columns = _read(table, ("case", "sample", *_POSITION))
+    cases, tracks = _tracks(table, columns, ("case",))
+    root = table.parent.parent
+    return Evaluation(
+        name=root.resolve().name,
+        case=cases[:, 0],
+        position_m=tracks,
+        episodes=_episodes(table.with_name(EPISODES), cases[:, 0]),
+        surroundings=_surroundings(root),
+    )
+
+
+def read_training(folder: Path) -> Training:
+    """Read a training, also one that goes on.
+
+    Raises
+    ------
+    RecordingError
+        If no generation has been finished there, or a table is damaged.
+    """
+    if not has_training(folder):
+        raise RecordingError(
+            f"{folder} has no {HISTORY}; give the folder of a run that trains, or has trained, as "
+            "`python -m pipeline +experiment=train` makes one"
+        )
+    # the history first: a flight that has come since belongs to a generation that is not known yet
+    history = _read(folder / HISTORY, _HISTORY_COLUMNS)
+    rows = {
+        moment: row
+        for row, moment in enumerate(
+            zip(history["round"].tolist(), history["generation"].tolist(), strict=True)
+        )
+    }
+    tracks: dict[int, NDArray[np.float32]] = {}
+    path = folder / CHAMPION_TRAJECTORIES
+    if path.exists():
+        moments, flown = _tracks(
+            path, _read(path, ("round", "generation", "sample", *_POSITION)), ("round", "generation")
+        )
+        for (round_index, generation), track in zip(moments.tolist(), flown, strict=True):
+            if (round_index, generation) in rows:
+                tracks[rows[round_index, generation]] = track
+    return Training(folder.resolve().name, history, tracks, _surroundings(folder))
+
+
+def is_finished(folder: Path) -> bool:
+    """Tell whether a training has come to its end: its champion is younger than its history."""
+    champion, history = folder / CHAMPION, folder / HISTORY
+    return champion.exists() and history.exists() and champion.stat().st_mtime >= history.stat().st_mtime
+
+
+def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+    import pyarrow as pa  # noqa: PLC0415 - a tenth of a second that replays of flights need not pay
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    try:
+        names = pq.read_schema(path).names
+        wanted = [name for name in names if name != "genome"]
+        table = pq.read_table(path, columns=wanted, use_threads=False)
+    except (OSError, pa.ArrowException) as error:
+        raise RecordingError(
+            f"{path} cannot be read ({error}); repeat the stage of the run that writes it"
+        ) from error
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise RecordingError(
+            f"{path} has no column {', '.join(missing)}; give a table that the pipeline has written"
+        )
+    return {name: table[name].to_numpy() for name in wanted}
+
+
+def _tracks(
+    path: Path, columns: Columns, keys: tuple[str, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Return which tracks there are, (n, keys), and the tracks, (n, K+1, 3)."""
+    sample = columns["sample"]
+    num_samples = int(sample.max(initial=-1)) + 1
+    num_tracks = len(sample) // max(num_samples, 1)
+    regular = np.tile(np.arange(num_samples), num_tracks)
+    if not num_tracks or len(regular) != len(sample) or not np.array_equal(regular, sample):
+        raise RecordingError(
+            f"{path} does not hold whole trajectories, sample by sample; repeat the stage that writes it"
+        )
+    positions = np.column_stack([columns[name] for name in _POSITION]).astype(np.float32)
+    names = np.column_stack([columns[key][::num_samples] for key in keys]).astype(np.int64)
+    return names, positions.reshape(num_tracks, num_samples, 3)
+
+
+def _episodes(path: Path, cases: NDArray[np.int64]) -> Columns:
+    if not path.exists():
+        return {}
+    episodes = _read(path, ("case", *_JUDGED))
+    if not np.array_equal(episodes["case"], cases):
+        raise RecordingError(
+            f"{path} tells of other cases than the trajectories beside it; repeat the stage evaluate"
+        )
+    return {name: episodes[name] for name in _JUDGED}
+
+
+def _surroundings(folder: Path) -> Surroundings:
+    path = folder / CONFIG
+    if not path.exists():
+        return Surroundings()
+    import yaml  # noqa: PLC0415 - only runs have a configuration
+
+    try:
+        config = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise RecordingError(f"{path} cannot be read ({error}); restore it, or take it away") from error
+
+    def number(*keys: str) -> float | None:
+        value = config
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        return float(value) if isinstance(value, int | float) else None
+
+    return Surroundings(
+        sample_period_s=number("control_period_s"),
+        min_distance_m=number("deputy", "min_distance_m"),
+        max_distance_m=number("deputy", "max_distance_m"),
+        threshold_percent=number("inspection_threshold_percent"),
+        chief_radius_m=number("chief", "inspection_radius_m"),
+    )

@@ -1,0 +1,304 @@
+"""Scenes in rerun: as a file, in a window, in a browser, in a notebook, and while they grow."""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Final
+
+import rerun as rr
+import rerun.blueprint as rrb
+import rerun_cli
+
+from telemetry.file.errors import RecordingError
+from telemetry.file.partial_file import PARTIAL_SUFFIX
+
+APPLICATION: Final = "fuzzy-spacecraft-inspection"
+#: of rerun's files
+ENDING: Final = ".rrd"
+#: by default the viewer would listen on every network interface
+LOOPBACK: Final = "127.0.0.1"
+_START_LIMIT_S: Final = 60.0
+#: where rerun's package has its program: on macOS, on Windows, elsewhere
+_PROGRAMS: Final = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Something to look at.
+
+    Parameters
+    ----------
+    kind : str
+        One word; recordings of one kind share a layout, also one that the user has changed.
+    name : str
+        Of the recording, as the viewer lists it.
+    layout : rerun.blueprint.Blueprint
+    send : callable
+        Sends all of it to a stream.
+    """
+
+    kind: str
+    name: str
+    layout: rrb.Blueprint
+    send: Callable[[rr.RecordingStream], None]
+
+
+@dataclass(frozen=True)
+class Viewer:
+    """A viewer that runs and listens.
+
+    Parameters
+    ----------
+    process : subprocess.Popen
+    url : str
+        Under which streams and clients reach it.
+    """
+
+    process: "subprocess.Popen[bytes]"
+    url: str
+
+
+def save(scene: Scene, output: Path) -> None:
+    """Write a scene to an .rrd file that opens in our layout.
+
+    Parameters
+    ----------
+    scene : Scene
+    output : Path
+        One of the same name is replaced once the new one is complete.
+
+    Raises
+    ------
+    RecordingError
+        If the output is not called .rrd or cannot be written.
+    """
+    require_ending(output)
+    unfinished = output.with_name(output.name + PARTIAL_SUFFIX)
+    try:
+        with stream_to_file(scene, unfinished) as stream:
+            scene.send(stream)
+        unfinished.replace(output)
+    except OSError as error:
+        raise unwritable(output, error) from error
+    finally:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def stream_to_file(scene: Scene, output: Path) -> Iterator[rr.RecordingStream]:
+    """Give a stream into a file, with the scene's name and layout but nothing of it yet.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened, or the disk refuses.
+    """
+    # the library only finds out once it holds data, which it then drops with a warning
+    output.open("wb").close()
+    stream = _stream(scene)
+    with _refusals():
+        stream.save(output, default_blueprint=scene.layout)
+    stream.send_recording_name(scene.name)
+    yield stream
+    flush(stream)
+    stream.disconnect()
+
+
+def flush(stream: rr.RecordingStream) -> None:
+    """Wait until all that was sent has arrived.
+
+    Raises
+    ------
+    OSError
+        If it cannot, for the disk is full or the viewer has been closed.
+    """
+    with _refusals():
+        stream.flush()
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Tell by an OSError what the library tells by a RuntimeError: that its file or viewer takes no more."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise OSError(str(error)) from error
+
+
+def show(scene: Scene, *, in_browser: bool) -> None:
+    """Open a scene in rerun, in a window or in a browser, until the user ends it.
+
+    Parameters
+    ----------
+    scene : Scene
+    in_browser : bool
+        Serve a page to this machine alone, instead of a window.
+
+    Raises
+    ------
+    RecordingError
+        If the viewer cannot open.
+    """
+    require_display(in_browser=in_browser)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.rrd"
+        save(scene, file)
+        command = [*_command("auto", in_browser=in_browser), str(file)]
+        with suppress(KeyboardInterrupt):
+            _check_ending(subprocess.call(command))  # noqa: S603 - the viewer, and a file of ours
+
+
+@contextmanager
+def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.RecordingStream, Viewer]]:
+    """Open a viewer and give a stream into it, with the scene's name and layout but nothing of it yet.
+
+    Raises
+    ------
+    RecordingError
+        If the viewer cannot open.
+    """
+    require_display(in_browser=in_browser)
+    with started(in_browser=in_browser) as viewer:
+        stream = _stream(scene)
+        stream.connect_grpc(viewer.url, default_blueprint=scene.layout)
+        stream.send_recording_name(scene.name)
+        try:
+            yield stream, viewer
+        finally:
+            stream.disconnect()
+
+
+@contextmanager
+def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = None) -> Iterator[Viewer]:
+    """Start a viewer that listens on the loopback interface alone; it ends with the block.
+
+    Parameters
+    ----------
+    *options : str
+        Of rerun's command line.
+    in_browser : bool
+        Serve a page instead of a window.
+    log : binary file, optional
+        Takes what the viewer says; by default it goes where our own messages go.
+
+    Raises
+    ------
+    RecordingError
+        If it does not come up.
+    """
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        port = probe.getsockname()[1]
+    command = [*_command(str(port), in_browser=in_browser), *options]
+    process = subprocess.Popen(command, stdout=log, stderr=log)  # noqa: S603 - the viewer, with options of ours
+    try:
+        _await_port(process, port)
+        yield Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy")
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def in_notebook(scene: Scene) -> Any:
+    """Return a rerun viewer that Jupyter and marimo display, holding a scene.
+
+    Raises
+    ------
+    RecordingError
+        If rerun's notebook part is not installed.
+    """
+    from rerun import notebook  # noqa: PLC0415 - only notebooks need it
+    from rerun.error_utils import RerunMissingDependencyError  # noqa: PLC0415
+
+    stream = _stream(scene)
+    try:
+        widget = notebook.Viewer(recording=stream, blueprint=scene.layout, width="auto", height="auto")
+    except RerunMissingDependencyError as error:
+        raise RecordingError(
+            "rerun's notebook part is not installed, so nothing can be shown in a notebook; "
+            "install it with: pip install 'rerun-sdk[notebook]'"
+        ) from error
+    stream.send_recording_name(scene.name)
+    scene.send(stream)
+    flush(stream)
+    return widget
+
+
+def _stream(scene: Scene) -> rr.RecordingStream:
+    return rr.RecordingStream(f"{APPLICATION}-{scene.kind}")
+
+
+def _command(port: str, *, in_browser: bool) -> list[str]:
+    # not the command `rerun`: that is a wrapper, and ending it would leave the viewer behind
+    program = next(path for path in map(Path(rerun_cli.__file__).parent.joinpath, _PROGRAMS) if path.exists())
+    command = [str(program), "--bind", LOOPBACK, "--port", port]
+    return [*command, "--web-viewer", "--web-viewer-port", "0"] if in_browser else command
+
+
+def _check_ending(code: int) -> None:
+    if code != 0:
+        raise RecordingError(
+            f"the viewer ended with exit code {code} and says why above; "
+            "write a file with --save FILE.rrd and open that elsewhere"
+        )
+
+
+def require_display(*, in_browser: bool) -> None:
+    """Refuse to open a window where there is no display.
+
+    Raises
+    ------
+    RecordingError
+        If there is none.
+    """
+    is_x11_or_wayland = sys.platform.startswith(("linux", "freebsd"))
+    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if not in_browser and is_x11_or_wayland and not has_display:
+        raise RecordingError(
+            "this machine has no display to open the viewer on; "
+            "look at it in a browser with --web, or write it to a file with --save FILE.rrd"
+        )
+
+
+def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
+    end = time.monotonic() + _START_LIMIT_S
+    while time.monotonic() < end:
+        if process.poll() is not None:
+            raise RecordingError(
+                f"the viewer ended with exit code {process.returncode} before it was ready; it needs a "
+                "Vulkan driver even where it has no display (on Debian: apt-get install mesa-vulkan-drivers)"
+            )
+        with suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1.0):
+            return
+        time.sleep(0.1)
+    raise RecordingError(f"the viewer was not ready within {_START_LIMIT_S:g} s; is the machine very busy?")
+
+
+def require_ending(output: Path) -> None:
+    """Refuse an output that is not called .rrd: rerun would not open it, and it may be a flight, or a folder.
+
+    Raises
+    ------
+    RecordingError
+        If it ends otherwise.
+    """
+    if output.suffix != ENDING:
+        raise RecordingError(
+            f"{output} does not end in {ENDING}, but rerun opens a recording by that ending; "
+            f"choose a name such as {output.with_suffix(ENDING)}"
+        )
+
+
+def unwritable(output: Path, error: OSError) -> RecordingError:
+    """Say that an output cannot be written, and what to do."""
+    return RecordingError(
+        f"{output} cannot be written: {error.strerror or error}; choose a folder that exists and has room"
+    )

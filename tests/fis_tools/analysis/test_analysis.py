@@ -1,0 +1,144 @@
+"""Measures against closed forms, and surfaces against scikit-fuzzy."""
+
+import numpy as np
+import pytest
+from scipy.special import erf
+
+from fis_tools.analysis.arrays import (
+    coverage,
+    distinguishability,
+    evaluate,
+    firing,
+    rule_usage,
+    spread_inputs,
+    surface,
+)
+from fis_tools.model import Gaussian, Term, Triangular, Variable
+from fis_tools.scikit_fuzzy.build import ReferenceEngine
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+
+
+def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
+    system = force_x_system()
+    result = surface(system, num_points=5)
+    engine = ReferenceEngine(system)
+    np.testing.assert_array_equal(result.x, [0, 50, 100, 150, 200])
+    np.testing.assert_allclose(result.y, [-0.3, -0.15, 0, 0.15, 0.3], rtol=0, atol=1e-15)
+    for row, column in ((0, 0), (1, 4), (3, 2)):
+        expected = engine.compute(np.array([result.x[column], result.y[row]]))[0]
+        assert result.values[row, column] == pytest.approx(expected, abs=1e-13)
+    assert result.x_variable.name == "distance"
+    assert result.values.shape == (5, 5)
+
+
+def test_axes_can_be_swapped_and_inputs_held() -> None:
+    system = force_z_system()
+    one = surface(system, x="distance", y="eta_u", fixed={"velocity_body_z": 0.1}, num_points=4)
+    other = surface(system, x="eta_u", y="distance", fixed={"velocity_body_z": 0.1}, num_points=4)
+    np.testing.assert_array_equal(one.values, other.values.T)
+    expected = ReferenceEngine(system).compute(np.array([one.y[1], 0.1, one.x[3]]))[0]
+    assert one.values[1, 3] == pytest.approx(expected, abs=1e-13)
+    assert one.fixed == {"velocity_body_z": 0.1}
+    assert surface(system, num_points=2).fixed == {"distance": 100.0}
+
+
+def test_a_system_the_kernel_does_not_cover_has_surfaces_too() -> None:
+    (system,) = general_controller().systems
+    result = surface(system, output="vent", num_points=3)
+    expected = ReferenceEngine(system).compute(np.array([20.0, 16.0]))[1]
+    assert result.values[2, 1] == expected
+    assert result.output.name == "vent"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"x": "distanse"}, "no input 'distanse'; did you mean 'distance'"),
+        ({"fixed": {"speed": 1.0}}, "no input 'speed'"),
+        ({"x": "distance", "y": "distance"}, "two different inputs"),
+        ({"x": "distance", "fixed": {"distance": 1.0}}, "is an axis and is held"),
+        ({"fixed": {"distance": 1.0}}, "two free inputs"),
+        ({"output": "force_y"}, "no output 'force_y'; did you mean 'force_x'"),
+    ],
+)
+def test_wrong_axes_are_refused_with_a_sentence(arguments: dict[str, object], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        surface(force_x_system(), **arguments)  # type: ignore[arg-type]
+
+
+def test_evaluate_and_firing_have_a_row_a_sample() -> None:
+    inputs = np.array([[0.0, -0.3], [100.0, 0.0], [200.0, 0.3]])
+    assert evaluate(force_x_system(), inputs).shape == (3, 1)
+    strengths = firing(force_x_system(), inputs)
+    np.testing.assert_array_equal(np.argmax(strengths, axis=1), [0, 12, 24])
+    np.testing.assert_array_equal(strengths[[0, 1, 2], [0, 12, 24]], 1.0)
+
+
+def test_coverage_of_two_gaussians_is_their_crossing() -> None:
+    terms = (Term("a", Gaussian(0.0, 1.0)), Term("b", Gaussian(4.0, 1.0)))
+    found = coverage(Variable("x", "", 0.0, 4.0, terms, 4001))
+    assert found.at == pytest.approx(2.0, abs=1e-9)
+    assert found.least == pytest.approx(np.exp(-2.0), abs=1e-9)
+
+
+def test_coverage_between_the_points_of_the_universe() -> None:
+    """Two lines cross half way between the only two points."""
+    terms = (Term("a", Triangular(0.0, 0.0, 1.0)), Term("b", Triangular(0.0, 1.0, 1.0)))
+    found = coverage(Variable("x", "", 0.0, 1.0, terms, 2))
+    assert (found.least, found.at) == (0.5, 0.5)
+
+
+def test_coverage_finds_a_gap() -> None:
+    terms = (Term("a", Triangular(0.0, 0.0, 3.0)), Term("b", Triangular(6.0, 10.0, 10.0)))
+    found = coverage(Variable("x", "", 0.0, 10.0, terms, 11))
+    assert found.least == 0.0
+    assert 3.0 <= found.at <= 6.0
+
+
+def test_likeness_of_triangles_has_a_closed_form() -> None:
+    """Two triangles of half width 2, peaks 2 apart: they share a triangle of base 2 and height 1/2."""
+    terms = (Term("a", Triangular(0.0, 2.0, 4.0)), Term("b", Triangular(2.0, 4.0, 6.0)))
+    # the universe misses the crossing at 3
+    found = distinguishability(Variable("x", "", 0.0, 6.0, terms, 4))
+    np.testing.assert_allclose(found.similarity, [[1, 0.5 / 3.5], [0.5 / 3.5, 1]], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.possibility, [[1, 0.5], [0.5, 1]], rtol=0, atol=1e-15)
+
+
+def test_likeness_of_gaussians_has_a_closed_form() -> None:
+    """Equal Gaussians d apart cross half way: the shared area is 2 Phi(-d / 2 sigma) of one of them."""
+    sigma, apart = 0.5, 1.2
+    terms = (Term("a", Gaussian(5.0, sigma)), Term("b", Gaussian(5.0 + apart, sigma)))
+    found = distinguishability(Variable("x", "", 0.0, 12.0, terms, 6001))
+    shared = 1.0 - erf(apart / (2.0 * sigma) / np.sqrt(2.0))
+    assert found.similarity[0, 1] == pytest.approx(shared / (2.0 - shared), abs=1e-6)
+    assert found.possibility[0, 1] == pytest.approx(np.exp(-((apart / 2 / sigma) ** 2) / 2), abs=1e-6)
+
+
+def test_a_term_that_is_never_above_zero_is_like_no_other() -> None:
+    terms = (Term("a", Gaussian(0.5, 1e-6)), Term("b", Gaussian(0.0, 1.0)))
+    found = distinguishability(Variable("x", "", 0.0, 1.0, terms, 2))
+    np.testing.assert_array_equal(found.similarity, [[0, 0], [0, 1]])
+
+
+def test_rule_usage_counts() -> None:
+    strengths = np.array([[0.9, 0.1, 0.0], [0.2, 0.2, 0.0], [0.0, 0.0, 0.0], [0.04, 0.6, 0.0]])
+    usage = rule_usage(strengths, threshold=0.1)
+    assert usage.num_samples == 4
+    np.testing.assert_array_equal(usage.fired, [0.5, 0.75, 0.0])
+    np.testing.assert_array_equal(usage.leading, [0.5, 0.5, 0.0])
+    np.testing.assert_allclose(usage.mean_strength, [0.285, 0.225, 0.0])
+    np.testing.assert_array_equal(usage.max_strength, [0.9, 0.6, 0.0])
+    with pytest.raises(ValueError, match="at least one"):
+        rule_usage(np.empty((0, 3)))
+
+
+def test_spread_inputs_fill_the_box_evenly() -> None:
+    system = force_z_system()
+    samples = spread_inputs(system, 1024)
+    assert samples.shape == (1024, len(system.inputs))
+    np.testing.assert_array_equal(samples, spread_inputs(system, 1024))
+    for variable, column in zip(system.inputs, samples.T, strict=True):
+        counts, _ = np.histogram(column, bins=8, range=(variable.minimum, variable.maximum))
+        assert counts.sum() == 1024
+        assert counts.min() >= 124
+        assert counts.max() <= 132

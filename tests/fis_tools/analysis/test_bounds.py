@@ -1,0 +1,421 @@
+"""Bounds against very many evaluations and closed forms; questions against grids; mistakes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from fis_tools.__main__ import main
+from fis_tools.analysis.bounds import Interval, ask, output_bounds, output_ranges
+from fis_tools.analysis.condition import read_conditions, read_region
+from fis_tools.engines import inference, interpreter, interval
+from fis_tools.formats.serialize import dump_yaml
+from fis_tools.model import (
+    Consequent,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Rule,
+    Sampled,
+    Term,
+    Triangular,
+    Variable,
+    table_rules,
+)
+from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, paper_like_controller
+
+Floats = NDArray[np.float64]
+
+
+def _ends(system: FuzzySystem) -> tuple[Floats, Floats]:
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    return low, high
+
+
+def _boxes(system: FuzzySystem, generator: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+    """Boxes from a point to several universes wide, about inputs that look for trouble."""
+    low, high = _ends(system)
+    centre = inputs_for(system, generator, count)
+    width = 10.0 ** generator.uniform(-6, 0.3, (count, 1)) * (high - low)
+    width *= generator.choice([0.0, 1.0], width.shape, p=[0.2, 0.8])
+    return centre - width * generator.random(width.shape), centre + width * generator.random(width.shape)
+
+
+def _inside(low: Floats, high: Floats, generator: np.random.Generator, count: int) -> Floats:
+    """Inputs in a box: everywhere, and at its corners."""
+    everywhere = generator.uniform(low, high, (count, len(low)))
+    corners = np.where(generator.random((8, len(low))) < 0.5, low, high)
+    return np.clip(np.concatenate([everywhere, corners]), low, high)
+
+
+def _systems(count: int) -> list[tuple[FuzzySystem, np.random.Generator]]:
+    """Systems of every kind that can be bounded."""
+    systems = []
+    for seed in range(count):
+        generator = np.random.default_rng([91, seed])
+        is_table = seed % 4 == 0
+        system = full_table_system(generator) if is_table else random_general_system(generator)
+        try:
+            interval.pack(system)
+        except interval.NotBounded:
+            continue
+        systems.append((system, generator))
+    assert len(systems) > count // 2
+    return systems
+
+
+def test_no_output_lies_outside_its_bounds() -> None:
+    num_outputs = 0
+    for system, generator in _systems(400):
+        program = interval.pack(system)
+        low, high = _boxes(system, generator, 6)
+        least, greatest, _ = interval.bound(program, low, high)
+        for box in range(len(low)):
+            outputs = interpreter.evaluate(program, _inside(low[box], high[box], generator, 150))
+            num_outputs += outputs.size
+            assert (outputs >= least[box]).all()
+            assert (outputs <= greatest[box]).all()
+    assert num_outputs > 200_000
+
+
+def test_the_inference_that_equals_scikit_fuzzy_stays_inside_too() -> None:
+    for system, generator in _systems(60):
+        low, high = _boxes(system, generator, 2)
+        least, greatest, _ = interval.bound(interval.pack(system), low, high)
+        for box in range(len(low)):
+            outputs = inference.evaluate(system, _inside(low[box], high[box], generator, 2))
+            assert ((outputs >= least[box]) & (outputs <= greatest[box])).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_search_leaves_the_bounds(seed: int) -> None:
+    generator = np.random.default_rng([92, seed])
+    system = full_table_system(generator, is_smooth=True)
+    program = interval.pack(system)
+    low, high = (np.clip(corner[0], *_ends(system)) for corner in _boxes(system, generator, 1))
+    least, greatest, _ = interval.bound(program, low[np.newaxis], high[np.newaxis])
+
+    def cost(inputs: Floats, sign: float) -> float:
+        return float(sign * interpreter.evaluate(program, np.clip(inputs, low, high)[np.newaxis])[0, 0])
+
+    for sign, limit in ((1.0, -least[0, 0]), (-1.0, greatest[0, 0])):
+        start = 0.5 * (low + high)
+        found = minimize(cost, start, (sign,), method="Nelder-Mead", options={"maxfev": 300})
+        assert -found.fun <= limit
+
+
+def test_a_rule_table_of_125_rules_is_bounded() -> None:
+    generator = np.random.default_rng(93)
+    system = force_z_system()
+    finer = tuple(
+        replace(variable, terms=force_x_system().inputs[0].terms) if variable.name == "distance" else variable
+        for variable in system.inputs
+    )
+    finer = (replace(finer[0], terms=_five_terms(finer[0])), *finer[1:])
+    words = [term.name for term in system.outputs[0].terms]
+    table = [words[index] for index in generator.integers(5, size=125)]
+    system = replace(system, inputs=finer, rules=table_rules(finer, system.outputs[0], table))
+    assert len(system.rules) == 125
+    program = interval.pack(system)
+    low, high = _boxes(system, generator, 40)
+    least, greatest, _ = interval.bound(program, low, high)
+    for box in range(len(low)):
+        outputs = interpreter.evaluate(program, _inside(low[box], high[box], generator, 500))
+        assert ((outputs >= least[box]) & (outputs <= greatest[box])).all()
+
+
+def _five_terms(variable: Variable) -> tuple[Term, ...]:
+    means = np.linspace(variable.minimum, variable.maximum, 5)
+    return tuple(Term(f"t{place}", Gaussian(float(mean), 0.8)) for place, mean in enumerate(means))
+
+
+@pytest.mark.parametrize("system", [force_x_system(), force_z_system()], ids=lambda system: system.name)
+def test_at_a_point_the_interval_is_tight_about_the_output(system: FuzzySystem) -> None:
+    generator = np.random.default_rng(94)
+    inputs = generator.uniform(*_ends(system), (300, len(system.inputs)))
+    least, greatest, _ = interval.bound(interval.pack(system), inputs, inputs)
+    outputs = inference.evaluate(system, inputs[:40])
+    assert ((outputs >= least[:40]) & (outputs <= greatest[:40])).all()
+    width = (greatest - least)[:, 0] / (system.outputs[0].maximum - system.outputs[0].minimum)
+    assert np.quantile(width, 0.5) < 1e-11
+    assert width.max() < 1e-3
+
+
+def test_intervals_shrink_with_their_boxes() -> None:
+    system = force_x_system()
+    generator = np.random.default_rng(95)
+    inputs = generator.uniform(*_ends(system), (200, 2))
+    ranges = np.subtract(*_ends(system)[::-1])
+    widths = []
+    for size in (1e-2, 1e-3, 1e-4):
+        least, greatest, _ = interval.bound(
+            interval.pack(system), inputs - size * ranges, inputs + size * ranges
+        )
+        widths.append(float(np.mean(greatest - least)))
+    assert widths[0] > 5 * widths[1] > 25 * widths[2] > 0.0
+
+
+def test_a_smaller_box_has_an_interval_inside() -> None:
+    """But for what an interval loses between two points of a universe."""
+    for seed in range(30):
+        generator = np.random.default_rng([96, seed])
+        system = full_table_system(generator, is_smooth=True)
+        program = interval.pack(system)
+        low, high = _boxes(system, generator, 20)
+        middle = low + (high - low) * generator.random(low.shape)
+        outer_least, outer_greatest, _ = interval.bound(program, low, high)
+        least, greatest, _ = interval.bound(program, low, middle)
+        slack = 1e-3 * (system.outputs[0].maximum - system.outputs[0].minimum)
+        assert (least >= outer_least - slack).all()
+        assert (greatest <= outer_greatest + slack).all()
+
+
+def _two_blocks() -> FuzzySystem:
+    """Two blocks, one unit wide, about 0.5 and 3.5; x cuts the first at 1 - x and the second at x."""
+    edge = 1e-6
+    points = (0.0, edge, 1.0 - edge, 1.0, 3.0, 3.0 + edge, 4.0 - edge, 4.0)
+    blocks = (
+        Term("left", Sampled((0, 1, 1, 0, 0, 0, 0, 0))),
+        Term("right", Sampled((0, 0, 0, 0, 0, 1, 1, 0))),
+    )
+    falling_rising = (Term("low", Triangular(0.0, 0.0, 1.0)), Term("high", Triangular(0.0, 1.0, 1.0)))
+    x = Variable("x", "", 0.0, 1.0, falling_rising, num_points=11)
+    y = Variable("y", "", 0.0, 4.0, blocks, num_points=8, points=points, default=0.0)
+    return FuzzySystem("blocks", (x,), (y,), table_rules((x,), y, ["left", "right"]))
+
+
+def test_the_extremal_centroids_of_two_blocks_are_known() -> None:
+    # cuts in [0.5, 0.8] and [0.2, 0.5]: the centroid is (0.5 a + 3.5 b) / (a + b)
+    bounded = output_bounds(_two_blocks(), {"x": (0.2, 0.5)})["y"]
+    assert bounded.low == pytest.approx((0.5 * 0.8 + 3.5 * 0.2) / 1.0, abs=1e-5)
+    assert bounded.high == pytest.approx((0.5 * 0.5 + 3.5 * 0.5) / 1.0, abs=1e-5)
+
+
+def _gapped_system() -> FuzzySystem:
+    """A rule on either side, and inputs between 0.4 and 0.6 for which none fires."""
+    terms = (Term("low", Triangular(-0.4, 0.0, 0.4)), Term("high", Triangular(0.6, 1.0, 1.4)))
+    x = Variable("x", "", 0.0, 1.0, terms)
+    out = (Term("left", Triangular(-1.5, -1.0, -0.5)), Term("right", Triangular(0.5, 1.0, 1.5)))
+    y = Variable("y", "", -2.0, 2.0, out, default=5.0)
+    rules = (
+        Rule(Is("x", "low"), (Consequent("y", "left"),)),
+        Rule(Is("x", "high"), (Consequent("y", "right"),)),
+    )
+    return FuzzySystem("gapped", (x,), (y,), rules)
+
+
+@pytest.mark.parametrize("defuzzifier", ["centroid", "mom", "som", "lom"])
+def test_the_default_is_possible_exactly_where_no_rule_may_fire(defuzzifier: str) -> None:
+    system = replace(_gapped_system(), defuzzifier=defuzzifier)  # type: ignore[arg-type]
+    assert output_bounds(system, {"x": (0.45, 0.55)})["y"] == Interval(5.0, 5.0)
+    over_the_edge = output_bounds(system, {"x": (0.3, 0.5)})["y"]
+    assert over_the_edge.high == 5.0
+    assert over_the_edge.low < -0.99
+    assert output_bounds(system, {"x": (0.1, 0.3)})["y"].high < 0.0
+
+
+def test_outputs_that_collapse_for_want_of_area_stay_inside() -> None:
+    """scikit-fuzzy divides by 2.2e-16 at least: outputs of a universe as narrow as that fall out of it."""
+    y = Variable("y", "", 1e-16, 2e-16, (Term("only", Gaussian(1.5e-16, 1e-17)),), default=1.5e-16)
+    x = Variable("x", "", 0.0, 1.0, (Term("any", Triangular(0.0, 1.0, 1.0)),))
+    system = FuzzySystem("tiny", (x,), (y,), (Rule(Is("x", "any"), (Consequent("y", "only"),)),))
+    output = inference.evaluate(system, np.array([[0.5]]))[0, 0]
+    assert output < y.minimum
+    assert output in output_bounds(system, {"x": (0.4, 0.6)})["y"]
+
+
+def test_what_cannot_be_bounded_is_refused_in_a_sentence() -> None:
+    with pytest.raises(interval.NotBounded, match="bisector is not the bisector"):
+        output_bounds(replace(force_x_system(), defuzzifier="bisector"))
+    last = Rule(force_x_system().rules[0].antecedent, (Consequent("force_x", "ZE"),), and_operator="product")
+    system = replace(force_x_system(), rules=(*force_x_system().rules, last))
+    output_bounds(system)
+    output_bounds(replace(system, outputs=(replace(system.outputs[0], accumulation="hamacher_sum"),)))
+
+
+def _on_grid(system: FuzzySystem, where: str) -> Floats:
+    region = read_region(system, where)
+    axes = [np.linspace(low, high, 60) for low, high in zip(region.low, region.high, strict=True)]
+    inputs = np.stack([axis.ravel() for axis in np.meshgrid(*axes)], axis=1)
+    return interpreter.evaluate(interval.pack(system), inputs[region.holds(inputs)])
+
+
+@pytest.mark.parametrize(
+    ("system", "where"),
+    [
+        (force_x_system(), ""),
+        (force_x_system(), "distance > 150, velocity_body_x > 0.1"),
+        (force_x_system(), "distance + 400 velocity_body_x in [100, 110]"),
+        (force_z_system(), "eta_u >= 0, distance<=50"),
+        (force_z_system(), "velocity_body_z = 0.1"),
+        (force_z_system(), "distance = 500, eta_u - 10 velocity_body_z > 1"),
+    ],
+)
+def test_questions_are_answered_as_a_fine_grid_tells(system: FuzzySystem, where: str) -> None:
+    output = system.outputs[0].name
+    highest, lowest = float(_on_grid(system, where).max()), float(_on_grid(system, where).min())
+    margin = 0.01 * (system.outputs[0].maximum - system.outputs[0].minimum)
+    for question in (f"{output} > {highest - margin}", f"{output} in [{lowest}, {lowest + margin}]"):
+        answer = ask(system, question, where)
+        assert answer.verdict == "yes", answer
+        _check_example(system, question, where, answer.example or {})
+    for question in (f"{output} >= {highest + margin}", f"-{output} > {margin - lowest}"):
+        answer = ask(system, question, where)
+        assert answer.verdict == "no", answer
+        assert answer == ask(system, question, where)
+    assert ask(system, f"{output} > {lowest}, {output} < {lowest - margin}", where).verdict == "no"
+
+
+def _check_example(system: FuzzySystem, question: str, where: str, example: dict[str, float]) -> None:
+    inputs = np.array([example[variable.name] for variable in system.inputs])
+    output = system.outputs[0].name
+    assert inference.infer(system, inputs).values[0] == pytest.approx(example[output], abs=1e-14)
+    names = [variable.name for variable in system.inputs]
+    conditions = [*read_conditions(question, [output]), *(read_conditions(where, names) if where else ())]
+    for condition in conditions:
+        value = sum(factor * example[name] for name, factor in condition.coefficients.items())
+        assert condition.least <= value <= condition.greatest
+
+
+def test_a_question_may_stay_open_and_says_where() -> None:
+    system = force_x_system()
+    highest = float(_on_grid(system, "").max())
+    answer = ask(system, f"force_x > {highest + 1e-4}", max_boxes=20)
+    assert answer.verdict == "undecided"
+    assert 0.0 < answer.undecided_share < 1.0
+    assert answer.undecided is not None
+    assert set(answer.undecided) == {"distance", "velocity_body_x"}
+    assert all(box.width > 0.0 for box in answer.undecided.values())
+    assert "undecided after" in answer.sentence
+    above_zero = ask(system, f"force_x > {highest + 1e-4}", "velocity_body_x > 0", max_boxes=1)
+    assert "velocity_body_x from 0 to 0.3" in above_zero.sentence
+    assert answer._repr_markdown_().startswith("`force_x > ")
+    seen: list[int] = []
+    assert ask(
+        system, f"force_x > {highest + 1e-4}", progress=lambda boxes, _: seen.append(boxes)
+    ).verdict in {"no", "yes"}
+    assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize(
+    "where", ["", "distance > 120, velocity_body_x < 0", "distance - 300 velocity_body_x > 100"]
+)
+def test_a_range_is_proved_outside_and_attained_inside(where: str) -> None:
+    system = force_x_system()
+    (found,) = output_ranges(system, where)
+    outputs = _on_grid(system, where)
+    assert found.outer.low <= outputs.min() <= outputs.max() <= found.outer.high
+    assert {type(end) for end in (found.outer.low, found.outer.high)} == {float}
+    assert found.inner.low in found.outer
+    assert found.inner.high in found.outer
+    width = system.outputs[0].maximum - system.outputs[0].minimum
+    assert found.outer.width - found.inner.width <= 3e-4 * width
+    for value, at in ((found.inner.low, found.least_at), (found.inner.high, found.greatest_at)):
+        inputs = np.array([at[variable.name] for variable in system.inputs])
+        assert inference.infer(system, inputs).values[0] == pytest.approx(value, abs=1e-14)
+    assert "is attained at distance = " in found.sentence
+
+
+def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for() -> None:
+    system = force_x_system()
+    (found,) = output_ranges(system, "distance > 300")
+    assert min(found.least_at["distance"], found.greatest_at["distance"]) > 300.0
+    at_end = output_ranges(system, "distance = 200")[0]
+    assert (found.inner, found.outer) == (at_end.inner, at_end.outer)
+
+
+def test_a_range_of_which_no_input_was_found_says_so() -> None:
+    (found,) = output_ranges(force_x_system(), "distance - 100 velocity_body_x = 50.123456789", max_boxes=500)
+    assert (found.least_at, found.greatest_at) == ({}, {})
+    assert found.outer.width > 0.0 > found.inner.width
+    assert found.sentence.endswith("; no input that meets all conditions was found.")
+
+
+def test_conditions_on_several_inputs_keep_them_inside_their_universes() -> None:
+    # at (600, 0.25) the condition holds too, with other outputs than where a distance of 200 meets it
+    region = read_region(force_x_system(), "distance - 1000 velocity_body_x >= 350")
+    assert (region.asked_low[0], region.asked_high[0]) == (0.0, 200.0)
+    with pytest.raises(ValueError, match="'distance' is asked to lie beyond its range of 0 to 200"):
+        read_region(force_x_system(), "distance > 300, distance - 1000 velocity_body_x <= 150")
+
+
+def test_conditions_are_read_as_they_are_written() -> None:
+    names = ["a", "a b", "c-d", "x1"]
+    above, between, joint = read_conditions("a b > -1.5e1 and a in [-.5, 2], 2*a - x1 + c-d<=3", names)
+    assert (above.coefficients, above.least, above.greatest) == (
+        {"a b": 1.0},
+        np.nextafter(-15.0, 0.0),
+        np.inf,
+    )
+    assert (between.least, between.greatest) == (-0.5, 2.0)
+    assert joint.coefficients == {"a": 2.0, "x1": -1.0, "c-d": 1.0}
+    assert (joint.least, joint.greatest) == (-np.inf, 3.0)
+    assert [one.text for one in (above, between, joint)] == [
+        "a b > -1.5e1",
+        "a in [-.5, 2]",
+        "2 * a - x1 + c-d <= 3",
+    ]
+    assert read_conditions("a<1", names)[0].greatest == np.nextafter(1.0, 0.0)
+    assert read_conditions("a = 1", names)[0].least == 1.0
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--where", "distanse>150"], "did you mean 'distance'?"),
+        (["--where", "distance"], "'the end' in 'distance' is not <"),
+        (["--where", "distance > near"], "'near' in 'distance > near' stands where a number should"),
+        (["--where", "0 < distance < 5"], "'<' in '0 < distance < 5' stands where a variable should"),
+        (["--where", ","], "',' in ',' stands where a variable should"),
+        (["--where", "distance > 1e999"], "stands where a number should"),
+        (["--where", "distance in 3"], "the interval in 'distance in 3' cannot be read"),
+        (["--where", "distance in [3, 2]"], "empty; give the lower end first"),
+        (["--where", "distance in [3, 4"], "does not end in ]"),
+        (["--where", "distance > 1 velocity_body_x > 2"], "a comma is missing"),
+        (["--where", "distance > 100, distance < 50"], "no 'distance' meets all conditions"),
+        (["--where", "distance + 1000 velocity_body_x > 999"], "no inputs of the universes meet"),
+        (["--where", "__import__('os')"], "is no variable"),
+        (["--ask", "force > 0"], "did you mean 'force_x'?"),
+        (["--expect", "no"], "add --ask"),
+        (["--boxes", "0"], "no whole number above 0"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    path = tmp_path / "paper.yaml"
+    path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
+    try:
+        status = main(["bounds", str(path), "--system", "force_x", *words])
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    assert status == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_the_command_answers_and_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "paper.yaml"
+    path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
+    assert main(["bounds", str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["force_x", "force_z"]
+    question = [
+        "bounds",
+        str(path),
+        "--system",
+        "force_x",
+        "--where",
+        "distance < 20",
+        "--ask",
+        "force_x > 0.09",
+    ]
+    assert main([*question, "--expect", "no"]) == 0
+    assert "no, proved with" in capsys.readouterr().out
+    assert main([*question, "--expect", "yes"]) == 1
+    assert main(["bounds", str(path), "--ask", "force_x > 0"]) == 2
+    assert "add --system" in capsys.readouterr().err

@@ -1,0 +1,127 @@
+"""Fuzzy systems along flights that the telemetry's own writer logged."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fis_tools.analysis.arrays import rule_usage
+from fis_tools.analysis.flights import inputs_along, read_controller, read_flight, usage_along
+from fis_tools.engines.inference import infer
+from fis_tools.formats.serialize import dump_json
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.validate import ControllerFileError
+from fis_tools.words.text import sentences
+from telemetry import EpisodeWriter
+from telemetry.file.metadata import FisDescription
+from tests.fis_tools.sample_controllers import (
+    force_x_system,
+    force_z_system,
+    general_controller,
+    paper_like_controller,
+)
+
+
+def description(system: FuzzySystem) -> dict[str, str]:
+    return FisDescription(
+        input_names=tuple(variable.name for variable in system.inputs),
+        input_units=tuple(variable.unit for variable in system.inputs),
+        output_name=system.outputs[0].name,
+        output_unit=system.outputs[0].unit,
+        rules=tuple(sentences(system)),
+    ).to_metadata()
+
+
+def log_flight(path: Path, controller: FuzzyController, num_samples: int = 4, seed: int = 0) -> Path:
+    """Log inferences at random inputs, some of them outside the universes."""
+    generator = np.random.default_rng(seed)
+    metadata = {f"fis.{system.name}": description(system) for system in controller.systems}
+    attachments = {"controller.json": dump_json(controller).encode()}
+    with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
+        for sample in range(num_samples):
+            for system in controller.systems:
+                inputs = np.array(
+                    [generator.uniform(1.2 * v.minimum, 1.2 * v.maximum) for v in system.inputs]
+                )
+                step = infer(system, inputs)
+                writer.fis(10.0 * sample, system.name, inputs, step.firing_strengths, step.values[0])
+    return path
+
+
+def test_a_flight_gives_back_its_controller_and_every_inference(tmp_path: Path) -> None:
+    controller = paper_like_controller()
+    path = log_flight(tmp_path / "a.mcap", controller)
+    assert read_controller(path) == controller
+    flown_systems = read_flight(path)
+    assert [flown.system for flown in flown_systems] == list(controller.systems)
+    for flown in flown_systems:
+        np.testing.assert_array_equal(flown.time_s, [0.0, 10.0, 20.0, 30.0])
+        for inputs, strengths, output in zip(flown.inputs, flown.firing_strengths, flown.output, strict=True):
+            step = infer(flown.system, inputs)
+            assert step.values[0] == output
+            np.testing.assert_allclose(strengths, step.firing_strengths, rtol=1e-7, atol=0)
+
+
+def test_usage_counts_over_all_flights(tmp_path: Path) -> None:
+    controller = paper_like_controller()
+    paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
+    strengths = np.concatenate([read_flight(path)[1].firing_strengths for path in paths])
+    usage = usage_along(paths, threshold=0.3)["force_z"]
+    assert usage.num_samples == 8
+    np.testing.assert_array_equal(usage.fired, np.mean(strengths >= 0.3, axis=0))
+    np.testing.assert_array_equal(usage.fired, rule_usage(strengths, 0.3).fired)
+    assert 0 < usage.fired.sum() < 45
+
+
+def test_a_system_that_never_decides_is_left_out(tmp_path: Path) -> None:
+    path = log_flight(tmp_path / "a.mcap", paper_like_controller(), num_samples=0)
+    assert usage_along([path]) == {}
+    assert read_flight(path)[0].inputs.shape == (0, 2)
+
+
+def test_flights_that_cannot_be_used_are_refused_with_a_sentence(tmp_path: Path) -> None:
+    controller = paper_like_controller()
+    path = log_flight(tmp_path / "a.mcap", controller)
+    other = log_flight(
+        tmp_path / "b.mcap", FuzzyController("b", (replace(force_z_system(), name="force_x"),))
+    )
+    with pytest.raises(ControllerFileError, match="another system 'force_x'"):
+        usage_along([path, other])
+    (tmp_path / "cut.mcap").write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(ControllerFileError, match="recover"):
+        read_flight(tmp_path / "cut.mcap")
+    with pytest.raises(ControllerFileError, match="cannot be opened"):
+        read_controller(tmp_path / "missing.mcap")
+
+
+def test_a_log_that_does_not_fit_its_controller_is_refused(tmp_path: Path) -> None:
+    system = force_x_system()
+    metadata = {"fis.force_x": description(system)}
+    for name, content, words in (
+        ("none", {}, "carries no controller.json"),
+        ("coast", {"controller.json": b'{"kind": "coast"}'}, "not a fuzzy controller"),
+        ("latin", {"controller.json": b"\xff"}, "controller.json"),
+        ("others", {"controller.json": dump_json(general_controller()).encode()}, "no topic /fis/room"),
+        (
+            "wide",
+            {
+                "controller.json": dump_json(
+                    FuzzyController("w", (replace(force_z_system(), name="force_x"),))
+                ).encode()
+            },
+            "holds 2 inputs",
+        ),
+    ):
+        path = tmp_path / f"{name}.mcap"
+        with EpisodeWriter(path, metadata=metadata, attachments=content) as writer:
+            writer.fis(0.0, "force_x", [1.0, 2.0], np.zeros(25), 0.0)
+        with pytest.raises(ControllerFileError, match=words):
+            read_flight(path)
+
+
+def test_inputs_are_gathered_over_all_flights(tmp_path: Path) -> None:
+    controller = paper_like_controller()
+    paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
+    flown = [read_flight(path)[1].inputs for path in paths]
+    np.testing.assert_array_equal(inputs_along(paths)["force_z"], np.concatenate(flown))

@@ -1,0 +1,253 @@
+"""Indices against closed forms and counts by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fis_tools.analysis.measures import (
+    centre,
+    completeness,
+    complexity,
+    half_widths,
+    integrity,
+    measure,
+    nauck,
+    rule_meaning,
+)
+from fis_tools.engines.inference import firing_strengths
+from fis_tools.model import (
+    And,
+    Consequent,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Sampled,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+    table_rules,
+)
+from tests.fis_tools.sample_controllers import force_x_system, general_controller
+
+
+def even_terms(names: tuple[str, ...], low: float, high: float) -> tuple[Term, ...]:
+    """Triangles that peak evenly from end to end and fall to zero where their neighbours peak."""
+    peaks = np.linspace(low, high, len(names))
+    step = peaks[1] - peaks[0]
+    return tuple(
+        Term(name, Triangular(max(low, peak - step), peak, min(high, peak + step)))
+        for name, peak in zip(names, peaks.tolist(), strict=True)
+    )
+
+
+THREE = ("low", "medium", "high")
+
+
+def product_of(x: Variable, y: Variable, rules: tuple[Rule, ...], **how: object) -> FuzzySystem:
+    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+    return FuzzySystem("s", (x, y), (output,), rules, **how)  # type: ignore[arg-type]
+
+
+def test_complexity_is_counted_by_hand() -> None:
+    counted = complexity(general_controller().systems[0])
+    # cold and (calm or not hot); hot
+    assert (counted.rules, counted.premises, counted.input_terms, counted.output_terms) == (2, 4, 3, 3)
+    assert complexity(force_x_system()).premises == 50
+
+
+def test_nauck_of_an_even_partition() -> None:
+    """Memberships that sum to one cover fully: 3 output terms over 18 premises, times 1, times 1 / 2."""
+    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+    system = FuzzySystem("s", (x, y), (output,), table_rules((x, y), output, ["low"] * 9))
+    found = nauck(system)
+    assert found.complexity == pytest.approx(3 / 18)
+    assert found.coverage == pytest.approx(1.0, abs=1e-12)
+    assert found.partition == 0.5
+    assert found.index == pytest.approx(3 / 18 / 2)
+
+
+def test_nauck_coverage_below_and_above_one() -> None:
+    """One term that is 1 - x, another 1 everywhere: h = 2 - x lies above 1, and c = (2 - h) / (2 - 1) = x."""
+    terms = (Term("falls", Triangular(0.0, 0.0, 1.0)), Term("all", Trapezoidal(0.0, 0.0, 1.0, 1.0)))
+    x = Variable("x", "", 0.0, 1.0, terms, 2)
+    gap = Variable("y", "", 0.0, 4.0, (Term("low", Triangular(0.0, 0.0, 2.0)),), 5)
+    rule = Rule(And((Is("x", "all"), Is("y", "low"))), (Consequent("z", "low"),))
+    found = nauck(product_of(x, gap, (rule,)))
+    # the mean of x over [0, 1] is 1/2; a triangle of area 1 covers 1/4 of [0, 4]
+    assert found.coverage == pytest.approx((0.5 + 0.25) / 2, abs=1e-12)
+    assert found.partition == 1.0
+
+
+def test_an_even_partition_has_its_integrity() -> None:
+    found = integrity(Variable("x", "m", -2.0, 2.0, even_terms(("a", "b", "c", "d", "e"), -2.0, 2.0)))
+    np.testing.assert_allclose(found.displacement, 1.0, atol=1e-12)
+    np.testing.assert_allclose(found.symmetry, 1.0, atol=1e-12)
+    np.testing.assert_allclose(found.area, 1.0, atol=1e-12)
+    assert found.gm3m == pytest.approx(1.0)
+
+
+def test_integrity_of_a_tuned_term_by_hand() -> None:
+    """Spacing 2, so half of it 1: the middle peak moves by 0.4; sides 1.4 and 3.6; area 2.5 less the tail."""
+    terms = (
+        Term("low", Triangular(0.0, 0.0, 2.0)),
+        Term("medium", Triangular(1.0, 2.4, 6.0)),
+        Term("high", Triangular(2.0, 4.0, 4.0)),
+    )
+    found = integrity(Variable("x", "", 0.0, 4.0, terms, 401))
+    np.testing.assert_allclose(found.displacement, [1.0, 0.6, 1.0], atol=1e-12)
+    np.testing.assert_allclose(found.symmetry, [1.0, 1.4 / 3.6, 1.0], atol=1e-12)
+    # inside [0, 4] the tail beyond 4 is cut: 2.5 less a triangle of base 2 and height 2 / 3.6
+    inside = 0.5 * 5.0 - 0.5 * 2.0 * (2.0 / 3.6)
+    assert found.area[1] == pytest.approx(min(inside, 2.0) / max(inside, 2.0), abs=1e-12)
+    assert found.gm3m == pytest.approx((0.6 * (1.4 / 3.6) * found.area[1]) ** (1 / 3))
+
+
+def test_integrity_of_gaussians_that_cross_at_one_half() -> None:
+    """Of the half-width of the triangle: area sigma sqrt(2 pi) against twice that half-width."""
+    half_width = 0.5
+    sigma = half_width / np.sqrt(2 * np.log(2))
+    terms = tuple(Term(n, Gaussian(m, sigma)) for n, m in (("a", 0.0), ("b", 1.0), ("c", 2.0), ("d", 3.0)))
+    found = integrity(Variable("x", "", 0.0, 3.0, terms, 3001))
+    np.testing.assert_allclose(found.displacement, 1.0)
+    np.testing.assert_allclose(found.symmetry, 1.0)
+    # of the outer terms and the inner ones next to them some lies outside the range
+    assert found.area[1] == pytest.approx(2 * half_width / (sigma * np.sqrt(2 * np.pi)), abs=1e-2)
+
+
+def test_a_centre_that_moves_by_half_the_spacing_keeps_nothing() -> None:
+    terms = (Term("a", Gaussian(0, 1)), Term("b", Gaussian(5.0, 1)), Term("c", Gaussian(8.0, 1)))
+    assert integrity(Variable("x", "", 0.0, 8.0, terms)).displacement[1] == pytest.approx(0.5)
+    terms = (Term("a", Gaussian(0, 1)), Term("b", Gaussian(6.5, 1)), Term("c", Gaussian(8.0, 1)))
+    assert integrity(Variable("x", "", 0.0, 8.0, terms)).gm3m == 0.0
+    with pytest.raises(ValueError, match="one term"):
+        integrity(Variable("x", "", 0.0, 8.0, terms[:1]))
+
+
+def test_centres_and_half_widths_of_every_shape() -> None:
+    points = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    sampled = Term("t", Sampled((0.0, 0.8, 0.8, 0.6, 0.2, 0.0)))
+    variable = Variable("x", "", 0.0, 5.0, (sampled,), 6, points=points)
+    assert centre(variable, sampled) == 1.5
+    # half of 0.8 is crossed half way up to 1, and half way between 0.6 and 0.2
+    assert half_widths(variable, sampled) == pytest.approx((1.0, 2.0))
+    term = Term("t", Trapezoidal(0.0, 2.0, 4.0, 5.0))
+    assert centre(variable, term) == 3.0
+    assert half_widths(variable, term) == (2.0, 1.5)
+    term = Term("t", Gaussian(1.0, 2.0))
+    assert half_widths(variable, term)[0] == pytest.approx(2.0 * np.sqrt(2 * np.log(2)))
+
+
+def test_completeness_of_a_full_table_is_where_both_inputs_are_worst() -> None:
+    """Even triangles hold by one half between two peaks, so min gives 1/2 and the product 1/4."""
+    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+    rules = table_rules((x, y), output, ["low"] * 9)
+    for operator, least in (("min", 0.5), ("product", 0.25)):
+        found = completeness(product_of(x, y, rules, and_operator=operator))
+        assert found.is_exact
+        assert found.least == pytest.approx(least, abs=1e-12)
+        assert found.at[0] % 0.5 == pytest.approx(0.25)
+
+
+def test_completeness_finds_the_missing_rule() -> None:
+    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+    rules = table_rules((x, y), output, ["low"] * 9)
+    found = completeness(product_of(x, y, rules[:4] + rules[5:]))
+    assert found.is_exact
+    assert found.least == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(found.at, [0.5, 4.0], atol=1e-12)
+    by_product = completeness(product_of(x, y, rules[:4] + rules[5:], and_operator="product"))
+    assert by_product.least == pytest.approx(0.0, abs=1e-12)
+
+
+@st.composite
+def small_systems(draw: st.DrawFn) -> FuzzySystem:
+    """Two inputs of few points, rules of and, or and not."""
+
+    def variable(name: str) -> Variable:
+        values = st.lists(st.integers(0, 4), min_size=5, max_size=5)
+        terms = [Sampled(tuple(v / 4 for v in draw(values))) for _ in range(2)]
+        return Variable(name, "", 0.0, 4.0, (Term("a", terms[0]), Term("b", terms[1])), 5)
+
+    statement = st.builds(Is, st.sampled_from("xy"), st.sampled_from("ab"))
+    either = st.one_of(statement, st.builds(Not, statement))
+    pair = st.tuples(either, either)
+    antecedent = st.one_of(either, st.builds(And, pair), st.builds(Or, pair))
+    rules = draw(st.lists(antecedent, min_size=1, max_size=3))
+    return product_of(
+        variable("x"), variable("y"), tuple(Rule(told, (Consequent("z", "low"),)) for told in rules)
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(small_systems())
+def test_an_exact_completeness_is_below_a_dense_grid_and_is_met(system: FuzzySystem) -> None:
+    found = completeness(system)
+    assert found.is_exact
+    dense = np.linspace(0.0, 4.0, 97)
+    grid = np.stack([part.ravel() for part in np.meshgrid(dense, dense)], axis=1)
+    assert found.least <= firing_strengths(system, grid).max(axis=1).min() + 1e-12
+    assert firing_strengths(system, found.at[np.newaxis]).max() == pytest.approx(found.least, abs=1e-12)
+
+
+def test_rules_of_even_triangles_are_fully_meant() -> None:
+    """At its cell only one rule fires, so the system answers what the rule alone would."""
+    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+    system = FuzzySystem("s", (x, y), (output,), table_rules((x, y), output, list(THREE) * 3))
+    found = rule_meaning(system)
+    np.testing.assert_allclose(found.values, 1.0, atol=1e-9)
+    np.testing.assert_allclose(found.points[5], [0.5, 8.0])
+    # half a triangle from 1/2 to 1, the centre of which lies a third of the way from its higher end
+    assert found.outputs[5, 0] == pytest.approx(1.0 - 0.5 / 3, abs=1e-12)
+    assert found.index == pytest.approx(1.0)
+
+
+def test_samples_are_said_to_be_samples() -> None:
+    """The product of three rules of one input is weakest off the grid of their crossings."""
+    x = Variable("x", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0))
+    y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
+    told = (And((Is("x", "low"), Not(Is("y", "low")))), Is("x", "high"), Is("x", "medium"))
+    rules = tuple(Rule(antecedent, (Consequent("z", "low"),)) for antecedent in told)
+    found = completeness(product_of(x, y, rules, and_operator="product"))
+    assert found.least == pytest.approx(0.0, abs=1e-12)
+    found = completeness(
+        product_of(x, y, (*rules, Rule(Is("x", "low"), rules[0].consequents)), and_operator="product")
+    )
+    assert not found.is_exact
+    assert found.least == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_rule_that_is_outvoted_means_little() -> None:
+    """Two rules hold in full at x = 0, on low and on high: the answer 1/2 is neither."""
+    x = Variable("x", "", 0.0, 1.0, even_terms(("low", "high"), 0.0, 1.0))
+    output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
+    rules = (
+        Rule(Is("x", "low"), (Consequent("z", "low"),)),
+        Rule(Not(Is("x", "high")), (Consequent("z", "high"),)),
+        Rule(Is("x", "high"), (Consequent("z", "medium"),)),
+    )
+    found = rule_meaning(FuzzySystem("s", (x,), (output,), rules))
+    np.testing.assert_allclose(found.values, [0.0, 0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(found.outputs[:, 0], 0.5, atol=1e-12)
+    np.testing.assert_allclose(found.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)
+
+
+def test_all_measures_of_a_system_with_everything() -> None:
+    found = measure(general_controller().systems[0])
+    assert set(found.coverage) == {"temperature", "wind", "heat", "vent"}
+    assert set(found.integrity) == {"temperature", "heat"}
+    assert 0.0 <= found.gm3m <= min(each.gm3m for each in found.integrity.values())
+    # rule 1 says nothing wrong of both outputs
+    assert found.rule_meaning.alone.shape == (2, 2)

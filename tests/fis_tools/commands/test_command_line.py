@@ -1,0 +1,341 @@
+"""The command line: what each command prints, and that mistakes end in one sentence."""
+
+import csv
+import io
+import json
+import os
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+
+from fis_tools.__main__ import main
+from fis_tools.analysis.flights import inputs_along
+from fis_tools.engines.inference import infer
+from fis_tools.findings.audit import Thresholds
+from fis_tools.findings.explanation import explain, shares
+from fis_tools.formats.printed import markdown
+from fis_tools.formats.serialize import dump_json, dump_yaml, load, loads
+from fis_tools.model import FuzzyController
+from fis_tools.words import text
+from tests.fis_tools.analysis.test_flights import log_flight
+from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
+
+
+@pytest.fixture
+def controller_path(tmp_path: Path) -> Path:
+    path = tmp_path / "paper.yaml"
+    path.write_text(dump_yaml(paper_like_controller()), encoding="utf-8")
+    return path
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_show_reads_a_file_a_run_and_a_flight(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "champion.json").write_text(dump_json(paper_like_controller()), encoding="utf-8")
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    expected = text.describe(paper_like_controller())
+    for source in (controller_path, tmp_path / "run", flight):
+        assert run(capsys, "show", source) == (0, expected, "")
+
+
+def test_show_can_be_limited_to_one_system(controller_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, shown, _ = run(capsys, "show", controller_path, "--system", "force_z")
+    assert "rules for force_z" in shown
+    assert "rules for force_x" not in shown
+
+
+@pytest.mark.parametrize("form", ["png", "svg"])
+def test_plot_writes_pictures(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    folder = tmp_path / "new" / "figures"
+    status, printed, _ = run(
+        capsys, "plot", controller_path, "-o", folder, "--format", form, "--system", "force_x"
+    )
+    assert status == 0
+    names = [f"force_x-{name}.{form}" for name in ("memberships", "rules", "surface", "surface-3d")]
+    assert printed.split() == [str(folder / name) for name in names]
+    start = {"png": b"\x89PNG", "svg": b"<?xml"}[form]
+    assert all((folder / name).read_bytes().startswith(start) for name in names)
+
+
+def test_plot_draws_what_is_asked_for(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    inputs = "distance=80,velocity_body_x=0.05"
+
+    def drawn(*words: object) -> list[str]:
+        status, printed, _ = run(capsys, "plot", *words, "-o", tmp_path, "--system", "force_x")
+        assert status == 0
+        return [Path(line).stem.removeprefix("force_x-") for line in printed.splitlines()]
+
+    assert drawn(controller_path, "--only", "inference", "--inputs", inputs) == ["inference"]
+    assert drawn(controller_path, "--only", "rules", "--only", "memberships") == ["memberships", "rules"]
+    assert drawn(flight, "--time", "15", "--only", "inference", "--only", "firing") == ["inference", "firing"]
+    assert drawn(flight)[-1] == "firing"
+
+
+def test_a_dark_picture_is_dark_and_says_the_inputs(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("plot", controller_path, "--only", "inference", "--inputs", "distance=80,velocity_body_x=0.05")
+    assert run(capsys, *words, "--theme", "dark", "--format", "svg", "-o", tmp_path)[0] == 0
+    content = (tmp_path / "force_x-inference.svg").read_text(encoding="utf-8")
+    assert "#14181d" in content
+    assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
+
+
+def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "c.json"
+    path.write_text(dump_json(general_controller()).replace('"room"', '"../a b"'), encoding="utf-8")
+    status, printed, _ = run(capsys, "plot", path, "-o", tmp_path / "out")
+    assert status == 0
+    assert {Path(line).parent for line in printed.splitlines()} == {tmp_path / "out"}
+
+
+def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, other = (replace(force_x_system(), name=name) for name in ("a/b", "A b"))
+    path = tmp_path / "alike.json"
+    path.write_text(dump_json(FuzzyController("alike", (one, other))), encoding="utf-8")
+    printed = run(capsys, "plot", path, "--only", "rules", "-o", tmp_path / "out")[1]
+    assert [Path(line).name for line in printed.splitlines()] == ["a_b-rules.png", "A_b-rules-2.png"]
+    assert len(list((tmp_path / "out").iterdir())) == 2
+
+
+def test_surface_prints_numbers_or_draws(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("surface", controller_path, "--system", "force_x", "--points", "3")
+    status, printed, _ = run(capsys, *words)
+    assert status == 0
+    header, *rows = csv.reader(io.StringIO(printed))
+    assert header == ["distance", "velocity_body_x", "force_x"]
+    assert len(rows) == 9
+    for row in (rows[1], rows[5]):
+        x, y, value = map(float, row)
+        assert value == pytest.approx(infer(force_x_system(), [x, y]).values[0], abs=1e-13)  # type: ignore[arg-type]
+    assert run(capsys, *words, "-o", tmp_path / "surface.png")[0] == 0
+    assert (tmp_path / "surface.png").read_bytes().startswith(b"\x89PNG")
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    picture = tmp_path / "space.svg"
+    assert run(capsys, *words, "--3d", "--theme", "dark", "--flights", flight, "-o", picture)[0] == 0
+    assert "force_x (N)" in picture.read_text(encoding="utf-8")
+
+
+def test_export_writes_every_form(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, "export", controller_path, "--format", "markdown")[1] == markdown.write(
+        paper_like_controller()
+    )
+    for form in ("json", "yaml"):
+        path = tmp_path / f"copy.{form}"
+        assert run(capsys, "export", controller_path, "--format", form, "-o", path) == (0, "", "")
+        assert load(path) == paper_like_controller()
+    for form in ("csv", "text"):
+        assert "very near" in run(capsys, "export", controller_path, "--format", form)[1]
+
+
+def test_explain_tells_each_system_whose_inputs_are_given(
+    controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2")
+    status, told, _ = run(capsys, *words)
+    assert status == 0
+    assert told == explain(force_x_system(), {"distance": 80.0, "velocity_body_x": 0.05}).text()
+    _, crossing, _ = run(capsys, *words, "--crossing", "-0.02", "--all")
+    assert "What would take force_x " in crossing
+    assert len(crossing.splitlines()) > len(told.splitlines())
+    _, printed, _ = run(capsys, *words, "--json")
+    assert json.loads(printed)["explanations"][0]["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
+
+
+def test_explain_tells_an_inference_step_by_step(
+    controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("explain", controller_path, "--inputs", "distance=80, velocity_body_x=5e-2", "--steps")
+    status, told, _ = run(capsys, *words)
+    assert status == 0
+    assert told.startswith("force_x: 25 rules")
+    assert "velocity_body_x = 0.05 m/s" in told
+    assert "force_z" not in told
+
+
+def test_explain_tells_the_share_of_each_rule_over_flights(
+    tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
+    expected = shares(force_x_system(), inputs_along(flights)["force_x"])
+    status, told, _ = run(capsys, "explain", controller_path, "--flights", *flights, "--system", "force_x")
+    assert (status, told) == (0, expected.text())
+    _, alone, _ = run(capsys, "explain", flights[0], "--all")
+    assert "force_x over 4 inferences: " in alone
+    _, printed, _ = run(capsys, "explain", flights[0], "--json")
+    assert [one["samples"] for one in json.loads(printed)["shares"]] == [4, 4]
+    silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
+    assert "never decided anything" in run(capsys, "explain", silent)[1]
+
+
+def test_explain_takes_the_inputs_of_a_logged_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    status, told, _ = run(capsys, "explain", flight, "--time", "15", "--system", "force_z")
+    assert status == 0
+    _, at_end, _ = run(capsys, "explain", flight, "--time", "40", "--system", "force_z")
+    _, at_last, _ = run(capsys, "explain", flight, "--time", "30", "--system", "force_z")
+    assert at_end == at_last != told
+    _, at_sample, _ = run(capsys, "explain", flight, "--time", "10", "--system", "force_z")
+    _, later, _ = run(capsys, "explain", flight, "--time", "20", "--system", "force_z")
+    assert told == at_sample != later
+
+
+def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flights = [log_flight(tmp_path / f"{seed}.mcap", paper_like_controller(), seed=seed) for seed in (1, 2)]
+    status, printed, _ = run(capsys, "firing", *flights)
+    assert status == 0
+    assert "force_x: 8 inferences; " in printed
+    block = printed.split("\n\n")[1].splitlines()
+    assert len(block) == 2 + 45
+    shares = [float(line.split("%")[0]) for line in block[2:]]
+    assert shares == sorted(shares, reverse=True)
+    silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
+    assert "never decided anything" in run(capsys, "firing", silent)[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["show", "missing.yaml"], "cannot be read (no such file or directory)"),
+        (["show", "missing"], "such as FOLDER/missing.yaml, of a run's folder or of a logged flight (.mcap)"),
+        (["show", "FOLDER"], "folder without champion.json"),
+        (["show", "missing.mcap"], "cannot be opened"),
+        (["show", "PAPER", "--system", "force"], "did you mean 'force_"),
+        (["surface", "PAPER"], "several systems; add --system, one of force_x, force_z"),
+        (["surface", "PAPER", "--system", "force_x", "--x", "distanse"], "did you mean 'distance'?"),
+        (["surface", "PAPER", "--system", "force_x", "--points", "1"], "no whole number from 2 to 1000"),
+        (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1"], "no input 'a'"),
+        (["surface", "PAPER", "--system", "force_z", "--fixed", "eta_u=inf"], "finite"),
+        (["surface", "PAPER", "--system", "force_x", "--3d"], "--3d and --flights are for pictures; add -o"),
+        (
+            ["surface", "PAPER", "--system", "force_x", "-o", "x.jpg"],
+            "ends in none of .png, .svg, .pdf, .csv",
+        ),
+        (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1,a=2"], "'a' is given twice"),
+        (["plot", "PAPER", "--only", "rules", "--inputs", "distance=1"], "add --only inference"),
+        (["plot", "PAPER", "--time", "1"], "--time is for logged flights"),
+        (["audit", "PAPER", "--thresholds", "coverage=-1"], "the threshold 'coverage' is below 0"),
+        (["firing", "FLIGHT", "--threshold", "nan"], "'nan' is no strength above 0 and up to 1"),
+        (["firing", "FLIGHT", "--threshold", "-1"], "'-1' is no strength"),
+        (["plot", "PAPER", "--only", "firing"], "--only firing is for logged flights"),
+        (["plot", "PAPER", "--only", "inference"], "force_x needs distance, velocity_body_x"),
+        (["plot", "PAPER", "--inputs", "distance=1"], "the inputs of no system are all given"),
+        (["plot", "PAPER", "--only", "surface"], "invalid choice"),
+        (["explain", "PAPER"], "force_x needs distance, velocity_body_x"),
+        (["explain", "PAPER", "--inputs", "distance=1"], "add --inputs"),
+        (["explain", "PAPER", "--inputs", "distanse=1"], "did you mean 'distance'?"),
+        (["explain", "PAPER", "--inputs", "distance"], "write NAME=NUMBER"),
+        (["explain", "PAPER", "--inputs", "distance=nan"], "write NAME=NUMBER"),
+        (["explain", "PAPER", "--time", "1"], "--time is for logged flights"),
+        (["explain", "PAPER", "--inputs", "distance=1", "--flights", "FLIGHT"], "drop --inputs and --time"),
+        (["explain", "FLIGHT", "--steps"], "about one inference; add --time"),
+        (["explain", "FLIGHT", "--time", "1", "--steps", "--json"], "drop one of them"),
+        (["explain", "FLIGHT", "--time", "1", "--crossing", "nan"], "'nan' is no number"),
+        (["explain", "FLIGHT", "--time", "-1"], "decided nothing up to -1 s"),
+        (["explain", "FLIGHT", "--time", "99999"], "--time 99999 is not on this flight"),
+        (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "inferences cover 0 to 40 s"),
+        (["explain", "FLIGHT", "--time", "nan"], "inferences cover 0 to 40 s"),
+        (["explain", "SILENT", "--time", "5"], "decided nothing up to 5 s"),
+        (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
+        (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
+        (["export", "PAPER", "--format", "word"], "invalid choice"),
+        (["firing", "PAPER"], "not an MCAP file"),
+        (["fly"], "invalid choice"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence(
+    tmp_path: Path,
+    controller_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    sentence: str,
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    places = {
+        "PAPER": controller_path,
+        "FLIGHT": flight,
+        "SILENT": log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0),
+        "PAPER/x.csv": controller_path / "x.csv",
+        "FOLDER": tmp_path,
+    }
+    status, printed, told = run(capsys, *(places.get(word, word) for word in words))
+    assert (status, printed) == (2, "")
+    assert sentence in told
+    assert "Traceback" not in told
+
+
+def test_a_flight_is_one_whichever_way_its_ending_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "FLIGHT.MCAP", paper_like_controller())
+    assert "inferences on flights" in run(capsys, "audit", flight)[1]
+    words = ("--only", "firing", "--only", "inference", "--time", "1", "-o", tmp_path / "pictures")
+    status, printed, _ = run(capsys, "plot", flight, *words)
+    assert status == 0
+    assert "force_x-firing.png" in printed
+
+
+def test_what_is_printed_into_a_file_reads_back_in_any_locale(tmp_path: Path) -> None:
+    controller = replace(paper_like_controller(), name="Prüfling \N{RIGHTWARDS ARROW} 漢")
+    path = tmp_path / "controller.yaml"
+    path.write_text(dump_yaml(controller), encoding="utf-8")
+    command = [sys.executable, "-m", "fis_tools", "export", str(path), "--format", "json"]
+    narrow = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    printed = subprocess.run(command, env=narrow, capture_output=True, check=True).stdout  # noqa: S603
+    assert loads(printed.decode("utf-8"), "json") == controller
+
+
+def test_without_an_output_to_write_to_there_is_no_traceback(controller_path: Path) -> None:
+    command = f'"{sys.executable}" -m fis_tools show "{controller_path}" >&-'
+    told = subprocess.run(command, shell=True, capture_output=True, check=False)  # noqa: S602
+    assert (told.returncode, told.stderr) == (0, b"")
+
+
+def test_every_threshold_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = run(capsys, "audit", "--help")[1]
+    told = printed.split("thresholds, most")[1]
+    assert all(f"\n  {field.name} " in told for field in fields(Thresholds))
+
+
+def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    status, printed, _ = run(capsys)
+    assert status == 2
+    assert "explain" in printed
+
+
+def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> None:
+    command = [sys.executable, "-m", "fis_tools", "show", str(controller_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0

@@ -1,0 +1,254 @@
+"""Compiled systems against scikit-fuzzy's own ``compute()``, and what they accept and refuse."""
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import skfuzzy
+from skfuzzy import control
+
+from fis_tools.engines import compiler, interpreter
+from fis_tools.engines.compiler import CompiledSystem, compile
+from fis_tools.model import Consequent, FuzzySystem, Gaussian, Is, Rule, Term, Variable
+from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.validate import InvalidSystem
+from fis_tools.scikit_fuzzy.build import ReferenceEngine
+from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+
+#: Of the output range's width.
+TOLERANCE = 1e-12
+
+
+def random_universe(generator: np.random.Generator) -> Any:
+    low = float(generator.normal() * 5.0)
+    high = low + float(10.0 ** generator.uniform(-1, 2))
+    match int(generator.integers(3)):
+        case 0:
+            return np.linspace(low, high, int(generator.integers(5, 120)))
+        case 1:
+            return np.arange(0, int(generator.integers(5, 40)), 1)
+    return np.unique(np.concatenate([[low, high], generator.uniform(low, high, 30)]))
+
+
+def random_membership(generator: np.random.Generator, universe: Any) -> Any:
+    low, high = float(universe[0]), float(universe[-1])
+    a, b, c, d = np.sort(generator.uniform(low - 0.1 * (high - low), high + 0.1 * (high - low), 4))
+    width = (high - low) * float(generator.uniform(0.05, 0.5))
+    shapes = (
+        lambda: skfuzzy.trimf(universe, [a, b, c]),
+        lambda: skfuzzy.trapmf(universe, [a, b, c, d]),
+        lambda: skfuzzy.gaussmf(universe, b, width),
+        lambda: skfuzzy.gbellmf(universe, width, 2.0, b),
+        lambda: skfuzzy.sigmf(universe, b, 10.0 / width),
+        lambda: skfuzzy.smf(universe, a, c),
+        lambda: skfuzzy.pimf(universe, a, b, c, d),
+        lambda: generator.uniform(0.0, 1.0, len(universe)),
+    )
+    return shapes[int(generator.integers(len(shapes)))]()
+
+
+def random_antecedent(generator: np.random.Generator, inputs: list[Any], depth: int = 0) -> Any:
+    kind = generator.random()
+    if depth == 3 or kind < 0.35:
+        variable = inputs[int(generator.integers(len(inputs)))]
+        return variable[str(generator.choice(list(variable.terms)))]
+    one = random_antecedent(generator, inputs, depth + 1)
+    if kind < 0.5:
+        return ~one
+    other = random_antecedent(generator, inputs, depth + 1)
+    return one & other if kind < 0.75 else one | other
+
+
+def random_control_system(generator: np.random.Generator) -> Any:
+    """A control system built with scikit-fuzzy alone, using all that its interface has."""
+    inputs = [control.Antecedent(random_universe(generator), f"x{place}") for place in range(3)]
+    methods = ("centroid", "bisector", "mom", "som", "lom")
+    outputs = [
+        control.Consequent(random_universe(generator), f"y{place}", str(generator.choice(methods)))
+        for place in range(2)
+    ]
+    for variable in (*inputs, *outputs):
+        for place in range(int(generator.integers(2, 6))):
+            variable[f"t{place}"] = random_membership(generator, variable.universe)
+    rules = []
+    for _ in range(int(generator.integers(4, 12))):
+        consequents = [
+            output[str(generator.choice(list(output.terms)))] % float(generator.choice([1.0, 0.4]))
+            for output in outputs
+        ]
+        functions = {}
+        if generator.random() < 0.5:
+            functions["and_func"] = AND_OPERATORS[generator.choice(list(AND_OPERATORS))]
+            functions["or_func"] = OR_OPERATORS[generator.choice(list(OR_OPERATORS))]
+        rules.append(control.Rule(random_antecedent(generator, inputs), consequents, **functions))
+    return control.ControlSystem(rules)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_control_systems_of_all_kinds_give_what_compute_gives(seed: int) -> None:
+    generator = np.random.default_rng([40, seed])
+    system = random_control_system(generator)
+    simulation = control.ControlSystemSimulation(system)
+    universes = {variable.label: variable.universe for variable in system.antecedents}
+    samples = {
+        name: generator.uniform(universe[0] - 0.1, universe[-1] + 0.1, 8)
+        for name, universe in universes.items()
+    }
+    compiled = compile(simulation if seed % 2 else system)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a bisector of an area with a gap
+        results = compiled(samples)
+    assert set(results) == {"y0", "y1"}
+    for place in range(8):
+        for name, column in samples.items():
+            simulation.input[name] = column[place]
+        simulation.output = {}
+        with np.errstate(divide="ignore", invalid="ignore"):
+            simulation.compute()
+        for variable in system.consequents:
+            expected = simulation.output.get(variable.label)
+            if expected is not None and simulation_fires(simulation, variable):
+                width = variable.universe[-1] - variable.universe[0]
+                np.testing.assert_allclose(
+                    results[variable.label][place], expected, rtol=0, atol=TOLERANCE * width
+                )
+
+
+def simulation_fires(simulation: Any, variable: Any) -> bool:
+    return any((term.membership_value[simulation] or 0.0) > 0.0 for term in variable.terms.values())
+
+
+def test_control_systems_take_a_default_for_when_no_rule_fires() -> None:
+    x, y = control.Antecedent(np.linspace(0, 1, 11), "x"), control.Consequent(np.linspace(2, 3, 11), "y")
+    x["high"], y["high"] = skfuzzy.trimf(x.universe, [0.5, 1, 1]), skfuzzy.trimf(y.universe, [2, 3, 3])
+    system = control.ControlSystem([control.Rule(x["high"], y["high"])])
+    inputs = np.array([[0.2], [1.0]])
+    assert compile(system)(inputs)[0, 0] == 2.0  # the end of the universe that is nearest to zero
+    outputs = compile(system, defaults={"y": 2.25})(inputs)
+    assert outputs[0, 0] == 2.25
+    assert outputs[1, 0] == pytest.approx(2.0 + 2.0 / 3.0, abs=1e-15)
+
+
+def test_a_chain_of_rules_is_refused_with_a_sentence() -> None:
+    universe = np.linspace(0, 1, 11)
+    x = control.Antecedent(universe, "x")
+    y, z = control.Consequent(universe, "y"), control.Consequent(universe, "z")
+    for variable in (x, y, z):
+        variable["on"] = skfuzzy.trimf(universe, [0, 1, 1])
+    rules = [control.Rule(x["on"], y["on"]), control.Rule(y["on"], z["on"])]
+    with pytest.raises(UnreadableControlSystem, match="rules in a chain are not covered"):
+        compile(control.ControlSystem(rules))
+
+
+def test_anything_else_is_refused() -> None:
+    with pytest.raises(UnreadableControlSystem, match="pass a scikit-fuzzy ControlSystem"):
+        compile("controller.yaml")
+    with pytest.raises(ValueError, match="declare them in the outputs"):
+        compile(force_x_system(), defaults={"force_x": 1.0})
+    broken = FuzzySystem("broken", (), (), ())
+    with pytest.raises(InvalidSystem, match="has no inputs"):
+        compile(broken)
+
+
+@pytest.mark.parametrize("system", [force_x_system(), force_z_system(), *general_controller().systems])
+def test_a_systems_own_engine_and_the_parts_of_an_inference_agree_with_scikit_fuzzy(
+    system: FuzzySystem,
+) -> None:
+    generator = np.random.default_rng(1)
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    rows = generator.uniform(low - 0.1 * (high - low), high + 0.1 * (high - low), (30, len(low)))
+    compiled = compile(system)
+    engine = ReferenceEngine(system)
+    expected = np.array([engine.compute(row) for row in rows])
+    ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
+    for outputs in (compiled(rows), compiled.conclude(compiled.firing_strengths(rows))):
+        np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
+    assert (compiled.packed is None) == (system.name == "room")
+
+
+def compiled_room() -> CompiledSystem:
+    return compile(general_controller().systems[0])
+
+
+def test_mappings_come_back_as_mappings_of_the_same_shape() -> None:
+    room = compiled_room()
+    temperatures = np.linspace(-5.0, 45.0, 6).reshape(2, 3)
+    outputs = room({"wind": 3.0, "temperature": temperatures})
+    rows = np.stack([temperatures.ravel(), np.full(6, 3.0)], axis=1)
+    assert list(outputs) == ["heat", "vent"]
+    np.testing.assert_array_equal(outputs["vent"], room(rows)[:, 1].reshape(2, 3))
+    assert room({"wind": 3.0, "temperature": 20})["heat"].shape == ()
+
+
+def test_values_out_of_range_and_infinite_ones_are_clipped() -> None:
+    for compiled in (compiled_room(), compile(force_x_system())):
+        ends = [[v.minimum, v.maximum] for v in compiled.system.inputs]
+        (a, b), (c, d) = ends
+        np.testing.assert_array_equal(
+            compiled(np.array([[-np.inf, np.inf], [b + 7.0, c - 7.0]])), compiled(np.array([[a, d], [b, c]]))
+        )
+
+
+@pytest.mark.parametrize("system", [force_x_system(), general_controller().systems[0]])
+def test_nan_and_wrong_shapes_are_refused(system: FuzzySystem) -> None:
+    compiled = compile(system)
+    with pytest.raises(ValueError, match="an input is NaN"):
+        compiled(np.array([[1.0, np.nan]]))
+    for wrong in (np.zeros(2), np.zeros((3, 1)), np.zeros((1, 2, 2))):
+        with pytest.raises(ValueError, match="a row a sample"):
+            compiled(wrong)
+        with pytest.raises(ValueError, match="a row a sample"):
+            compiled.firing_strengths(wrong)
+    with pytest.raises(ValueError, match="one for each rule"):
+        compiled.conclude(np.zeros((1, 99)))
+    with pytest.raises(ValueError, match="a firing strength is NaN"):
+        compiled.conclude(np.full((1, len(compiled.system.rules)), np.nan))
+
+
+def test_names_that_are_missing_or_unknown_are_told() -> None:
+    with pytest.raises(ValueError, match="no input 'temprature'; did you mean 'temperature'"):
+        compiled_room()({"temprature": 3.0, "wind": 1.0})
+    with pytest.raises(ValueError, match="input 'wind' is missing; pass temperature, wind"):
+        compiled_room()({"temperature": 3.0})
+
+
+def test_no_samples_are_no_mistake() -> None:
+    for compiled in (compiled_room(), compile(force_x_system())):
+        assert compiled(np.empty((0, 2))).shape == (0, len(compiled.system.outputs))
+        assert compiled.firing_strengths(np.empty((0, 2))).shape == (0, len(compiled.system.rules))
+
+
+def test_an_output_that_no_rule_concludes_has_its_default() -> None:
+    terms = (Term("a", Gaussian(0.0, 0.3)),)
+    outputs = tuple(Variable(name, "", 0.0, 1.0, terms, 11, default=0.75) for name in ("used", "idle"))
+    rules = (Rule(Is("x", "a"), (Consequent("used", "a"),)),)
+    compiled = compile(FuzzySystem("half", (Variable("x", "", 0.0, 1.0, terms, 11),), outputs, rules))
+    assert compiled(np.array([[0.0]]))[0, 1] == 0.75
+
+
+@pytest.mark.parametrize("system", [force_x_system(), general_controller().systems[0]])
+def test_threads_change_nothing(system: FuzzySystem, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiler, "SAMPLES_A_THREAD", 100)
+    low, high = zip(*((variable.minimum, variable.maximum) for variable in system.inputs), strict=True)
+    rows = np.random.default_rng(2).uniform(low, high, (1003, len(low)))
+    alone, together = compile(system, threads=1), compile(system, threads=3)
+    np.testing.assert_array_equal(alone(rows), together(rows))
+    firing = alone.firing_strengths(rows)
+    np.testing.assert_array_equal(alone.conclude(firing), together.conclude(firing))
+    np.testing.assert_array_equal(alone.conclude(firing), interpreter.evaluate(alone.program, rows))
+
+
+def test_it_says_what_it_is() -> None:
+    assert repr(compiled_room()) == "<compiled 'room': 2 rules, temperature, wind -> heat, vent>"
+
+
+def test_scikit_fuzzy_is_imported_for_its_own_systems_alone() -> None:
+    code = (
+        "import sys, fis_tools.engines.compiler; print([name for name in sys.modules if name == 'skfuzzy'])"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603
+    assert done.stdout == "[]\n"

@@ -1,0 +1,145 @@
+"""The steps of an inference against what can be worked out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.engines import inference
+from fis_tools.engines.inference import infer
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzySystem,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Term,
+    Triangular,
+    Variable,
+)
+
+LEFT = Term("left", Triangular(0.0, 0.0, 10.0))
+RIGHT = Term("right", Triangular(0.0, 10.0, 10.0))
+INPUTS = (Variable("a", "", 0.0, 10.0, (LEFT, RIGHT), 2), Variable("b", "", 0.0, 10.0, (LEFT, RIGHT), 2))
+OUTPUT = Variable("y", "", 0.0, 10.0, (LEFT, RIGHT), 2, default=-7.0)
+
+
+def one_rule(antecedent: Expression, weight: float = 1.0, term: str = "left") -> FuzzySystem:
+    return FuzzySystem("one", INPUTS, (OUTPUT,), (Rule(antecedent, (Consequent("y", term, weight),)),))
+
+
+@pytest.mark.parametrize(
+    ("antecedent", "by_min_max", "by_product"),
+    [
+        (Is("a", "left"), 0.8, 0.8),
+        (Not(Is("a", "left")), 0.2, 0.2),
+        (And((Is("a", "left"), Is("b", "right"))), 0.5, 0.4),
+        (Or((Is("a", "left"), Is("b", "right"))), 0.8, 0.9),
+        (And((Is("a", "left"), Not(Or((Is("a", "right"), Is("b", "right")))))), 0.5, 0.32),
+    ],
+)
+def test_firing_strengths_by_hand(antecedent: Expression, by_min_max: float, by_product: float) -> None:
+    """With a = 2 and b = 5 the memberships are 0.8, 0.2 and 0.5, 0.5."""
+    system = one_rule(antecedent)
+    inputs = np.array([2.0, 5.0])
+    step = infer(system, inputs)
+    np.testing.assert_allclose(step.memberships[0], [0.8, 0.2], rtol=0, atol=1e-15)
+    assert step.firing_strengths[0] == pytest.approx(by_min_max, abs=1e-15)
+    system = FuzzySystem("p", INPUTS, (OUTPUT,), system.rules, "product", "probabilistic_sum")
+    assert infer(system, inputs).firing_strengths[0] == pytest.approx(by_product, abs=1e-15)
+
+
+def test_a_clipped_triangle_has_the_centre_geometry_gives() -> None:
+    """``1 - x/10`` cut at 1/2: a rectangle of 5 x 1/2 and a triangle of 5 x 1/2 beside it."""
+    step = infer(one_rule(Is("a", "left")), np.array([5.0, 0.0]))
+    (output,) = step.outputs
+    np.testing.assert_array_equal(output.universe, [0.0, 5.0, 10.0])
+    np.testing.assert_array_equal(output.aggregated, [0.5, 0.5, 0.0])
+    expected = (2.5 * 2.5 + 1.25 * (5.0 + 5.0 / 3.0)) / 3.75
+    assert output.value == pytest.approx(expected, abs=1e-14)
+    assert not output.is_default
+
+
+@pytest.mark.parametrize(
+    ("defuzzifier", "expected"),
+    [("bisector", 3.75), ("mom", 2.5), ("som", 0.0), ("lom", 5.0)],
+)
+def test_the_other_defuzzifiers_on_the_same_shape(defuzzifier: str, expected: float) -> None:
+    system = one_rule(Is("a", "left"))
+    system = FuzzySystem("d", INPUTS, (OUTPUT,), system.rules, defuzzifier=defuzzifier)  # type: ignore[arg-type]
+    assert infer(system, np.array([5.0, 0.0])).values[0] == pytest.approx(expected, abs=1e-14)
+
+
+def test_the_strongest_rule_cuts_and_terms_nobody_concludes_have_no_cut() -> None:
+    rules = (
+        Rule(Is("a", "left"), (Consequent("y", "right", 0.5),)),
+        Rule(Is("b", "left"), (Consequent("y", "right"),)),
+    )
+    step = infer(FuzzySystem("two", INPUTS, (OUTPUT,), rules), np.array([0.0, 9.0]))
+    np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, 0.5], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(step.firing_strengths, [1.0, 0.1], rtol=0, atol=1e-15)
+
+
+def test_rules_may_combine_in_their_own_ways() -> None:
+    """With a = 2 and b = 5 the memberships are 0.8, 0.2 and 0.5, 0.5."""
+    both, either = (kind((Is("a", "left"), Is("b", "left"))) for kind in (And, Or))
+    concluded = (Consequent("y", "left"),)
+    rules = (
+        Rule(both, concluded),
+        Rule(both, concluded, and_operator="product"),
+        Rule(both, concluded, and_operator="bounded_difference"),
+        Rule(either, concluded, or_operator="probabilistic_sum"),
+        Rule(either, concluded, or_operator="bounded_sum"),
+        Rule(either, concluded),
+    )
+    step = infer(FuzzySystem("own", INPUTS, (OUTPUT,), rules), np.array([2.0, 5.0]))
+    np.testing.assert_allclose(step.firing_strengths, [0.5, 0.4, 0.3, 0.9, 1.0, 0.8], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("accumulation", "cut"),
+    [("max", 0.5), ("probabilistic_sum", 0.6), ("bounded_sum", 0.7), ("drastic_sum", 1.0), ("product", 0.1)],
+)
+def test_rules_accumulate_as_the_output_says(accumulation: str, cut: float) -> None:
+    rules = (
+        Rule(Is("a", "right"), (Consequent("y", "right"),)),
+        Rule(Is("b", "left"), (Consequent("y", "right"),)),
+    )
+    output = replace(OUTPUT, accumulation=accumulation)  # type: ignore[arg-type]
+    step = infer(FuzzySystem("two", INPUTS, (output,), rules), np.array([2.0, 5.0]))
+    np.testing.assert_allclose(step.outputs[0].cuts, [np.nan, cut], rtol=0, atol=1e-15)
+
+
+def test_outputs_may_be_defuzzified_in_their_own_ways() -> None:
+    outputs = (OUTPUT, replace(OUTPUT, name="z", defuzzifier="lom"))
+    rule = Rule(Is("a", "left"), (Consequent("y", "left"), Consequent("z", "left")))
+    system = FuzzySystem("ways", INPUTS, outputs, (rule,), defuzzifier="som")
+    np.testing.assert_allclose(infer(system, np.array([5.0, 0.0])).values, [0.0, 5.0], rtol=0, atol=1e-14)
+
+
+def test_inputs_are_clipped_and_kept_as_given() -> None:
+    step = infer(one_rule(Is("a", "left")), np.array([-3.0, np.inf]))
+    np.testing.assert_array_equal(step.inputs, [-3.0, np.inf])
+    np.testing.assert_array_equal(step.clipped, [0.0, 10.0])
+    np.testing.assert_array_equal(step.memberships, [[1.0, 0.0], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize(("value", "weight"), [(10.0, 1.0), (0.0, 0.0)])
+def test_nothing_fired_gives_the_default(value: float, weight: float) -> None:
+    step = infer(one_rule(Is("a", "left"), weight), np.array([value, 0.0]))
+    assert step.outputs[0].is_default
+    assert step.values[0] == -7.0
+
+
+def test_a_batch_is_its_samples() -> None:
+    system = one_rule(Or((Is("a", "left"), Is("b", "right"))))
+    rows = np.array([[0.0, 1.0], [5.0, 5.0], [10.0, 0.0]])
+    each = [infer(system, row) for row in rows]
+    np.testing.assert_array_equal(inference.evaluate(system, rows), [step.values for step in each])
+    np.testing.assert_array_equal(
+        inference.firing_strengths(system, rows), [step.firing_strengths for step in each]
+    )
+    assert inference.evaluate(system, np.empty((0, 2))).shape == (0, 1)

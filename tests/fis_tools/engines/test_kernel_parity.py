@@ -1,0 +1,155 @@
+"""The compiled kernel against scikit-fuzzy's own ``compute()``."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fis_tools.engines import inference
+from fis_tools.engines.kernel import evaluate, firing_strengths, pack
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
+from fis_tools.scikit_fuzzy.build import ReferenceEngine
+from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, sparse_system
+from tests.places import PROJECT
+
+#: Of the output range's width.
+TOLERANCE = 1e-12
+SHIPPED = PROJECT / "conf" / "controller"
+
+
+def _width(system: FuzzySystem) -> float:
+    return system.outputs[0].maximum - system.outputs[0].minimum
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_two_inputs_agree_with_scikit_fuzzy(seed: int) -> None:
+    generator = np.random.default_rng([11, seed])
+    system = full_table_system(generator, num_inputs=2, is_smooth=True)
+    engine = ReferenceEngine(system)
+    inputs = inputs_for(system, generator, 12)
+    expected = np.array([engine.compute(row)[0] for row in inputs])
+    np.testing.assert_allclose(
+        evaluate(pack(system), inputs), expected, rtol=0, atol=TOLERANCE * _width(system)
+    )
+
+
+def test_three_inputs_agree_with_scikit_fuzzy() -> None:
+    generator = np.random.default_rng(12)
+    system = full_table_system(generator, num_inputs=3, is_smooth=True)
+    engine = ReferenceEngine(system)
+    inputs = inputs_for(system, generator, 10)
+    expected = np.array([engine.compute(row)[0] for row in inputs])
+    np.testing.assert_allclose(
+        evaluate(pack(system), inputs), expected, rtol=0, atol=TOLERANCE * _width(system)
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sparse_rule_bases_agree_with_scikit_fuzzy(seed: int) -> None:
+    generator = np.random.default_rng([14, seed])
+    system = sparse_system(generator)
+    engine = ReferenceEngine(system)
+    inputs = inputs_for(system, generator, 10)
+    expected = np.array([engine.compute(row)[0] for row in inputs])
+    packed = pack(system)
+    np.testing.assert_allclose(evaluate(packed, inputs), expected, rtol=0, atol=TOLERANCE * _width(system))
+    np.testing.assert_allclose(
+        firing_strengths(packed, inputs), inference.firing_strengths(system, inputs), rtol=0, atol=1e-13
+    )
+
+
+def test_many_more_agree_with_the_inference_that_equals_scikit_fuzzy() -> None:
+    for seed in range(60):
+        generator = np.random.default_rng([13, seed])
+        system = full_table_system(generator, is_smooth=True)
+        inputs = inputs_for(system, generator, 20)
+        packed = pack(system)
+        np.testing.assert_allclose(
+            evaluate(packed, inputs),
+            inference.evaluate(system, inputs)[:, 0],
+            rtol=0,
+            atol=TOLERANCE * _width(system),
+        )
+        np.testing.assert_allclose(
+            firing_strengths(packed, inputs),
+            inference.firing_strengths(system, inputs),
+            rtol=0,
+            atol=TOLERANCE,
+        )
+
+
+def test_terms_narrower_than_the_grid_agree_wherever_something_fires() -> None:
+    """With next to no area left, scikit-fuzzy's own rounding decides: no engine can agree there."""
+    num_compared = 0
+    for seed in range(60):
+        generator = np.random.default_rng([14, seed])
+        system = full_table_system(generator)
+        inputs = np.stack([generator.uniform(v.minimum, v.maximum, 20) for v in system.inputs], axis=1)
+        results = [inference.infer(system, row).outputs[0] for row in inputs]
+        areas = np.array([np.trapezoid(result.aggregated, result.universe) for result in results])
+        compared = areas >= 1e-4 * _width(system)
+        num_compared += int(compared.sum())
+        np.testing.assert_allclose(
+            evaluate(pack(system), inputs)[compared],
+            np.array([result.value for result in results])[compared],
+            rtol=0,
+            atol=TOLERANCE * _width(system),
+        )
+    assert num_compared > 500
+
+
+def _gapped_system() -> FuzzySystem:
+    """Two terms with nothing between them: from 0.2 to 0.8 no membership is above zero."""
+    terms = (Term("low", Gaussian(0.0, 0.004)), Term("high", Gaussian(1.0, 0.004)))
+    inputs = (Variable("a", "", 0.0, 1.0, terms), Variable("b", "", 0.0, 1.0, terms))
+    output_terms = (Term("left", Gaussian(-1.0, 0.3)), Term("right", Gaussian(1.0, 0.3)))
+    output = Variable("y", "", -1.0, 1.0, output_terms, default=0.125)
+    return FuzzySystem("gapped", inputs, (output,), table_rules(inputs, output, ["left", "right"] * 2))
+
+
+@pytest.mark.parametrize("defuzzifier", ["centroid", "bisector", "mom", "som", "lom"])
+def test_no_rule_fires_gives_the_default_in_every_engine_and_never_a_stale_output(defuzzifier: str) -> None:
+    system = replace(_gapped_system(), defuzzifier=defuzzifier)  # type: ignore[arg-type]
+    engine = ReferenceEngine(system)
+    nothing, something = np.array([0.5, 0.5]), np.array([0.0, 0.0])
+    fired = engine.compute(something)[0]
+    assert fired < -0.5
+    # the second visit to each input is answered from scikit-fuzzy's cache
+    for inputs, expected in ((nothing, 0.125), (something, fired), (nothing, 0.125), (something, fired)):
+        assert engine.compute(inputs)[0] == expected
+        assert inference.infer(system, inputs).values[0] == expected
+    if defuzzifier == "centroid":
+        batch = np.array([nothing, something, nothing, [0.5, 0.0], [0.0, 0.5]])
+        outputs = evaluate(pack(system), batch)
+        np.testing.assert_array_equal(outputs[[0, 2, 3, 4]], 0.125)
+        np.testing.assert_allclose(outputs[1], fired, rtol=0, atol=TOLERANCE * 2)
+
+
+def test_inputs_outside_the_universe_act_as_its_ends_in_every_engine() -> None:
+    generator = np.random.default_rng(15)
+    system = full_table_system(generator, num_inputs=2, is_smooth=True)
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    engine, packed = ReferenceEngine(system), pack(system)
+    for end, beyond in ((low, low - 1e3), (high, high + 1e3)):
+        at_end = engine.compute(end)
+        np.testing.assert_array_equal(engine.compute(beyond), at_end)
+        np.testing.assert_array_equal(inference.infer(system, beyond).values, at_end)
+        np.testing.assert_allclose(
+            evaluate(packed, beyond[np.newaxis]), at_end, rtol=0, atol=TOLERANCE * _width(system)
+        )
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_controllers_agree_with_scikit_fuzzy(path: Path) -> None:
+    if "systems:" not in path.read_text(encoding="utf-8"):
+        assert path.stem in ("coast", "file", "lqr", "natural_motion", "open_loop", "receding_horizon")
+        return
+    for system in serialize.load(path).systems:
+        engine = ReferenceEngine(system)
+        inputs = inputs_for(system, np.random.default_rng(17), 6)
+        expected = np.array([engine.compute(row)[0] for row in inputs])
+        found = evaluate(pack(system), inputs)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * _width(system))

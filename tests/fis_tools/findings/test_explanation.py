@@ -1,0 +1,257 @@
+"""Explanations against closed forms, and against scikit-fuzzy on both sides of every flip."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.engines.compiler import compile
+from fis_tools.findings.explanation import Explanation, Flip, explain, flips, shares
+from fis_tools.formats.serialize import load
+from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
+from fis_tools.scikit_fuzzy.build import ReferenceEngine, build_control_system
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+from tests.places import PROJECT
+
+EXAMPLES = PROJECT / "docs" / "examples"
+
+
+def ramp(default: float = 0.5, defuzzifier: str = "centroid") -> FuzzySystem:
+    """Low or high along x; two output triangles of area 2h - h^2 when cut at h, centred on -3 and 3."""
+    x = Variable(
+        "x", "m", 0.0, 1.0, (Term("low", Triangular(0, 0, 1)), Term("high", Triangular(0, 1, 1))), 101
+    )
+    terms = (Term("left", Triangular(-4.0, -3.0, -2.0)), Term("right", Triangular(2.0, 3.0, 4.0)))
+    y = Variable("y", "N", -5.0, 5.0, terms, 101, default=default)
+    rules = (
+        Rule(Is("x", "low"), (Consequent("y", "left"),)),
+        Rule(Is("x", "high"), (Consequent("y", "right"),)),
+    )
+    return FuzzySystem("ramp", (x,), (y,), rules, defuzzifier=defuzzifier)  # type: ignore[arg-type]
+
+
+def ramp_output(x: float) -> float:
+    left, right = (2 * h - h * h for h in (1 - x, x))
+    return 3.0 * (right - left) / (right + left)
+
+
+def by_way(found: tuple[Flip, ...]) -> dict[int, Flip]:
+    return {flip.way: flip for flip in found}
+
+
+@pytest.mark.parametrize("value", [0.0, -1.5, 2.25])
+def test_a_flip_lies_where_the_closed_form_crosses(value: float) -> None:
+    expected = brentq(lambda x: ramp_output(x) - value, 0.0, 1.0, xtol=1e-14)
+    ways = by_way(flips(ramp(), [0.05], value))
+    assert ways[1].last is not None
+    assert ways[1].first is not None
+    assert ways[1].last - 1e-12 <= expected <= ways[1].first + 1e-12
+    assert ways[1].first - ways[1].last <= 1e-9
+    assert ways[1].change == pytest.approx(expected - 0.05, abs=2e-9)
+    assert ways[1].side == -1
+    assert ways[-1].change is None
+    down = by_way(flips(ramp(), {"x": 0.99}, value))[-1]
+    assert down.first == pytest.approx(expected, abs=2e-9)
+    assert down.side == 1
+
+
+def test_a_jump_is_a_flip_and_is_told() -> None:
+    """The smallest of the highest points: the left end of one plateau, then that of the other."""
+    system = ramp(defuzzifier="som")
+    flip = by_way(flips(system, [0.2]))[1]
+    assert flip.first == pytest.approx(0.5, abs=2e-9)
+    assert flip.output_at_last == pytest.approx(-3.5)
+    assert flip.output_at_first == pytest.approx(2.55, abs=0.051)
+    assert "x up by 0.3 m, to 0.5 m (30 % of its range); there it jumps from -3.5 N to 2." in explain(
+        system, [0.2]
+    ).text().replace("\n", " ")
+
+
+def only_low(default: float) -> FuzzySystem:
+    system = ramp(default)
+    x = replace(system.inputs[0], terms=(Term("low", Triangular(0.0, 0.0, 0.4)),))
+    return replace(system, inputs=(x,), rules=system.rules[:1])
+
+
+def test_a_flip_into_the_default_is_told() -> None:
+    flip = by_way(flips(only_low(0.5), [0.1]))[1]
+    assert flip.takes_default
+    assert flip.first == pytest.approx(0.4, abs=2e-9)
+    assert flip.output_at_first == 0.5
+    assert "there no rule fires, and it takes its default, 0.5 N" in explain(only_low(0.5), [0.1]).text()
+    told = explain(only_low(-0.5), [0.1])
+    assert all(flip.change is None for flip in told.outputs[0].flips)
+    assert "x alone cannot: no value does, from 0 m to 1 m" in told.text()
+
+
+def test_the_default_itself_is_told() -> None:
+    told = explain(only_low(0.5), [0.9])
+    assert told.outputs[0].is_default
+    assert told.outputs[0].moves == ()
+    assert "y = 0.5 N, its default: no rule that concludes on it fires" in told.text()
+    assert by_way(told.outputs[0].flips)[-1].first == pytest.approx(0.4, abs=2e-9)
+
+
+def test_from_the_value_itself_any_change_leaves_it() -> None:
+    told = explain(ramp(), [0.5])
+    assert [flip.side for flip in told.outputs[0].flips] == [0, 0]
+    assert "What would move y away from 0 N" in told.text()
+    assert "x up by any change" in told.text()
+
+
+def test_a_change_counts_from_the_input_as_given() -> None:
+    told = explain(ramp(), [1.5])
+    assert by_way(told.outputs[0].flips)[-1].change == pytest.approx(-1.0, abs=2e-9)
+    assert "x = 1.5 m (taken as 1 m, the end of its range)" in told.text()
+    assert "x up" not in told.text()
+
+
+def test_what_cannot_be_crossed_is_told_as_such() -> None:
+    assert (
+        "nothing can: y lies between -5 N and 5 N, on one side of 7 N" in explain(ramp(), [0.2], 7.0).text()
+    )
+
+
+FOREIGN = ["tipper.fis", "dimmer.fll", "pendulum.fml"]
+
+
+@pytest.mark.parametrize(
+    ("system", "value"),
+    [
+        (force_x_system(), 0.0),
+        (force_x_system(), 0.021),
+        (force_z_system(), 0.0),
+        (general_controller().systems[0], 0.6),
+        *(
+            (load(EXAMPLES / name).systems[0], value)
+            for name, value in zip(FOREIGN, (16, 0.5, 0), strict=True)
+        ),
+    ],
+    ids=["force_x", "force_x_to_value", "force_z", "room", *FOREIGN],
+)
+def test_scikit_fuzzy_agrees_on_both_sides_of_a_flip(system: FuzzySystem, value: float) -> None:
+    engine = ReferenceEngine(system)
+    generator = np.random.default_rng(5)
+    spans = [variable.maximum - variable.minimum for variable in system.outputs]
+    found = 0
+    for start in spread_inputs(system, 4):
+        for flip in flips(system, start, value):
+            if flip.first is None or flip.last is None or flip.side == 0:
+                continue
+            found += 1
+            place = system.outputs.index(flip.output)
+            column = system.inputs.index(flip.input)
+
+            def output(
+                at: float, start: np.ndarray = start, column: int = column, place: int = place
+            ) -> float:
+                point = start.copy()
+                point[column] = at
+                return float(engine.compute(point)[place])
+
+            tolerance = 1e-12 * spans[place]
+            assert output(flip.last) == pytest.approx(flip.output_at_last, abs=tolerance)
+            assert output(flip.first) == pytest.approx(flip.output_at_first, abs=tolerance)
+            assert (output(flip.last) - value) * flip.side >= -2 * tolerance
+            assert (output(flip.first) - value) * flip.side <= 0.0
+            for at in start[column] + (flip.last - start[column]) * generator.random(3):
+                assert (output(at) - value) * flip.side >= -2 * tolerance
+    assert found >= 3
+
+
+@pytest.mark.parametrize(
+    "system", [force_x_system(), load(EXAMPLES / "tipper.fis").systems[0]], ids=["force_x", "tipper"]
+)
+def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(system: FuzzySystem) -> None:
+    whole = ReferenceEngine(system)
+    for start in spread_inputs(system, 3):
+        told = explain(system, start).outputs[0]
+        assert told.value == pytest.approx(whole.compute(start)[0], abs=1e-13)
+        sizes = [abs(move.moved) for move in told.moves]
+        assert sizes == sorted(sizes, reverse=True)
+        for move in told.moves[:3]:
+            rules = system.rules[: move.rule - 1] + system.rules[move.rule :]
+            without = ReferenceEngine(replace(system, rules=rules)).compute(start)[0]
+            assert move.moved == pytest.approx(told.value - without, abs=1e-12)
+
+
+def test_a_control_system_is_explained_as_it_is() -> None:
+    system = force_x_system()
+    own, given = explain(system, [80.0, 0.05]), explain(build_control_system(system), [80.0, 0.05])
+    assert [move.moved for move in given.outputs[0].moves] == pytest.approx(
+        [move.moved for move in own.outputs[0].moves]
+    )
+
+
+def test_an_explanation_leads_with_what_matters() -> None:
+    told = explain(force_x_system(), {"velocity_body_x": 0.05, "distance": 80.0})
+    lines = told.text().splitlines()
+    assert lines[0] == "force_x at distance = 80 m, velocity_body_x = 0.05 m/s"
+    assert lines[2].startswith("force_x = ")
+    strongest = told.outputs[0].moves[0]
+    assert f"{strongest.rule}. If distance is" in lines[3]
+    assert "more rules fire, but each" in told.text()
+    assert len(told.text(everything=True).splitlines()) > len(lines) + 5
+    assert isinstance(told, Explanation)
+    assert "| moved | fires by | rule |" in told._repr_markdown_()
+
+
+def test_an_explanation_is_plain_json() -> None:
+    plain = json.loads(json.dumps(explain(ramp(), [0.2]).plain(), allow_nan=False))
+    assert plain["inputs"] == {"x": 0.2}
+    output = plain["outputs"][0]
+    assert [rule["rule"] for rule in output["rules"]] == [1, 2]
+    assert [flip["way"] for flip in output["flips"]] == ["up", "down"]
+    assert output["flips"][1]["change"] is None
+
+
+def test_shares_by_hand() -> None:
+    """Leave-one-out moves of the ramp at 0, 1/2 and 1: -7/2, -3, 0 and 0, 3, 5/2."""
+    found = shares(ramp(), np.array([[0.0], [0.5], [1.0]]))
+    assert [rule.number for rule in found.rules] == [1, 2]
+    assert [rule.share for rule in found.rules] == pytest.approx([6.5 / 12, 5.5 / 12], abs=1e-14)
+    assert [rule.moved[0] for rule in found.rules] == pytest.approx([6.5 / 3, 5.5 / 3], abs=1e-14)
+    assert [rule.fired for rule in found.rules] == pytest.approx([2 / 3, 2 / 3])
+    assert [rule.leading for rule in found.rules] == pytest.approx([2 / 3, 2 / 3])
+    assert found.text().startswith("ramp over 3 inferences: rule 1 decides most, with 54 % of all")
+    assert "1. If x is low then y is left" in found._repr_markdown_()
+
+
+def test_shares_tell_what_matters_and_count_the_rest() -> None:
+    system = force_z_system()
+    found = shares(compile(system), spread_inputs(system, 200))
+    assert sum(rule.share for rule in found.rules) == pytest.approx(1.0)
+    parts = [rule.share for rule in found.rules]
+    assert parts == sorted(parts, reverse=True)
+    told = found.text()
+    assert len(told.splitlines()) <= 2 + 12 + 1
+    assert "  the other " in told
+    assert len(found.text(everything=True).splitlines()) == 2 + len(system.rules)
+    json.dumps(found.plain(), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "value", "sentence"),
+    [
+        ([0.1, 0.2], 0.0, "pass"),
+        ([np.nan], 0.0, "NaN"),
+        ({"z": 1.0}, 0.0, "no input 'z'"),
+        ([[0.1]], 0.0, "pass one number for each input"),
+        ([0.1], np.inf, "finite"),
+    ],
+)
+def test_what_cannot_be_explained_says_why(inputs: object, value: float, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        explain(ramp(), inputs, value)  # type: ignore[arg-type]
+
+
+def test_what_is_lost_in_rounding_is_told_as_nothing() -> None:
+    system = load(Path("conf/controller/paper_champion.yaml")).systems[0]
+    told = explain(system, [200.0, 0.05])
+    left = told.outputs[0].moves[2]
+    assert 0.0 < abs(left.moved) < 1e-9
+    assert "23 more rules fire, but each could be missing as well" in told.text()

@@ -1,0 +1,407 @@
+"""Simplifications: within their budget by scikit-fuzzy's account, and finding what is there to be found."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fis_tools.__main__ import main
+from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.engines.kernel import pack
+from fis_tools.findings.simplification import Budget, SimplifiedSystem, simplify
+from fis_tools.findings.simplification.budget import NUM_SPREAD
+from fis_tools.findings.simplification.rewriting import Merger, merged, without_input
+from fis_tools.findings.simplification.rounding import rounded, units
+from fis_tools.formats.serialize import dump_yaml, load, loads
+from fis_tools.model import (
+    And,
+    Consequent,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Or,
+    Rule,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+)
+from fis_tools.model.validate import controller_problems
+from fis_tools.scikit_fuzzy.build import ReferenceEngine
+from tests.fis_tools.analysis.test_flights import log_flight
+from tests.fis_tools.sample_controllers import (
+    FORCE_TERMS,
+    force,
+    force_x_system,
+    general_controller,
+    paper_like_controller,
+)
+from tests.places import PROJECT
+
+ROOT = PROJECT
+CHAMPION = ROOT / "conf" / "controller" / "paper_champion.yaml"
+FOREIGN = sorted((ROOT / "docs" / "examples").glob("*.f*"))
+EXACTLY = Budget(0.0, 0.0)
+
+
+def flown(system: FuzzySystem, num_samples: int = 120) -> np.ndarray:
+    """Inputs of something like a flight: a spiral into the middle of the ranges."""
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    time = np.linspace(0.0, 1.0, num_samples)[:, np.newaxis]
+    phase = np.arange(len(low))
+    spiral: np.ndarray = 0.5 * (low + high) + 0.45 * (high - low) * (1 - time) * np.cos(12 * time + phase)
+    return spiral
+
+
+def departures(found: SimplifiedSystem, samples: np.ndarray) -> np.ndarray:
+    """How far scikit-fuzzy's outputs part, as shares of the ranges, (n, num_outputs)."""
+    engines = ReferenceEngine(found.original), ReferenceEngine(found.simplified)
+    before, after = (np.array([engine.compute(row) for row in samples]) for engine in engines)
+    spans = [variable.maximum - variable.minimum for variable in found.original.outputs]
+    parted: np.ndarray = np.abs(after - before) / spans
+    return parted
+
+
+def with_dead_rule() -> FuzzySystem:
+    """The force system with a term whose rules cannot fire, and one that no rule uses."""
+    system = force_x_system()
+    distance, velocity = system.inputs
+    never = Term("never", Trapezoidal(300.0, 310.0, 320.0, 330.0))
+    spare = Term("spare", Triangular(0.0, 100.0, 200.0))
+    distance = replace(distance, terms=(*distance.terms, never, spare))
+    rule = Rule(
+        And((Is("distance", "never"), Is("velocity_body_x", velocity.terms[0].name))),
+        (Consequent("force_x", "PL"),),
+    )
+    return replace(system, inputs=(distance, velocity), rules=(rule, *system.rules))
+
+
+def with_look_alike() -> FuzzySystem:
+    """The force system with the middle distance cut into two terms that mean nearly the same."""
+    system = force_x_system()
+    distance, velocity = system.inputs
+    middle = distance.terms[2]
+    assert isinstance(middle.membership, Gaussian)
+    twin = Term("medium", replace(middle.membership, mean=middle.membership.mean + 1.0))
+    distance = replace(distance, terms=(*distance.terms[:3], twin, *distance.terms[3:]))
+    twins = tuple(
+        replace(rule, antecedent=And((Is("distance", "medium"), *rule.antecedent.operands[1:])))
+        for rule in system.rules[10:15]
+        if isinstance(rule.antecedent, And)
+    )
+    return replace(system, inputs=(distance, velocity), rules=(*system.rules, *twins))
+
+
+CASES = {
+    "force_x": force_x_system(),
+    "dead": with_dead_rule(),
+    "alike": with_look_alike(),
+    "room": general_controller().systems[0],
+    **{path.name: load(path).systems[0] for path in FOREIGN},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("budget", [Budget(), Budget(0.2, 0.04, flights_only=True)], ids=["small", "large"])
+def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name: str, budget: Budget) -> None:
+    system = CASES[name]
+    samples = flown(system, 60)
+    found = simplify(system, {system.name: samples}, budget).systems[0]
+    parted = departures(found, samples)
+    told = found.changes["flights"]
+    np.testing.assert_allclose(parted.max(axis=0), told.largest, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(parted.mean(axis=0), told.mean, rtol=0, atol=1e-12)
+    assert parted.max() <= budget.max_change + 1e-12
+    assert parted.mean(axis=0).max() <= budget.mean_change + 1e-12
+    assert controller_problems(FuzzyController("c", (found.simplified,))) == []
+    for step in found.steps:
+        assert step.changes["flights"].cost(budget) <= 1.0
+
+
+def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only() -> None:
+    system = force_x_system()
+    box = spread_inputs(system, NUM_SPREAD)[::64]
+    budget = Budget(0.15, 0.02)
+    for samples in ({}, {system.name: flown(system)}):
+        found = simplify(system, samples, budget).systems[0]
+        assert len(found.simplified.rules) < len(system.rules)
+        assert departures(found, box).max() <= 0.15 + 1e-12
+        assert found.changes["ranges"].largest[0] <= 0.15
+    alone = simplify(system, {system.name: flown(system)[:20]}, replace(budget, flights_only=True)).systems[0]
+    assert alone.changes["ranges"].largest[0] > 0.15
+    assert len(alone.simplified.rules) < len(found.simplified.rules)
+
+
+def test_dead_rules_and_unused_terms_go_for_nothing() -> None:
+    found = simplify(with_dead_rule(), budget=EXACTLY).systems[0]
+    assert found.steps[0].sentence == "drop spare of distance, which no rule uses"
+    dropped = [number for step in found.steps for number in step.rules]
+    assert 1 in dropped
+    names = [term.name for term in found.simplified.inputs[0].terms]
+    assert "spare" not in names
+    assert "never" not in names
+    assert "never of distance goes with it" in " ".join(step.sentence for step in found.steps)
+    np.testing.assert_allclose(departures(found, spread_inputs(found.original, 100)), 0.0, rtol=0, atol=1e-12)
+
+
+def test_nothing_that_changes_anything_goes_for_nothing() -> None:
+    """Each rule of the force system decides somewhere, and each digit counts."""
+    found = simplify(paper_like_controller(), budget=EXACTLY)
+    assert [len(s.simplified.rules) for s in found.systems] == [25, 45]
+    for system in found.systems:
+        assert system.changes["ranges"].largest[0] <= 1e-12
+
+
+def test_look_alike_terms_become_one() -> None:
+    system = with_look_alike()
+    found = simplify(system, budget=Budget(0.03, 0.005)).systems[0]
+    merges = [step for step in found.steps if step.kind == "merge"]
+    assert len(merges) == 1
+    assert "medium" in merges[0].sentence
+    assert "middle" in merges[0].sentence
+    assert sum(len(step.rules) for step in found.steps) == 5
+    assert len(found.simplified.rules) == 25
+    assert len(found.simplified.inputs[0].terms) == 5
+    likeness = Budget(0.03, 0.005, look_alike=0.99)
+    assert all(step.kind != "merge" for step in simplify(system, budget=likeness).systems[0].steps)
+
+
+def test_a_merger_keeps_the_rival_that_matters_more_and_says_nothing_twice() -> None:
+    system = force_x_system()
+    shape = system.inputs[0].terms[0].membership
+    merger = Merger("distance", "very near", "near", shape, False, 0.8)
+    importance = np.ones(25)
+    importance[7] = 2.0
+    simpler, places = merged(system, merger, importance)
+    assert places == [0, 1, 7, 3, 4, *range(10, 25)] or sorted(places) == sorted(
+        [0, 1, 7, 3, 4, *range(10, 25)]
+    )
+    rule = next(
+        r
+        for r in simpler.rules
+        if r.antecedent == And((Is("distance", "very near"), Is("velocity_body_x", "still")))
+    )
+    assert rule.consequents == system.rules[7].consequents
+    either = Rule(Or((Is("distance", "near"), Is("distance", "very near"))), (Consequent("force_x", "PL"),))
+    simpler, _ = merged(replace(system, rules=(either,)), merger, np.ones(1))
+    assert simpler.rules[0].antecedent == Is("distance", "very near")
+    simpler, _ = merged(replace(system, rules=(either,), or_operator="probabilistic_sum"), merger, np.ones(1))
+    assert simpler.rules[0].antecedent == Or((Is("distance", "very near"),) * 2)
+
+
+def test_numbers_are_rounded_to_what_a_person_says() -> None:
+    """Digits count from the range: of 200 m, two are tens; of 0.0694 N, one is hundredths."""
+    terms = (Term("near", Gaussian(40.017, 20.3)), Term("end", Gaussian(200.4, 4.9)))
+    output = replace(force(), minimum=-0.0694, maximum=0.0694)
+    output = replace(
+        output, terms=(Term("zero", Gaussian(2e-7, 0.0018)), Term("high", Gaussian(0.0694, 0.021)))
+    )
+    distance = Variable("distance", "m", 0.0, 200.4, terms)
+    rules = (Rule(Is("distance", "near"), (Consequent("force_x", "zero"),)),)
+    system = FuzzySystem("s", (distance,), (output,), rules)
+    two = rounded(system, dict.fromkeys(units(system), 2))
+    assert (two.inputs[0].minimum, two.inputs[0].maximum) == (0.0, 200.0)
+    assert [term.membership for term in two.inputs[0].terms] == [Gaussian(40.0, 20.0), Gaussian(200.0, 5.0)]
+    assert (two.outputs[0].minimum, two.outputs[0].maximum) == (-0.069, 0.069)
+    assert [t.membership for t in two.outputs[0].terms] == [Gaussian(0.0, 0.002), Gaussian(0.069, 0.021)]
+    one = rounded(system, dict.fromkeys(units(system), 1))
+    assert one.outputs[0].maximum == 0.07
+    assert [t.membership for t in one.outputs[0].terms] == [Gaussian(0.0, 0.002), Gaussian(0.07, 0.02)]
+
+
+@pytest.mark.parametrize("digits", [1, 2, 3])
+@pytest.mark.parametrize("name", CASES)
+def test_rounded_terms_stay_whole_and_in_order(name: str, digits: int) -> None:
+    system = CASES[name]
+    simpler = rounded(system, dict.fromkeys(units(system), digits))
+    assert controller_problems(FuzzyController("c", (simpler,))) == []
+    for before, after in zip(system.inputs, simpler.inputs, strict=True):
+        means = [
+            [t.membership.mean for t in v.terms if isinstance(t.membership, Gaussian)]
+            for v in (before, after)
+        ]
+        assert np.array_equal(np.argsort(means[0]), np.argsort(means[1]))
+
+
+@pytest.mark.parametrize("along_flights", [True, False])
+def test_a_champion_stays_one_that_flies_and_is_the_same_each_time(along_flights: bool) -> None:
+    champion = load(CHAMPION)
+    samples = {system.name: flown(system) for system in champion.systems} if along_flights else None
+    found = simplify(champion, samples)
+    again = simplify(champion.systems[2], samples and {"force_z": samples["force_z"]})
+    assert again.systems[0] == found.systems[2]
+    assert sum(len(s.rules) for s in found.controller.systems) < 60
+    pack(*found.controller.systems)
+    assert found.controller.attributes == champion.attributes
+    facts = dict(found.controller.provenance)
+    assert facts["simplified_from"] == "paper_champion"
+    assert "5 % of an output's range at most and 1 % on average" in facts["simplified_within"]
+    assert ("along the flights and over" in facts["simplified_within"]) == along_flights
+    assert ("(360 inferences)" in facts["simplified_within"]) == along_flights
+    assert facts["trained_by"] == dict(champion.provenance)["trained_by"]
+    assert loads(dump_yaml(found.controller), "yaml") == found.controller
+    for system, simpler in zip(champion.systems, found.controller.systems, strict=True):
+        assert [v.num_points for v in simpler.inputs] == [v.num_points for v in system.inputs]
+
+
+def test_what_is_simple_stays_as_it_is() -> None:
+    """Simplified for nothing, a simplified system loses nothing more."""
+    once = simplify(with_look_alike(), budget=Budget(0.03, 0.005)).systems[0].simplified
+    twice = simplify(once, budget=EXACTLY).systems[0]
+    assert twice.simplified == once
+    assert twice.steps == ()
+    assert "nothing can be made simpler within the budget" in simplify(once, budget=EXACTLY).text()
+
+
+def test_an_output_keeps_a_rule_however_large_the_budget() -> None:
+    for system in (force_x_system(), general_controller().systems[0]):
+        found = simplify(system, budget=Budget(1.0, 1.0)).systems[0].simplified
+        concluded = {consequent.variable for rule in found.rules for consequent in rule.consequents}
+        assert concluded == {variable.name for variable in system.outputs}
+
+
+def test_a_system_that_was_not_flown_is_measured_over_its_ranges() -> None:
+    controller = paper_like_controller()
+    found = simplify(controller, {"force_x": flown(controller.systems[0])}, Budget(0.02, 0.005))
+    assert [set(system.changes) for system in found.systems] == [{"flights", "ranges"}, {"ranges"}]
+    assert found.systems[1].changes["ranges"].largest[0] <= 0.02
+
+
+def test_the_steps_are_told() -> None:
+    told: list[str] = []
+    found = simplify(with_dead_rule(), budget=Budget(), progress=told.append)
+    lines = found.text().splitlines()
+    assert lines[0].startswith("force_x: 26 rules to ")
+    assert "on average over the ranges" in lines[2]
+    assert lines[3].split() == ["rules", "terms", "max,", "ranges", "mean,", "ranges", "step"]
+    assert len(lines) == 5 + len(found.systems[0].steps)
+    assert told[0] == f"force_x: 26 rules, {len(FORCE_TERMS) * 3 + 2} terms"
+    plain = json.loads(json.dumps(found.plain(), allow_nan=False))
+    assert plain["systems"][0]["rules"] == [26, len(found.systems[0].simplified.rules)]
+    assert "| rules | terms |" in found._repr_markdown_()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "sentence"),
+    [
+        ({"max_change": -0.1}, "max_change is -0.1; give a share of the output's range from 0 to 1"),
+        ({"mean_change": float("nan")}, "mean_change is nan"),
+        ({"max_change": 5.0}, "max_change is 5;"),
+        ({"look_alike": 0.0}, "look_alike is 0; give a likeness above 0"),
+    ],
+)
+def test_a_nonsense_budget_is_refused(numbers: dict[str, float], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        Budget(**numbers)  # type: ignore[arg-type]
+
+
+def test_samples_of_nobody_are_refused() -> None:
+    with pytest.raises(ValueError, match="samples are given for 'force_y'; did you mean"):
+        simplify(force_x_system(), {"force_y": np.zeros((1, 2))})
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    place = tmp_path / "controller.yaml"
+    place.write_text(dump_yaml(FuzzyController("dead", (with_dead_rule(),))), encoding="utf-8")
+    return place
+
+
+@pytest.mark.parametrize("ending", ["yaml", "json"])
+def test_the_command_writes_a_controller_and_tells_the_steps(
+    path: Path, capsys: pytest.CaptureFixture[str], ending: str
+) -> None:
+    expected = simplify(load(path), budget=Budget(0.02, 0.004))
+    output = path.parent / "new" / f"simpler.{ending}"
+    words = ("simplify", path, "--max-change", "2%", "--mean-change", "0.004", "-o", output)
+    assert run(capsys, *words) == (0, expected.text(), "")
+    assert load(output) == expected.controller
+    _, printed, _ = run(capsys, *words[:-2], "--json")
+    plain = json.loads(printed)
+    assert (plain["schema"], plain["schema_version"]) == ("fuzzy-simplification", 1)
+    assert plain["budget"]["max_change"] == 0.02
+
+
+def test_the_command_keeps_to_flights_alone_on_demand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    words = ("simplify", flight, "--system", "force_x")
+    everywhere, alone = (run(capsys, *words, *more)[1] for more in ((), ("--flights-only",)))
+    assert "along the flights and over the ranges of the inputs" in everywhere
+    assert alone.splitlines()[0].endswith("on average, along the flights")
+    rules = [int(text.split()[4].rstrip(",")) for text in (alone, everywhere)]
+    assert rules[0] < rules[1] <= 25
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--max-change", "5"], "'5' is no share from 0% to 100%; write 5% or 0.05"),
+        (["--mean-change=-1%"], "is no share"),
+        (["--max-change", "much"], "is no share"),
+        (["--look-alike", "0%"], "give a likeness above 0"),
+        (["--flights-only"], "--flights-only needs flights"),
+        (["-o", "simpler.fis"], "ends in none of .json, .yaml, .yml"),
+    ],
+)
+def test_a_mistake_at_the_command_line_ends_in_a_sentence(
+    path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    status, _, told = run(capsys, "simplify", path, *words)
+    assert status == 2
+    assert sentence in told
+
+
+def with_idle_input() -> FuzzySystem:
+    """The force system with a third input along which its rules are the same."""
+    system = force_x_system()
+    terms = tuple(
+        Term(name, Gaussian(mean, 2.0)) for name, mean in (("low", 0.0), ("mid", 5.0), ("high", 10.0))
+    )
+    idle = Variable("idle", "", 0.0, 10.0, terms)
+    rules = tuple(
+        replace(rule, antecedent=And((*rule.antecedent.operands, Is("idle", term.name))))
+        for term in terms
+        for rule in system.rules
+        if isinstance(rule.antecedent, And)
+    )
+    assert len(rules) == 3 * len(system.rules)
+    return replace(system, inputs=(*system.inputs, idle), rules=rules)
+
+
+def test_an_input_along_which_rules_are_the_same_is_left_out() -> None:
+    system, budget = with_idle_input(), Budget(0.2, 0.05)
+    (found,) = simplify(system, budget=budget).systems
+    step = found.steps[0]
+    assert (step.kind, step.num_rules) == ("input", len(system.rules) // 3)
+    assert step.sentence.startswith("leave out idle, as though it always were ")
+    assert [variable.name for variable in found.simplified.inputs] == [v.name for v in system.inputs[:2]]
+    samples = spread_inputs(system, 200)
+    before = np.array([ReferenceEngine(system).compute(row) for row in samples])
+    after = np.array([ReferenceEngine(found.simplified).compute(row) for row in samples[:, :2]])
+    assert np.abs(after - before).max() <= 1.1 * budget.max_change * 2.0 * system.outputs[0].maximum
+    assert not any(step.kind == "input" for step in simplify(system, budget=EXACTLY).systems[0].steps)
+
+
+def test_inputs_stay_where_rules_do_not_say_plainly_what_they_ask() -> None:
+    system = with_idle_input()
+    first, *others = system.rules
+    assert without_input(system, "idle", "mid") is not None
+    muddled = replace(first, antecedent=Or((Is("distance", "VN"), Is("idle", "low"))))
+    assert without_input(replace(system, rules=(muddled, *others)), "idle", "mid") is None
+    alone = replace(first, antecedent=Is("idle", "low"))
+    assert without_input(replace(system, rules=(alone, *others)), "idle", "mid") is None

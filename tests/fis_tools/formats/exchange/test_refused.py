@@ -1,0 +1,177 @@
+"""Foreign files that say what a fuzzy system of ours cannot, or that are wrong, are refused with the line."""
+
+from pathlib import Path
+
+import pytest
+
+from fis_tools.formats import serialize
+from fis_tools.formats.serialize import ControllerFileError, Kind, loads
+from tests.places import PROJECT
+
+EXAMPLES = PROJECT / "docs" / "examples"
+TEXTS = {
+    "fis": (EXAMPLES / "tipper.fis").read_text(encoding="utf-8"),
+    "fll": (EXAMPLES / "dimmer.fll").read_text(encoding="utf-8"),
+    "fml": (EXAMPLES / "pendulum.fml").read_text(encoding="utf-8"),
+}
+
+
+def line_of(kind: Kind, words: str) -> int:
+    return next(number for number, line in enumerate(TEXTS[kind].splitlines(), 1) if words in line)
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "words"),
+    [
+        ("fis", "Type='mamdani'", "Type='sugeno'", "Type is 'sugeno'; expected 'mamdani'"),
+        ("fis", "ImpMethod='min'", "ImpMethod='prod'", "ImpMethod is 'prod'; expected 'min'"),
+        ("fis", "AggMethod='max'", "AggMethod='sum'", "AggMethod is 'sum'; expected 'max'"),
+        ("fis", "AndMethod='min'", "AndMethod='my_and'", "AndMethod 'my_and' cannot be read"),
+        ("fis", "OrMethod='max'", "OrMethod=max", "expected a word in quotes"),
+        ("fis", "DefuzzMethod='centroid'", "DefuzzMethod='wtaver'", "'wtaver' cannot be read"),
+        ("fis", "NumInputs=2", "NumInputs=two", "'two' is no whole number"),
+        ("fis", "Version=2.0", "Version", "'Version' is no key=value"),
+        ("fis", "Version=2.0", "Wersion=2.0", "did you mean 'Version'?"),
+        ("fis", "'trimf',[0 5 10]", "'trimf',[0 5]", "trimf has 2 numbers; expected 3: left, peak, right"),
+        ("fis", "'trimf',[0 5 10]", "'trumf',[0 5 10]", "did you mean 'trimf'?"),
+        ("fis", "'trimf',[0 5 10]", "'trimf',[0 nan 10]", "'nan' is no finite number"),
+        ("fis", "'trimf',[0 5 10]", "'trimf',[0 1e999 10]", "no finite number"),
+        ("fis", "'trimf',[0 5 10]", "'discretemf',[0 0 5 1 5 0]", "do not ascend"),
+        ("fis", "'trimf',[0 5 10]", "'discretemf',[0 0 5]", "no pairs"),
+        ("fis", "'trimf',[0 5 10]", "'discretemf',[0 0 5 2]", "outside [0, 1]"),
+        ("fis", "'trimf',[0 5 10]", "trimf [0 5 10]", "is no term"),
+        ("fis", "Range=[0 30]", "Range=[0 10 30]", "Range has 3 numbers; expected 2"),
+        ("fis", "Range=[0 30]", "Range=0 30", "expected numbers in brackets"),
+        ("fis", "2 0, 2 (1) : 1", "1.2 0, 2 (1) : 1", "has a hedge"),
+        ("fis", "2 0, 2 (1) : 1", "4 0, 2 (1) : 1", "service has 3 terms, and none numbered 4"),
+        ("fis", "2 0, 2 (1) : 1", "2 0, -2 (1) : 1", "concludes 'not'"),
+        ("fis", "2 0, 2 (1) : 1", "0 0, 2 (1) : 1", "asks or concludes nothing"),
+        ("fis", "2 0, 2 (1) : 1", "2 0 2 (1) : 1", "is no rule"),
+        ("fis", "2 0, 2 (1) : 1", "2 0 1, 2 (1) : 1", "3 term numbers for 2 variables"),
+        ("fis", "2 0, 2 (1) : 1", "2 0, 2 (x) : 1", "no finite number"),
+        ("fll", "aggregation: Maximum", "aggregation: AlgebraicSum", "expected Maximum"),
+        ("fll", "Centroid 200", "WeightedAverage TakagiSugeno", "Takagi-Sugeno"),
+        ("fll", "Centroid 200", "Centroid 1000000000", "no whole number from 1 to 10000"),
+        ("fll", "off Triangle 0.0 0.0 0.2", "off Constant 0.0", "'Constant' cannot be read"),
+        ("fll", "off Triangle 0.0 0.0 0.2", "off Triangle 0.0 0.0 0.2 0.5", "height 0.5"),
+        ("fll", "off Triangle 0.0 0.0 0.2", "off", "is no term"),
+        ("fll", "off Triangle 0.0 0.0 0.2", "off Discrete 0 0 0.1 nan", "no finite number"),
+        ("fll", "lock-previous: false", "lock-previous: true", "expected false"),
+        ("fll", "default: 0.0", "default: none", "no finite number"),
+        ("fll", "description: share", "deskription: share", "did you mean 'description'?"),
+        ("fll", "presence is not nobody", "presence is very nobody", "the hedge 'very'"),
+        ("fll", "then power is off", "then power is not off", "concludes 'not'"),
+        ("fll", "then power is off with 0.9", "power is off", "must be"),
+        ("fll", "with 0.9", "with 0.9 more", "'more' follows the rule"),
+        ("fll", "(presence is nobody", "(" * 25 + "presence is nobody", "more than 20 deep"),
+        ("fll", "conjunction: AlgebraicProduct", "conjunction: none", "has no conjunction"),
+        ("fll", "disjunction: AlgebraicSum", "disjunction: NormalizedSum", "'NormalizedSum' cannot be read"),
+        ("fml", 'name="balance" activationMethod="MIN"', 'name="b" activationMethod="PROD"', "expected MIN"),
+        ("fml", 'accumulation="MAX"', 'accumulation="PROBOR"', "expected MAX"),
+        ("fml", 'defuzzifier="COG"', 'defuzzifier="custom_x"', "'custom_x' cannot be read"),
+        ("fml", '<fuzzySystem xmlns="http://www.ieee1855.org"', "<FuzzySystem", "mismatched tag"),
+        ("fml", 'domainleft="-0.6"', 'domainleft="low"', "no finite number"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new: str, words: str) -> None:
+    text = TEXTS[kind]
+    assert text.count(old) >= 1
+    with pytest.raises(ControllerFileError) as refusal:
+        loads(text.replace(old, new, 1), kind)
+    told = str(refusal.value)
+    assert words in told
+    lines = {line_of(kind, old), line_of(kind, old) + 1}
+    # a missing operator is told where it is needed, and broken XML where it breaks
+    if "has no conjunction" not in words and "mismatched" not in words:
+        assert any(f"line {line}" in told for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "words"),
+    [
+        ("fis", "[Input2]", "[Input3]", "not one of the sections"),
+        ("fis", "NumRules=3", "NumRules=4", "[Rules] has 3 lines"),
+        ("fis", "NumMFs=2", "NumMFs=3", "NumMFs=3 but has MF1, MF2"),
+        ("fis", "NumOutputs=1\n", "", "[System] has no NumOutputs"),
+        ("fis", "[System]", "", "stands before [System]"),
+        ("fis", "(1) : 1", "(1.5) : 1", "weight 1.5 lies outside [0, 1]"),
+        ("fis", "'cheap':'trimf',[0 5 10]", "'cheap':'trimf',[10 5 0]", "do not ascend"),
+        ("fis", "'cheap'", "'average'", "2 terms called 'average'"),
+        ("fis", "Range=[0 30]", "Range=[30 0]", "the range [30.0, 0.0] is empty"),
+        ("fll", "Engine: dimmer", "", "before 'Engine:'"),
+        ("fll", "daylight is dark", "daylight is dusk", "no term 'dusk'"),
+        ("fll", "  enabled: true", "  enabled: false", "enabled of a InputVariable is 'false'"),
+        ("fml", "mamdaniRuleBase", "tskRuleBase", "'tskRuleBase' cannot be read"),
+        (
+            "fml",
+            "<clause><variable>angle<",
+            '<clause modifier="very"><variable>angle<',
+            "the modifier 'very'",
+        ),
+        ("fml", "<variable>angle</variable>", "", "clause has 0 variable; expected one"),
+        ("fml", "<term>angle_NL</term>", "<term>steep</term>", "no term 'steep'"),
+        ("fml", 'complement="false"', 'complement="true"', "expected FALSE"),
+        ("fml", "triangularShape", "singletonShape", "'singletonShape' cannot be read"),
+        ("fml", 'param1="-0.4"', 'param9="-0.4"', ""),
+        ("fml", "fuzzySystem", "fuzzyThing", "expected a 'fuzzySystem'"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(kind: Kind, old: str, new: str, words: str) -> None:
+    assert old in TEXTS[kind]
+    changed = TEXTS[kind].replace(old, new, 1 if kind != "fml" else -1)
+    if words:
+        with pytest.raises(ControllerFileError) as refusal:
+            loads(changed, kind)
+        assert words in str(refusal.value)
+
+
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE lolz [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>
+<fuzzySystem name="&b;"/>
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (BOMB, "a document type or an entity"),
+        ('<!DOCTYPE x SYSTEM "secrets.txt"><fuzzySystem/>', "a document type or an entity"),
+        ('<!DOCTYPE x [<!ENTITY y SYSTEM "http://example.org/">]><x>&y;</x>', "a document type or an entity"),
+        ("<fuzzySystem>&undefined;</fuzzySystem>", "not XML"),
+        ("<a>" * 100_000, "nested more than 32 deep"),
+        ("", "not XML"),
+        ("<fuzzySystem/>", "0 knowledge bases"),
+        ("<a/><b/>", "not XML"),
+        ('<?xml version="1.0" encoding="nonsense"?><a/>', "expected a 'fuzzySystem'"),
+        ("\x00", "not XML"),
+        ("<fuzzySystem><knowledgeBase/><mamdaniRuleBase/></fuzzySystem>", "no inputs"),
+    ],
+)
+def test_hostile_xml_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ControllerFileError) as refusal:
+        loads(text, "fml")
+    assert words in str(refusal.value)
+
+
+def test_files_that_are_no_text_or_too_many_points_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "latin.fis").write_bytes(TEXTS["fis"].replace("tipper", "tïpper").encode("latin-1"))
+    with pytest.raises(ControllerFileError, match=r"latin.fis: not UTF-8 text"):
+        serialize.load(tmp_path / "latin.fis")
+    points = " ".join(f"{x} 0.5" for x in range(20_000))
+    with pytest.raises(ControllerFileError, match="more than 10001 points"):
+        loads(TEXTS["fll"].replace("off Triangle 0.0 0.0 0.2", f"off Discrete {points}"), "fll")
+
+
+@pytest.mark.parametrize(
+    ("kind", "assumed"),
+    [
+        ("fis", ["1001 points for each input and 101 for each output", "tip is 15 when no rule fires"]),
+        ("fll", ["1001 points for each input, more"]),
+        ("fml", ["1001 points for each input and 101 for each output"]),
+    ],
+)
+def test_what_a_file_does_not_state_is_told(kind: Kind, assumed: list[str]) -> None:
+    told = serialize.reads(TEXTS[kind], kind).assumptions
+    assert len(told) == len(assumed)
+    for sentence, words in zip(told, assumed, strict=True):
+        assert words in sentence

@@ -1,0 +1,309 @@
+"""What is written and read back is equal: all of it with our comment, all that the format holds without."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.engines.compiler import compile
+from fis_tools.formats import serialize
+from fis_tools.formats.exchange import fis, fll, fml
+from fis_tools.formats.exchange.antecedents import NotExpressible
+from fis_tools.formats.exchange.carried import EDITED
+from fis_tools.formats.exchange.dialect import say
+from fis_tools.formats.serialize import ControllerFileError
+from fis_tools.model import (
+    And,
+    Consequent,
+    FuzzyController,
+    FuzzySystem,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Sampled,
+    Term,
+    Variable,
+)
+from tests.fis_tools.engines.random_systems import random_general_system
+from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+
+FORMS = (fis, fll, fml)
+
+
+def without_comment(text: str) -> str:
+    return "\n".join(line for line in text.splitlines() if "fis_tools carries" not in line) + "\n"
+
+
+def own_words(system: FuzzySystem) -> FuzzySystem:
+    """A system with names that no format takes as they are, and an uneven universe with a sampled term."""
+    first, second = system.inputs
+    points = (0.0, 0.5, 2.0, 9.5, 25.0)
+    sampled = replace(
+        second,
+        points=points,
+        num_points=5,
+        terms=(*second.terms, Term("été, très sûr", Sampled((1.0, 0.25, 0.5, 0.0, 0.125)))),
+    )
+    rule = Rule(
+        Is("wind", "été, très sûr"), (Consequent("heat", "some", 1 / 3),), label="a 'label' -- \"here\""
+    )
+    return replace(system, inputs=(first, sampled), rules=(*system.rules, rule))
+
+
+CONTROLLERS = [
+    alone(force_x_system()),
+    alone(force_z_system()),
+    alone(flat_system()),
+    alone(flat_system("einstein_product", "max")),
+    alone(nested_system()),
+    alone(own_words(flat_system())),
+]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_files_hold_what_they_can_and_carry_the_rest(form: ModuleType, controller: FuzzyController) -> None:
+    written = form.write(controller)
+    reading = form.read(written.text)
+    assert reading.controller == controller
+    assert reading.assumptions == ()
+    shown = form.read(without_comment(written.text)).controller
+    assert shown.systems[0] == say(controller.systems[0], form.DIALECT).system
+    assert shown.attributes == ()
+    assert form.write(reading.controller) == written
+
+
+def test_nested_rules_of_any_operators_survive_in_fll() -> None:
+    controller = general_controller()
+    assert fll.read(fll.write(controller).text).controller == controller
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_random_systems_survive_or_are_refused(form: ModuleType) -> None:
+    refused = 0
+    for seed in range(60):
+        system = random_general_system(np.random.default_rng(seed))
+        controller = FuzzyController("random", (system,))
+        try:
+            text = form.write(controller).text
+        except NotExpressible:
+            refused += 1
+            continue
+        assert form.read(text).controller == controller
+        assert form.read(without_comment(text)).controller.systems[0] == say(system, form.DIALECT).system
+    assert refused < 50
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("and_operator", ["min", "product", "einstein_product"])
+def test_rules_written_otherwise_mean_the_same(form: ModuleType, and_operator: str) -> None:
+    system = replace(nested_system(), and_operator=and_operator)
+    if and_operator != "min":
+        system = replace(system, rules=(system.rules[0], *system.rules[2:]))
+    said = say(system, form.DIALECT).system
+    assert len(said.rules) > len(system.rules) or form is fll
+    same = {v.name: (v.num_points, v.default) for v in (*system.inputs, *system.outputs)}
+
+    def with_universes(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        return tuple(replace(v, num_points=same[v.name][0], default=same[v.name][1]) for v in variables)
+
+    said = replace(said, inputs=with_universes(said.inputs), outputs=with_universes(said.outputs))
+    inputs = spread_inputs(system, 500)
+    np.testing.assert_allclose(compile(said)(inputs), compile(system)(inputs), rtol=0, atol=1e-12)
+
+
+def test_not_before_a_conjunction_moves_inwards() -> None:
+    system = flat_system()
+    expression = Not(And((Is("temperature", "hot"), Or((Is("wind", "calm"), Not(Is("wind", "storm")))))))
+    rule = Rule(expression, (Consequent("heat", "some"),))
+    said = say(replace(system, rules=(rule,)), fll.DIALECT).system.rules
+    hot, calm, storm = Is("temperature", "hot"), Is("wind", "calm"), Is("wind", "storm")
+    assert [rule.antecedent for rule in said] == [Or((Not(hot), And((Not(calm), storm))))]
+    flat = say(replace(system, rules=(rule,)), fml.DIALECT).system.rules
+    assert [rule.antecedent for rule in flat] == [Not(hot), And((Not(calm), storm))]
+
+
+@pytest.mark.parametrize(
+    ("change", "form", "words"),
+    [
+        (
+            {"or_operator": "probabilistic_sum"},
+            fis,
+            "rule 1 cannot be said in a .fis file: 'and' and 'or' are nested",
+        ),
+        ({"or_operator": "bounded_sum"}, fml, "does not distribute"),
+        (
+            {"and_operator": "product"},
+            fll,
+            "rule 2 cannot be said in an .fll file: 'not' stands before several",
+        ),
+    ],
+)
+def test_what_would_change_its_meaning_is_refused(
+    change: dict[str, str], form: ModuleType, words: str
+) -> None:
+    with pytest.raises(NotExpressible, match=words.replace(".", "[.]")):
+        form.write(alone(replace(nested_system(), **change)))
+
+
+def test_outputs_and_rules_with_ways_of_their_own() -> None:
+    system = flat_system()
+    heat, flap = system.outputs
+    own = replace(system, outputs=(heat, replace(flap, defuzzifier="bisector")))
+    mixed = replace(
+        system, rules=(*system.rules[:3], replace(system.rules[3], and_operator="product"), *system.rules[4:])
+    )
+    summed = replace(system, outputs=(replace(heat, accumulation="bounded_sum"), flap))
+    for form in (fll, fml):
+        for each in (own, mixed):
+            assert form.read(form.write(alone(each)).text).controller == alone(each)
+    for each, words in (
+        (own, "knows one way for all"),
+        (mixed, "combine their statements"),
+        (summed, "bounded_sum"),
+    ):
+        with pytest.raises(NotExpressible, match=words):
+            fis.write(alone(each))
+    twice = replace(
+        system,
+        rules=(Rule(And((Is("wind", "calm"), Not(Is("wind", "storm")))), (Consequent("heat", "some"),)),),
+    )
+    with pytest.raises(NotExpressible, match="two things of one input"):
+        fis.write(alone(twice))
+    assert fml.read(fml.write(alone(twice)).text).controller == alone(twice)
+
+
+def test_losses_are_sentences_about_what_is_missing() -> None:
+    told = "\n".join(fis.write(alone(own_words(nested_system()))).losses)
+    for words in (
+        "'été, très sûr' is ete_tres_sur",
+        "temperature in degC, wind in m/s",
+        "temperature 101",
+        "heat 1.5, flap -1",
+        "rules are written otherwise, with the same meaning: 1 as",
+        "keep warm, everyday",
+        "attributes are left out: axis, note",
+        "provenance is left out: made_by",
+        "controller's name is left out: exchanged",
+        "heat none, heat much, flap shut",
+        "discretemf, which only fuzzylite knows",
+        "fis_tools reads it back",
+    ):
+        assert words in told
+    assert "units" not in "\n".join(fml.write(alone(flat_system())).losses)
+
+
+# Files that were changed by hand after they were written.
+
+
+def edited(form: ModuleType, old: str, new: str, system: FuzzySystem | None = None) -> FuzzyController:
+    text = form.write(alone(system or own_words(flat_system()))).text
+    head, mark, rest = text.partition(
+        "[System]" if form is fis else "Engine:" if form is fll else "<fuzzySystem"
+    )
+    assert rest.count(old) == 1
+    reading = form.read(head + mark + rest.replace(old, new))
+    assert any("changed after it was written" in sentence for sentence in reading.assumptions)
+    assert EDITED in reading.controller.provenance
+    return reading.controller
+
+
+@pytest.mark.parametrize(
+    ("form", "old", "new"),
+    [
+        (fis, "MF2='some':'gaussmf',[1.4 5.0]", "MF2='some':'gaussmf',[1.4 6.0]"),
+        (fll, "some Gaussian 5.0 1.4", "some Gaussian 6.0 1.4"),
+        (fml, 'param1="5.0" param2="1.4"', 'param1="6.0" param2="1.4"'),
+    ],
+)
+def test_a_term_that_was_changed_counts_and_all_else_is_kept(form: ModuleType, old: str, new: str) -> None:
+    original = own_words(flat_system())
+    controller = edited(form, old, new)
+    (system,) = controller.systems
+    heat = system.variable("heat")
+    assert heat.terms[1].membership == replace(original.outputs[0].terms[1].membership, mean=6.0)
+    kept = replace(heat, terms=original.outputs[0].terms)
+    assert replace(system, outputs=(kept, system.outputs[1])) == original
+    assert controller.attributes == alone(original).attributes
+
+
+def test_a_rule_that_was_changed_counts_and_the_others_keep_their_labels() -> None:
+    old = "rule: if temperature is hot then heat is _none"
+    controller = edited(
+        fll, old.replace("_none", "none"), "rule: if temperature is hot then heat is some", nested_system()
+    )
+    rules = controller.systems[0].rules
+    assert rules[0] == nested_system().rules[0]
+    assert rules[7] == Rule(Is("temperature", "hot"), (Consequent("heat", "some"),))
+    assert controller.systems[0].inputs == nested_system().inputs
+
+
+def test_a_rule_that_was_taken_out_is_gone() -> None:
+    line = "  rule: if wind is ete_tres_sur then heat is some with 0.3333333333333333\n"
+    (system,) = edited(fll, line, "").systems
+    assert system.rules == flat_system().rules
+    assert system.inputs == own_words(flat_system()).inputs
+
+
+def test_an_operator_that_was_changed_counts_in_every_rule() -> None:
+    (system,) = edited(fis, "AndMethod='min'", "AndMethod='prod'").systems
+    conjunctions = [rule for rule in system.rules if isinstance(rule.antecedent, And)]
+    assert conjunctions
+    assert {system.and_operator_of(rule) for rule in conjunctions} == {"product"}
+
+
+def test_a_range_that_was_changed_gives_up_the_points_of_the_universe() -> None:
+    (system,) = edited(fis, "Range=[-10.0 40.0]", "Range=[-20.0 40.0]").systems
+    temperature = system.inputs[0]
+    assert (temperature.minimum, temperature.num_points, temperature.unit) == (-20.0, 1001, "degC")
+    assert system.inputs[1] == own_words(flat_system()).inputs[1]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("carries 1:", "carries 2:", "is not of version"),
+        ('"schema":"fuzzy-controller"', '"schema":"x"', "the comment is damaged"),
+        ('"schema_version":1', '"schema_version":1,"schema_version":1', "appears twice"),
+        ('"name":"climate"', '"name":NaN', "contains NaN"),
+    ],
+)
+def test_a_comment_that_cannot_be_believed_is_refused(
+    form: ModuleType, old: str, new: str, words: str
+) -> None:
+    text = form.write(alone(flat_system())).text
+    with pytest.raises(ControllerFileError, match=words) as refusal:
+        form.read(text.replace(old, new, 1))
+    assert "delete this comment" in str(refusal.value)
+    lines = text.splitlines()
+    comment = next(line for line in lines if "carries" in line)
+    with pytest.raises(ControllerFileError, match="a second comment"):
+        form.read(text.replace(comment, f"{comment}\n{comment}", 1))
+
+
+def test_the_comment_of_another_file_gives_nothing_that_is_seen() -> None:
+    """A comment is believed only where the file shows the same."""
+    one, other = fis.write(alone(flat_system())).text, fis.write(alone(force_x_system())).text
+    swapped = one.splitlines()[0] + other[other.index("\n") :]
+    (system,) = fis.read(swapped).controller.systems
+    assert system == fis.read(without_comment(other)).controller.systems[0]
+
+
+def test_a_cut_fll_file_of_ours_is_told_by_its_end() -> None:
+    text = fll.write(alone(flat_system())).text
+    with pytest.raises(ControllerFileError, match="may be cut"):
+        fll.read(text[: text.rindex("  rule:")])
+
+
+def test_every_kind_is_read_by_its_ending(tmp_path: Path) -> None:
+    controller = alone(nested_system())
+    for form, ending in ((fis, "fis"), (fll, "FLL"), (fml, "fml"), (fml, "xml")):
+        path = tmp_path / f"system.{ending}"
+        path.write_text(form.write(controller).text, encoding="utf-8")
+        assert serialize.load(path) == controller

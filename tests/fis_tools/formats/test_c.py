@@ -1,0 +1,205 @@
+"""The C that is written: compiled by gcc with every warning an error, it gives what Python gives."""
+
+import ctypes
+import re
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fis_tools.engines import inference
+from fis_tools.formats.c import source
+from fis_tools.model import (
+    And,
+    Consequent,
+    FuzzyController,
+    FuzzySystem,
+    Is,
+    Rule,
+    Term,
+    Triangular,
+    Variable,
+    table_rules,
+)
+from fis_tools.model.validate import controller_problems
+from fis_tools.source import read_controller
+from fis_tools.words.text import sentence
+from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.sample_controllers import (
+    force,
+    force_x_system,
+    gaussian_terms,
+    general_controller,
+    paper_like_controller,
+)
+from tests.places import PROJECT
+from tests.programs import program
+
+Floats = NDArray[np.float64]
+#: Of the output range's width.
+TOLERANCE = 1e-12
+
+
+def gcc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [program("gcc", "gcc"), *source.WARNINGS.split(), "-O2", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+
+
+@pytest.fixture
+def compiled(tmp_path: Path) -> Callable[[FuzzyController], ctypes.CDLL]:
+    """Write a controller as C, compile it and load it."""
+
+    def load(controller: FuzzyController) -> ctypes.CDLL:
+        assert controller_problems(controller) == []
+        (tmp_path / "controller.c").write_text(source.write(controller), encoding="utf-8")
+        done = gcc(tmp_path, "-shared", "-fPIC", "controller.c", "-o", "controller.so", "-lm")
+        assert done.returncode == 0, done.stderr
+        return ctypes.CDLL(str(tmp_path / "controller.so"))
+
+    return load
+
+
+def infer(library: ctypes.CDLL, name: str, system: FuzzySystem, rows: Floats) -> Floats:
+    """Call a C function for each row."""
+    function = getattr(library, f"infer_{name}")
+    pointer = ctypes.POINTER(ctypes.c_double)
+    outputs = np.empty((len(rows), len(system.outputs)))
+    for row, result in zip(np.ascontiguousarray(rows), outputs, strict=True):
+        if len(system.outputs) == 1:
+            function.restype = ctypes.c_double
+            result[0] = function(row.ctypes.data_as(pointer))
+        else:
+            function.restype = None
+            function(row.ctypes.data_as(pointer), result.ctypes.data_as(pointer))
+    return outputs
+
+
+def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
+    ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
+    expected = inference.evaluate(system, rows)
+    np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
+
+
+def test_systems_of_all_kinds_give_what_python_gives(
+    compiled: Callable[[FuzzyController], ctypes.CDLL],
+) -> None:
+    systems = []
+    for seed in range(40):
+        generator = np.random.default_rng([50, seed])
+        system = random_general_system(generator) if seed % 4 else full_table_system(generator, 2)
+        systems.append(replace(system, name=f"system {seed}"))
+    library = compiled(FuzzyController("many", tuple(systems)))
+    num_defaults = 0
+    for seed, system in enumerate(systems):
+        rows = inputs_for(system, np.random.default_rng([51, seed]), 50)
+        outputs = infer(library, f"system_{seed}", system, rows)
+        assert_equal(outputs, system, rows)
+        num_defaults += int((outputs == [variable.default for variable in system.outputs]).sum())
+    assert num_defaults > 50
+    kinds = {(s.and_operator_of(r), s.or_operator_of(r)) for s in systems for r in s.rules}
+    assert len({word for pair in kinds for word in pair}) == 14
+    assert len({system.defuzzifier_of(output) for system in systems for output in system.outputs}) == 5
+
+
+def table_of_125_rules() -> FuzzySystem:
+    names = ("a", "b", "c", "d", "e")
+    inputs = tuple(
+        Variable(name, "m", -2.0, 3.0, gaussian_terms(names, -2.0, 3.0)) for name in ("x", "y", "z")
+    )
+    output = force()
+    consequents = [output.terms[index].name for index in np.random.default_rng(5).integers(5, size=125)]
+    return FuzzySystem("many_rules", inputs, (output,), table_rules(inputs, output, consequents))
+
+
+@pytest.mark.parametrize(
+    "controller",
+    [
+        general_controller(),
+        paper_like_controller(),
+        FuzzyController("wide", (table_of_125_rules(),)),
+        read_controller(PROJECT / "conf" / "controller" / "paper_champion.yaml"),
+    ],
+    ids=["general", "paper-like", "125 rules", "champion"],
+)
+def test_controllers_give_what_python_gives(
+    controller: FuzzyController, compiled: Callable[[FuzzyController], ctypes.CDLL]
+) -> None:
+    library = compiled(controller)
+    for system in controller.systems:
+        rows = inputs_for(system, np.random.default_rng(6), 200)
+        assert_equal(infer(library, system.name, system, rows), system, rows)
+
+
+def test_the_ends_and_beyond_and_no_number(compiled: Callable[[FuzzyController], ctypes.CDLL]) -> None:
+    controller = FuzzyController("both", (force_x_system(), *general_controller().systems))
+    library = compiled(controller)
+    for system in controller.systems:
+        (a, b), (c_, d) = ([v.minimum, v.maximum] for v in system.inputs)
+        beyond = infer(library, system.name, system, np.array([[-np.inf, np.inf], [b + 7.0, c_ - 7.0]]))
+        at_ends = infer(library, system.name, system, np.array([[a, d], [b, c_]]))
+        np.testing.assert_array_equal(beyond, at_ends)
+        missing = infer(library, system.name, system, np.array([[np.nan, d], [a, np.nan]]))
+        assert np.isnan(missing).all()
+
+
+def test_the_compiled_code_holds_constants_alone_and_needs_nothing_but_a_square_root(tmp_path: Path) -> None:
+    (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
+    assert gcc(tmp_path, "-c", "controller.c").returncode == 0
+    command = [program("nm", "binutils"), "--format=posix", "controller.o"]
+    listed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
+    symbols = [line.split()[:2] for line in listed.stdout.splitlines()]
+    assert {kind for _, kind in symbols} <= {"T", "t", "r", "U"}
+    assert {name for name, kind in symbols if kind == "U"} <= {
+        "sqrt",
+        "__stack_chk_fail",
+        "_GLOBAL_OFFSET_TABLE_",
+    }
+    assert [name for name, kind in symbols if kind == "T"] == ["infer_room"]
+
+
+def test_it_refuses_arithmetic_that_is_not_exact(tmp_path: Path) -> None:
+    (tmp_path / "controller.c").write_text(source.write(general_controller()), encoding="utf-8")
+    done = gcc(tmp_path, "-ffast-math", "-c", "controller.c")
+    assert done.returncode != 0
+    assert "compile without -ffast-math" in done.stderr
+
+
+def test_it_reads_like_the_controller() -> None:
+    controller = paper_like_controller()
+    text = source.write(controller)
+    words = " ".join(re.sub(r"\s*\n\s*\* ?", " ", text).split())
+    for system in controller.systems:
+        for place, rule in enumerate(system.rules, start=1):
+            assert f"Rule {place}: {sentence(rule)}." in words
+        assert f"double infer_{system.name}(const double inputs[{len(system.inputs)}]);" in text
+    assert "force_axes: body" in words
+    assert "paper: AAS 25-727" in words
+    assert "inputs[0] is distance (m), 0 to 200." in words
+    assert "The result is force_x (N), -0.1 to 0.1; 0 when no rule fires." in words
+    assert max(map(len, text.splitlines())) <= 110
+
+
+def test_names_from_anywhere_are_no_danger(compiled: Callable[[FuzzyController], ctypes.CDLL]) -> None:
+    """Names that are alike once written in C, keywords, ends of comments, and letters of other alphabets."""
+    shape = Triangular(0.0, 1.0, 1.0)
+    terms = (Term("*/ int x; /*", shape), Term("size?" + "?/", Triangular(0.0, 0.0, 1.0)))
+    names = ("double", "main", "a b", "a_b", "über", "風", "0")
+    inputs = tuple(Variable(name, "", 0.0, 1.0, terms, 11, description="*/") for name in names)
+    output = Variable("exp", "%s\\", 0.0, 1.0, terms, 11, default=0.0)
+    statements = tuple(Is(name, terms[0].name) for name in names)
+    rules = (
+        Rule(And(statements), (Consequent("exp", terms[0].name),)),
+        Rule(statements[5], (Consequent("exp", terms[1].name, 0.5),), label="a \\"),
+    )
+    systems = tuple(
+        FuzzySystem(name, inputs, (output,), rules) for name in ("a b", "a_b", "a  b", "風", "switch", "1")
+    )
+    controller = FuzzyController("/* \\", systems, provenance=(("key", "many\nlines */ of it"),))
+    library = compiled(controller)
+    rows = np.random.default_rng(3).uniform(0, 1, (20, len(names)))
+    for name, system in zip(("a_b", "a_b_2", "a_b_3", "unnamed", "switch", "1"), systems, strict=True):
+        assert_equal(infer(library, name, system, rows), system, rows)

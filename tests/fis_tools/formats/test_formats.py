@@ -1,0 +1,210 @@
+"""Words, tables and CSV of controllers."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.engines.inference import infer
+from fis_tools.formats.printed import csv as csv_format
+from fis_tools.formats.printed import markdown
+from fis_tools.model import (
+    And,
+    Expression,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    PiShape,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    TwoSidedGaussian,
+    ZShape,
+    table_rules,
+)
+from fis_tools.words import text
+from tests.fis_tools.sample_controllers import (
+    force_x_system,
+    force_z_system,
+    general_controller,
+    paper_like_controller,
+)
+
+A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        (A, "a is low"),
+        (Not(A), "a is not low"),
+        (And((A, B)), "a is low and b is high"),
+        (And((A, Or((B, C)))), "a is low and (b is high or c is mid)"),
+        (Or((And((A, B)), C)), "(a is low and b is high) or c is mid"),
+        (Not(Or((A, B))), "not (a is low or b is high)"),
+        (And((And((A, B)), C)), "a is low and b is high and c is mid"),
+        (And((Or((A,)), B)), "a is low and b is high"),
+        (Not(Not(A)), "not (a is not low)"),
+    ],
+)
+def test_antecedents_in_words(expression: Expression, words: str) -> None:
+    assert text.antecedent_words(expression) == words
+
+
+def test_rules_in_words() -> None:
+    assert text.sentences(force_x_system())[4] == (
+        "If distance is very near and velocity_body_x is towards fast then force_x is NL"
+    )
+    assert text.sentences(general_controller().systems[0])[0] == (
+        "[warm up] If temperature is cold and (wind is calm or temperature is not hot) "
+        "then heat is high and vent is open (weight 0.25)"
+    )
+
+
+def test_ways_of_its_own_are_said_where_they_count() -> None:
+    system = general_controller().systems[0]
+    first, second = system.rules
+    heat, vent = system.outputs
+    system = replace(
+        system,
+        rules=(replace(first, and_operator="min", or_operator="bounded_sum"), second),
+        outputs=(replace(heat, defuzzifier="mom"), replace(vent, accumulation="einstein_sum")),
+    )
+    assert "(and: min, or: bounded_sum) then heat is high" in text.sentences(system)[0]
+    assert text.sentences(system)[1] == text.sentences(general_controller().systems[0])[1]
+    assert text.summary(system).endswith(
+        "and: product, or: probabilistic_sum, defuzzifier: bisector, heat by mom, "
+        "vent accumulated by einstein_sum"
+    )
+    told = text.explain(infer(system, np.array([12.0, 1.0])))
+    assert "the mean of the highest points of these terms" in told
+    assert "the bisector of the area of these terms" in told
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        (Gaussian(0.0, 25.0), "Gaussian, mean 0, standard deviation 25"),
+        (
+            TwoSidedGaussian(1.0, 0.5, 2.0, 0.25),
+            "two-sided Gaussian, one from 1 to 2, standard deviations 0.5 and 0.25",
+        ),
+        (GeneralizedBell(2.0, 3.0, 5.0), "bell, half width 2, slope 3, centre 5"),
+        (Sigmoid(4.0, -2.0), "sigmoid, inflection 4, slope -2"),
+        (
+            SigmoidDifference(2.0, 3.0, 8.0, 4.0),
+            "sigmoid, inflection 2, slope 3, less sigmoid, inflection 8, slope 4",
+        ),
+        (
+            SigmoidProduct(2.0, 3.0, 8.0, -4.0),
+            "sigmoid, inflection 2, slope 3, times sigmoid, inflection 8, slope -4",
+        ),
+        (SShape(2.0, 6.0), "S shape from 2 up to 6"),
+        (ZShape(2.0, 6.0), "Z shape from 2 down to 6"),
+        (PiShape(0.0, 4.0, 6.0, 10.0), "pi shape from 0 over 4 to 6 to 10"),
+    ],
+)
+def test_shapes_in_words(shape: MembershipFunction, words: str) -> None:
+    assert text.shape_words(Term("t", shape)) == words
+
+
+def test_rule_tables_of_one_two_and_three_inputs() -> None:
+    ((title, rows),) = text.rule_tables(force_x_system()) or []
+    assert title == ""
+    assert rows[0] == ["distance \\ velocity_body_x", "away fast", "away", "still", "towards", "towards fast"]
+    assert rows[4] == ["far", "PL", "PS", "PS", "ZE", "NS"]
+    tables = text.rule_tables(force_z_system()) or []
+    assert [title for title, _ in tables] == ["eta_u is left", "eta_u is ahead", "eta_u is right"]
+    assert tables[2][1][5] == ["PL", "NL", "NS", "ZE"]
+    system = force_x_system()
+    inputs = system.inputs[1:]
+    single = FuzzySystem("s", inputs, system.outputs, table_rules(inputs, system.outputs[0], ["ZE"] * 5))
+    assert (text.rule_tables(single) or [])[0][1][1] == ["", "ZE", "ZE", "ZE", "ZE", "ZE"]
+    assert text.rule_tables(general_controller().systems[0]) is None
+
+
+def test_a_description_shows_terms_tables_and_defaults() -> None:
+    shown = text.describe(paper_like_controller())
+    assert "    very near  Gaussian, mean 0, standard deviation 25\n" in shown
+    assert "  output force_x (N): -0.1 to 0.1, 101 points, 0 when no rule fires\n" in shown
+    assert "    far                         PL         PS    PS     ZE       NS\n" in shown
+    assert "  force_axes  body\n" in shown
+    assert not any(line.endswith(" ") for line in shown.splitlines())
+    general = text.describe(general_controller())
+    assert "trapezoid from 0 over 0 to 10 to 20" in general
+    assert "sampled at 5 points" in general
+    assert "    2. If temperature is hot then heat is low (weight 0.75) and vent is open\n" in general
+
+
+def test_an_inference_is_explained_step_by_step() -> None:
+    told = text.explain(infer(force_x_system(), np.array([230.0, 0.1])))
+    assert "distance = 230 m, taken as 200 m, the end of its range" in told
+    assert "very far  1.00  ████████████████████" in told
+    assert "rule 24: If distance is very far and velocity_body_x is towards then force_x is PS" in told
+    assert told.index("rule 24:") < told.index("rule 23:")
+    value = infer(force_x_system(), np.array([230.0, 0.1])).values[0]
+    assert f"force_x = {value:.6g} N, the centre of area" in told
+
+
+def test_an_inference_in_which_nothing_fires_is_explained() -> None:
+    system = general_controller().systems[0]
+    system = replace(system, rules=system.rules[1:])
+    told = text.explain(infer(system, np.array([0.0, 16.0])))
+    assert "no rule fires" in told
+    assert "to none of them" in told
+    assert "heat = 0.5 kW, its default" in told
+
+
+def test_markdown_tables_are_whole() -> None:
+    written = markdown.write(paper_like_controller())
+    assert "## force_x\n" in written
+    assert "| far                         | PL        | PS   | PS    | ZE      | NS           |" in written
+    assert "Where eta_u is right:" in written
+    for block in written.split("\n\n"):
+        lines = block.splitlines()
+        if lines[0].startswith("|"):
+            assert len({line.count("|") for line in lines}) == 1
+            assert len({len(line) for line in lines}) == 1
+
+
+def test_markdown_takes_no_name_for_markup() -> None:
+    controller = general_controller()
+    written = markdown.write(replace(controller, name="a|b *c* _d_ e_f <g>"))
+    assert written.startswith("# a\\|b \\*c\\* \\_d\\_ e_f \\<g>\n")
+    assert "1. \\[warm up] If temperature is cold" in written
+
+
+def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_format.write(paper_like_controller()))))
+    assert len(rows) == 25 + 45
+    row = rows[3 * 5 + 4]
+    assert (row["system"], row["rule"], row["distance"], row["velocity_body_x"], row["term"]) == (
+        "force_x",
+        "20",
+        "far",
+        "towards fast",
+        "NS",
+    )
+    assert row["eta_u"] == ""
+    general = list(csv.DictReader(io.StringIO(csv_format.write(general_controller()))))
+    assert [(row["output"], row["term"], row["weight"]) for row in general] == [
+        ("heat", "high", "1.0"),
+        ("vent", "open", "0.25"),
+        ("heat", "low", "0.75"),
+        ("vent", "open", "1.0"),
+    ]
+    assert [row["temperature"] for row in general] == ["", "", "hot", "hot"]
+
+
+def test_text_numbers_every_sentence() -> None:
+    written = text.write(paper_like_controller())
+    assert written.count(".\n") == 25 + 45
+    assert " 25. If distance is very far and velocity_body_x is towards fast then force_x is ZE.\n" in written

@@ -1,0 +1,541 @@
+"""Controllers survive their files to the last bit, and bad files are refused with a sentence."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fis_tools.formats.serialize import (
+    ControllerFileError,
+    dump_json,
+    dump_yaml,
+    from_mapping,
+    load,
+    loads,
+    to_mapping,
+)
+from fis_tools.model import (
+    Accumulation,
+    And,
+    AndOperator,
+    Consequent,
+    Defuzzifier,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    OrOperator,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+    rule_table,
+    table_rules,
+)
+from fis_tools.model.validate import InvalidSystem
+from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
+
+NAMES = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=8)
+WORDS = st.sampled_from(
+    ["no", "NULL", "1e3", "0x1F", "1_0", "~", "a: b", "# x", "-", "é η", "true", "2026-01-01"]
+)
+NUMBERS = st.floats(-1e6, 1e6)
+
+
+@st.composite
+def variables(draw: st.DrawFn, name: str, is_output: bool) -> Variable:
+    low = draw(NUMBERS)
+    high = low + draw(st.floats(1e-3, 1e6))
+    points = None
+    num_points = draw(st.integers(2, 5))
+    if draw(st.booleans()):
+        points = tuple(sorted({low, high, *draw(st.lists(st.floats(low, high), max_size=3))}))
+        num_points = len(points)
+    names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=3, unique=True))
+    terms = tuple(Term(term, draw(memberships(num_points))) for term in names)
+    text = draw(st.text(max_size=12))
+    variable = Variable(name, draw(st.text(max_size=3)), low, high, terms, num_points, points, None, text)
+    if not is_output:
+        return variable
+    return replace(
+        variable,
+        default=draw(NUMBERS),
+        defuzzifier=draw(st.none() | st.sampled_from(get_args(Defuzzifier))),
+        accumulation=draw(st.sampled_from(get_args(Accumulation))),
+    )
+
+
+@st.composite
+def memberships(draw: st.DrawFn, num_points: int) -> MembershipFunction:
+    corners = sorted(draw(st.lists(NUMBERS, min_size=4, max_size=4)))
+    a, b, c, d = sorted(draw(st.lists(st.integers(-(10**6), 10**6), min_size=4, max_size=4, unique=True)))
+    spread, other_spread = draw(st.tuples(st.floats(1e-3, 1e6), st.floats(1e-3, 1e6)))
+    slope, other_slope = draw(st.tuples(st.floats(-10, 10), st.floats(-10, 10)))
+    return draw(
+        st.sampled_from(
+            [
+                Gaussian(corners[0], draw(st.floats(1e-100, 1e6))),
+                Triangular(*corners[:3]),
+                Trapezoidal(*corners),
+                TwoSidedGaussian(corners[0], spread, corners[1], other_spread),
+                GeneralizedBell(spread, draw(st.floats(0.1, 10)), corners[0]),
+                Sigmoid(corners[0], slope),
+                SigmoidDifference(corners[0], abs(slope), corners[1], abs(slope)),
+                SigmoidProduct(corners[0], slope, corners[1], other_slope),
+                SShape(a / 7, b / 7),
+                ZShape(a / 7, b / 7),
+                PiShape(a / 7, b / 7, c / 7, d / 7),
+                Sampled(tuple(draw(st.lists(st.floats(0, 1), min_size=num_points, max_size=num_points)))),
+            ]
+        )
+    )
+
+
+@st.composite
+def systems(draw: st.DrawFn, name: str) -> FuzzySystem:
+    input_names = draw(st.lists(NAMES, min_size=1, max_size=2, unique=True))
+    output_names = [f"{other} out" for other in input_names[: draw(st.integers(1, 2))]]
+    inputs = tuple(draw(variables(other, False)) for other in input_names)
+    outputs = tuple(draw(variables(other, True)) for other in output_names)
+    if len(outputs) == 1 and draw(st.booleans()):
+        cells = math.prod(len(variable.terms) for variable in inputs)
+        term_names = st.sampled_from([term.name for term in outputs[0].terms])
+        table = draw(st.lists(term_names, min_size=cells, max_size=cells))
+        return FuzzySystem(name, inputs, outputs, table_rules(inputs, outputs[0], table))
+    statements = st.sampled_from([Is(v.name, t.name) for v in inputs for t in v.terms])
+    operands = lambda inner: st.lists(inner, min_size=1, max_size=2).map(tuple)  # noqa: E731
+    expressions: st.SearchStrategy[Expression] = st.recursive(
+        statements,
+        lambda inner: inner.map(Not) | operands(inner).map(And) | operands(inner).map(Or),
+        max_leaves=4,
+    )
+    consequents = st.builds(
+        lambda pair, weight: Consequent(*pair, weight),
+        st.sampled_from([(v.name, t.name) for v in outputs for t in v.terms]),
+        st.floats(0, 1),
+    )
+    count = draw(st.integers(1, 3))
+    labels = draw(st.lists(NAMES, min_size=count, max_size=count, unique=True)) if draw(st.booleans()) else []
+    rules = tuple(
+        Rule(
+            draw(expressions),
+            tuple(draw(st.lists(consequents, min_size=1, max_size=2))),
+            labels[index] if labels else "",
+            draw(st.none() | st.sampled_from(get_args(AndOperator))),
+            draw(st.none() | st.sampled_from(get_args(OrOperator))),
+        )
+        for index in range(count)
+    )
+    return FuzzySystem(name, inputs, outputs, rules, "product", "bounded_sum", "som")
+
+
+@st.composite
+def controllers(draw: st.DrawFn) -> FuzzyController:
+    names = draw(st.lists(NAMES | WORDS, min_size=1, max_size=2, unique=True))
+    facts = st.dictionaries(st.text(max_size=6) | WORDS, st.text(max_size=12) | WORDS, max_size=2)
+    return FuzzyController(
+        draw(NAMES),
+        tuple(draw(systems(name)) for name in names),
+        tuple(sorted(draw(facts).items())),
+        tuple(sorted(draw(facts).items())),
+    )
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(controllers())
+def test_every_controller_survives_both_forms(controller: FuzzyController) -> None:
+    assert from_mapping(to_mapping(controller)) == controller
+    assert loads(dump_json(controller), "json") == controller
+    assert loads(dump_yaml(controller), "yaml") == controller
+
+
+@pytest.mark.parametrize("controller", [paper_like_controller(), general_controller()])
+def test_readers_we_did_not_write_understand_the_files_too(controller: FuzzyController) -> None:
+    """The same under YAML 1.1, as other YAML libraries and Hydra read it."""
+    assert yaml.safe_load(dump_yaml(controller)) == to_mapping(controller)
+    assert json.loads(dump_json(controller)) == to_mapping(controller)
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        0.1,
+        1 / 3,
+        math.pi * 1e-12,
+        5e-324,
+        1.7976931348623157e308,
+        -0.0,
+        1e22,
+        123456789.123456789,
+        2.0**-1074,
+    ],
+)
+def test_numbers_survive_to_the_last_bit(number: float) -> None:
+    controller = general_controller()
+    mapping = to_mapping(controller)
+    mapping["systems"][0]["outputs"][0]["default"] = number
+    changed = from_mapping(mapping)
+    for text, kind in ((dump_json(changed), "json"), (dump_yaml(changed), "yaml")):
+        default = loads(text, kind).systems[0].outputs[0].default  # type: ignore[arg-type]
+        assert default is not None
+        assert default.hex() == number.hex()
+
+
+def test_a_rule_table_is_written_in_rows_and_read_back_with_the_last_input_fastest() -> None:
+    text = dump_yaml(paper_like_controller())
+    assert "      PL, PS, PS, ZE, NS,  # distance far\n" in text
+    assert '        "PL", "PS", "PS", "ZE", "NS",\n' in dump_json(paper_like_controller())
+    rule = loads(text, "yaml").systems[0].rules[3 * 5 + 4]
+    assert rule.antecedent == And((Is("distance", "far"), Is("velocity_body_x", "towards fast")))
+    assert rule.consequents == (Consequent("force_x", "NS"),)
+
+
+HAND_WRITTEN = """\
+# as a person would write it
+schema: fuzzy-controller
+schema_version: 1
+name: tiny
+attributes: {force_axes: hill, is_trained: false, generation: 12}
+systems:
+- name: only
+  inputs:
+  - {name: x, unit: m, range: [0, 1e1], terms: [{name: no, mean: 0, standard_deviation: 2}]}
+  outputs:
+  - name: y
+    range: [-1, 1]
+    points: 11
+    default: 0
+    terms:
+    - {name: off, shape: triangular, left: -1, peak: 0, right: 1}
+  rules: [off]
+"""
+
+
+def test_a_file_written_by_hand_means_what_it_says() -> None:
+    controller = loads(HAND_WRITTEN, "yaml")
+    assert controller.attributes == (("force_axes", "hill"), ("generation", "12"), ("is_trained", "false"))
+    (system,) = controller.systems
+    assert system.inputs == (Variable("x", "m", 0.0, 10.0, (Term("no", Gaussian(0.0, 2.0)),), 101),)
+    assert system.outputs[0].terms == (Term("off", Triangular(-1.0, 0.0, 1.0)),)
+    assert system.rules == (Rule(Is("x", "no"), (Consequent("y", "off"),)),)
+    assert isinstance(system.inputs[0].minimum, float)
+
+
+def _with_everything_chosen() -> FuzzyController:
+    """A controller in which rules, outputs and terms depart from what is usual."""
+    controller = general_controller()
+    (system,) = controller.systems
+    heat, vent = system.outputs
+    terms = (Term("low", GeneralizedBell(0.5, 2.0, 0.0)), Term("high", SShape(0.5, 1.5)))
+    first, second = system.rules
+    system = replace(
+        system,
+        outputs=(replace(heat, terms=terms, defuzzifier="mom"), replace(vent, accumulation="bounded_sum")),
+        rules=(replace(first, and_operator="min", or_operator="hamacher_sum"), second),
+    )
+    return replace(controller, systems=(system,))
+
+
+def test_what_departs_is_written_and_the_usual_is_not() -> None:
+    mapping = to_mapping(_with_everything_chosen())["systems"][0]
+    heat, vent = mapping["outputs"]
+    assert (heat["defuzzifier"], vent["accumulation"]) == ("mom", "bounded_sum")
+    assert heat["terms"] == [
+        {"name": "low", "shape": "generalized_bell", "width": 0.5, "slope": 2.0, "centre": 0.0},
+        {"name": "high", "shape": "s_shape", "foot": 0.5, "top": 1.5},
+    ]
+    first, second = mapping["rules"]
+    assert list(first) == ["label", "and_operator", "or_operator", "if", "then"]
+    assert (first["and_operator"], first["or_operator"]) == ("min", "hamacher_sum")
+    assert list(second) == ["if", "then"]
+    assert not {"defuzzifier", "accumulation"} & {*vent.keys() - {"accumulation"}, *mapping["inputs"][0]}
+    assert loads(dump_yaml(_with_everything_chosen()), "yaml") == _with_everything_chosen()
+
+
+def test_a_table_with_a_rule_of_its_own_ways_is_no_table() -> None:
+    first, *rest = force_x_system().rules
+    system = replace(force_x_system(), rules=(replace(first, and_operator="min"), *rest))
+    controller = FuzzyController("c", (system,))
+    assert loads(dump_json(controller), "json") == controller
+
+
+def _edited(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+    mapping = to_mapping(paper_like_controller())
+    change(mapping)
+    return mapping
+
+
+def _edit(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
+    def change(mapping: dict[str, Any]) -> None:
+        place: Any = mapping
+        for step in path[:-1]:
+            place = place[step]
+        place[path[-1]] = to
+
+    return change
+
+
+def _drop(*path: Any) -> Callable[[dict[str, Any]], None]:
+    def change(mapping: dict[str, Any]) -> None:
+        place: Any = mapping
+        for step in path[:-1]:
+            place = place[step]
+        del place[path[-1]]
+
+    return change
+
+
+SYSTEM = ("systems", 0)
+INPUT = (*SYSTEM, "inputs", 0)
+TERM = (*INPUT, "terms", 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_drop("schema"), ["not a fuzzy controller", "schema: fuzzy-controller"]),
+        (_edit("schema", to="mission"), ["schema is 'mission'", "'fuzzy-controller'"]),
+        (_edit("schema_version", to=2), ["schema version is 2", "reads version 1", "write it again"]),
+        (_edit("schema_version", to=True), ["schema version is True"]),
+        (_drop("schema_version"), ["schema version is empty"]),
+        (_edit("sistems", to=[]), ["unknown key 'sistems'", "did you mean 'systems'?"]),
+        (_drop("name"), ["key 'name' is missing"]),
+        (_edit("name", to=3), ["name is 3", "expected a word"]),
+        (_edit("systems", to="all"), ["systems is 'all'", "expected a list"]),
+        (_edit("systems", to={}), ["systems is a mapping", "expected a list"]),
+        (_edit("systems", to=[]), ["no systems"]),
+        (_edit("attributes", to=[1]), ["attributes is a list"]),
+        (_edit("attributes", "a", to=None), ["attributes: a is empty"]),
+        (
+            _edit(*TERM, "standart_deviation", to=1.0),
+            ["'standart_deviation'", "did you mean 'standard_deviation'?"],
+        ),
+        (_drop(*TERM, "mean"), ["systems[0].inputs[0].terms[0]", "'mean' is missing"]),
+        (_edit(*TERM, "mean", to="low"), ["mean is 'low'", "expected a number"]),
+        (_edit(*TERM, "mean", to=True), ["mean is True", "expected a number"]),
+        (_edit(*TERM, "mean", to=10**400), ["mean is too large"]),
+        (_edit(*TERM, "shape", to="gausian"), ["unknown shape 'gausian'", "did you mean 'gaussian'?"]),
+        (_edit(*TERM, "shape", to="triangular"), ["unknown key 'mean'"]),
+        (_edit(*TERM, "standard_deviation", to=0), ["'very near'", "not positive"]),
+        (_edit(*TERM, "standard_deviation", to=math.nan), ["finite"]),
+        (_edit(*TERM, to="near"), ["terms[0] is 'near'", "expected a mapping"]),
+        (_edit(*INPUT, "range", to=[0, 1, 2]), ["3 numbers", "[lowest, highest]"]),
+        (_edit(*INPUT, "range", to=[5, 1]), ["empty", "swap"]),
+        (_edit(*INPUT, "points", to=101.0), ["points is 101.0", "whole number"]),
+        (_edit(*INPUT, "points", to=10**9), ["points is more than 10001"]),
+        (_edit(*INPUT, "points", to=1), ["at least 2"]),
+        (_edit(*INPUT, "universe", to=[0, 1]), ["unknown key 'range'"]),
+        (_edit(*INPUT, "default", to=1), ["unknown key 'default'"]),
+        (_drop(*SYSTEM, "outputs", 0, "default"), ["declare default: the output when no rule fires"]),
+        (_edit(*SYSTEM, "rules", to=["NL"] * 24), ["25 rules", "24 consequents"]),
+        (_edit(*SYSTEM, "rules", 7, to="XL"), ["rule 8", "no term 'XL'"]),
+        (_edit(*SYSTEM, "rules", 7, to=7), ["rules[0] is 'PL'"]),
+        (_edit(*SYSTEM, "rules", to=None), ["rules is empty"]),
+        (_edit(*SYSTEM, "rules", to=[{"if": {}, "then": []}]), ["expected one of is, not, and, or"]),
+        (_edit(*SYSTEM, "rules", to=[{"if": {"xor": []}, "then": []}]), ["unknown word 'xor'"]),
+        (
+            _edit(*SYSTEM, "rules", to=[{"if": {"is": ["distance"]}, "then": []}]),
+            ["1 words", "[variable, term]"],
+        ),
+        (_edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}}]), ["'then' is missing"]),
+        (_edit(*SYSTEM, "defuzzifier", to="centre"), ["defuzzifier 'centre'"]),
+        (_edit(*SYSTEM, "defuzzifier", to=None), ["defuzzifier is empty", "expected a word"]),
+        (_edit(*SYSTEM, "outputs", 0, "defuzzifier", to="centre"), ["'force_x'", "'centre'"]),
+        (_edit(*SYSTEM, "outputs", 0, "accumulation", to=1), ["accumulation is 1", "expected a word"]),
+        (_edit(*INPUT, "accumulation", to="max"), ["unknown key 'accumulation'"]),
+        (_edit(*TERM, "shape", to="pi_shape"), ["unknown key 'mean'", "left_top"]),
+        (
+            _edit(*TERM, to={"name": "near", "shape": "s_shape", "foot": 1.0}),
+            ["'top' is missing"],
+        ),
+        (
+            _edit(*SYSTEM, "rules", to=[{"if": {"is": ["a", "b"]}, "then": [], "and_operator": 2}]),
+            ["rules[0].and_operator is 2"],
+        ),
+    ],
+)
+def test_wrong_content_is_refused_with_a_sentence(
+    change: Callable[[dict[str, Any]], object], words: list[str]
+) -> None:
+    with pytest.raises(ControllerFileError) as refusal:
+        from_mapping(_edited(change))
+    for word in words:
+        assert word in str(refusal.value)
+
+
+@pytest.mark.parametrize("nonsense", [None, [], "text", 3, {}])
+def test_what_is_no_mapping_is_no_controller(nonsense: Any) -> None:
+    with pytest.raises(ControllerFileError, match="not a fuzzy controller"):
+        from_mapping(nonsense)
+
+
+def test_a_table_of_billions_of_cells_is_counted_not_built() -> None:
+    mapping = to_mapping(paper_like_controller())
+    system = mapping["systems"][1]
+    for variable in system["inputs"]:
+        variable["terms"] = [{"name": f"t{k}", "mean": 0.0, "standard_deviation": 1.0} for k in range(2000)]
+    with pytest.raises(ControllerFileError, match="has 8000000000 rules, but 45"):
+        from_mapping(mapping)
+    system["rules"] = [{"if": {"is": ["eta_u", "t0"]}, "then": [{"variable": "force_z", "term": "ZE"}]}]
+    controller = from_mapping(mapping)
+    assert rule_table(controller.systems[1]) is None
+    assert loads(dump_json(controller), "json") == controller
+
+
+def test_too_many_problems_are_counted_not_listed() -> None:
+    with pytest.raises(ControllerFileError, match="and 17 more"):
+        from_mapping(_edited(_edit(*SYSTEM, "rules", to=["XL"] * 25)))
+
+
+def test_what_cannot_be_read_again_is_not_written() -> None:
+    system = force_x_system()
+    broken = FuzzyController("broken", (FuzzySystem("s", system.inputs, system.outputs, ()),))
+    with pytest.raises(InvalidSystem, match="no rules"):
+        dump_json(broken)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "end"),
+        ('{"a": 1', "cut short"),
+        ('{"a": "b', "line 1"),
+        ('{"a": 1}}', "line 1, column 9"),
+        ('{"a": 1, "a": 2}', "'a' appears twice"),
+        ('{"a": NaN}', "contains NaN"),
+        ('{"a": -Infinity}', "contains -Infinity"),
+        ('{"a": 1e999}', "not a fuzzy controller"),
+        ("[" * 200_000, "deep"),
+        ('{"a": ' + "1" * 5000 + "}", "too long"),
+        ("\x00", "JSON"),
+    ],
+)
+def test_bad_json_is_refused_with_a_sentence(text: str, words: str) -> None:
+    with pytest.raises(ControllerFileError, match=words.replace("-", "[-]")):
+        loads(text, "json")
+
+
+BOMB = "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "not a fuzzy controller"),
+        (BOMB, "line 1 uses an anchor or alias"),
+        ("a: *b\n", "anchor or alias"),
+        ("<<: {a: 1}\n", "not a fuzzy controller"),
+        ("!!python/object/apply:os.system ['false']\n", "has the tag"),
+        ("a: !!python/name:os.system\n", "has the tag"),
+        ("a: !thing x\n", "has the tag '!thing'"),
+        ("a: 1\na: 2\n", "line 2 repeats the key 'a'"),
+        ("? [a]\n: 1\n", "list or mapping as a key"),
+        ("[" * 10_000, "deep"),
+        ("- " * 5_000, "deep"),
+        ("a: [1, 2\n", "not YAML"),
+        ("a: 'b\n", "not YAML"),
+        ("a: b: c\n", "line 1, column 5"),
+        ("a: \x00\n", "not YAML"),
+        ("a: 1\n---\nb: 2\n", "not YAML"),
+        ("a: " + "1" * 5000, "too long"),
+        ("a: .nan\n", "not a fuzzy controller"),
+        ("#" * 3_000_000, "longer than"),
+        ("---\na: 1\n", "does not close with '...'"),
+    ],
+)
+def test_bad_yaml_is_refused_with_a_sentence(text: str, words: str) -> None:
+    with pytest.raises(ControllerFileError) as refusal:
+        loads(text, "yaml")
+    assert words in str(refusal.value)
+
+
+@pytest.mark.parametrize("number", [".nan", ".inf", "-.Inf", "1e999"])
+def test_numbers_that_are_not_finite_are_refused_in_yaml(number: str) -> None:
+    with pytest.raises(ControllerFileError, match="finite"):
+        loads(HAND_WRITTEN.replace("default: 0", f"default: {number}"), "yaml")
+
+
+def test_a_file_cut_anywhere_is_refused_with_a_sentence() -> None:
+    controller = paper_like_controller()
+    for text, kind, step in ((dump_json(controller), "json", 1), (dump_yaml(controller), "yaml", 97)):
+        whole = len(text.rstrip())
+        for length in [*range(0, whole, step), whole - 4, whole - 3, whole - 2, whole - 1]:
+            with pytest.raises(ControllerFileError):
+                loads(text[:length], kind)  # type: ignore[arg-type]
+        assert loads(text[:whole], kind) == controller  # type: ignore[arg-type]
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from(["json", "yaml"]), st.data())
+def test_no_damage_gives_anything_but_a_sentence(kind: Any, data: st.DataObject) -> None:
+    controller = general_controller()
+    text = dump_json(controller) if kind == "json" else dump_yaml(controller)
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.integers(0, len(text)))
+        length = data.draw(st.integers(0, 6))
+        damage = data.draw(st.sampled_from(list("[]{},:&*!#'\"-.0e\n \t\\")) | st.text(max_size=2))
+        text = text[:start] + damage + text[start + length :]
+    try:
+        loads(text, kind)
+    except ControllerFileError as refusal:
+        assert str(refusal)  # noqa: PT017 - a damaged file may still be a right one
+
+
+def test_a_yaml_file_cut_between_two_systems_is_refused() -> None:
+    text = dump_yaml(paper_like_controller())
+    with pytest.raises(ControllerFileError, match="does not close with"):
+        loads(text[: text.index("  - name: force_z")], "yaml")
+
+
+@pytest.mark.parametrize("name", ["c.json", "c.yaml", "c.yml", "c.YAML"])
+def test_files_are_read_by_their_ending(tmp_path: Path, name: str) -> None:
+    controller = paper_like_controller()
+    path = tmp_path / name
+    path.write_text(dump_json(controller) if "json" in name else dump_yaml(controller), encoding="utf-8")
+    assert load(path) == controller
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    path.write_bytes(b"\xef\xbb\xbf" + dump_json(paper_like_controller()).encode())
+    assert load(path) == paper_like_controller()
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    for name, content, words in (
+        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll, .fml or .xml"),
+        ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),
+        ("large.json", b" " * (10 * 1024 * 1024 + 1), "larger than"),
+        ("cut.json", b'{"schema": "fuzzy-', "line 1"),
+    ):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(ControllerFileError, match=words) as refusal:
+            load(path)
+        assert name in str(refusal.value)
+    with pytest.raises(ControllerFileError, match="no such file"):
+        load(tmp_path / "missing.json")
+    (tmp_path / "folder.json").mkdir()
+    with pytest.raises(ControllerFileError, match="directory"):
+        load(tmp_path / "folder.json")

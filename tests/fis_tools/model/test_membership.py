@@ -1,0 +1,209 @@
+"""Sampled membership functions against scikit-fuzzy's generators."""
+
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+import pytest
+import skfuzzy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fis_tools.model import (
+    Gaussian,
+    GeneralizedBell,
+    MembershipFunction,
+    PiShape,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SigmoidProduct,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
+from fis_tools.model.membership import is_unimodal, sample, sample_terms, shape_values
+
+UNIVERSE = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.integers(2, 60))
+
+
+def _without_tails(expected: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(expected < 1e-290, 0.0, expected)
+
+
+def _variable(extent: tuple[float, float, int], *terms: Term) -> Variable:
+    low, width, num_points = extent
+    return Variable("x", "", low, low + width, terms, num_points)
+
+
+@settings(max_examples=60, deadline=None)
+@given(UNIVERSE, st.floats(-2e3, 2e3), st.floats(1e-3, 1e3))
+def test_gaussian_is_scikit_fuzzys(extent: tuple[float, float, int], mean: float, width: float) -> None:
+    variable = _variable(extent)
+    values = sample(variable, Term("t", Gaussian(mean, width)))
+    with np.errstate(under="ignore", over="ignore"):
+        expected = skfuzzy.gaussmf(variable.universe, np.array([mean]), np.array([width]))
+    np.testing.assert_array_equal(values, _without_tails(expected))
+
+
+def test_gaussian_far_tails_are_zero_not_denormal() -> None:
+    variable = Variable("x", "", 0.0, 40.0, (Term("t", Gaussian(0.0, 1.0)),), 4001)
+    values = sample_terms(variable)[0]
+    positive = values[values > 0]
+    assert positive.min() >= 1e-290
+    # exp(-x^2/2) = 1e-290 at x = sqrt(2 * 290 * ln 10) = 36.544
+    assert variable.universe[len(positive) - 1] == pytest.approx(36.544, abs=0.011)
+    assert not values[len(positive) :].any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(UNIVERSE, st.lists(st.floats(-2e3, 2e3), min_size=3, max_size=3), st.booleans(), st.booleans())
+def test_triangle_is_scikit_fuzzys(
+    extent: tuple[float, float, int], corners: list[float], is_left_steep: bool, is_right_steep: bool
+) -> None:
+    left, peak, right = sorted(corners)
+    left, right = (peak if is_left_steep else left), (peak if is_right_steep else right)
+    variable = _variable(extent)
+    np.testing.assert_array_equal(
+        sample(variable, Term("t", Triangular(left, peak, right))),
+        _without_tails(skfuzzy.trimf(variable.universe, [left, peak, right])),
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(UNIVERSE, st.lists(st.floats(-2e3, 2e3), min_size=4, max_size=4), st.booleans())
+def test_trapezoid_is_scikit_fuzzys(
+    extent: tuple[float, float, int], corners: list[float], is_left_steep: bool
+) -> None:
+    left, left_top, right_top, right = sorted(corners)
+    left = left_top if is_left_steep else left
+    variable = _variable(extent)
+    np.testing.assert_array_equal(
+        sample(variable, Term("t", Trapezoidal(left, left_top, right_top, right))),
+        _without_tails(skfuzzy.trapmf(variable.universe, [left, left_top, right_top, right])),
+    )
+
+
+SPREAD = st.floats(1e-3, 1e3)
+STEEPNESS = st.floats(-50, 50)
+CORNERS = st.lists(st.floats(-2e3, 2e3), min_size=4, max_size=4, unique=True).map(sorted)
+
+
+@st.composite
+def _smooth_shapes(draw: st.DrawFn) -> tuple[MembershipFunction, object]:
+    """A shape with scikit-fuzzy's function for it: a function of the universe."""
+    a, b, c, d = draw(CORNERS)
+    width, other_width, slope, other_slope = draw(st.tuples(SPREAD, SPREAD, STEEPNESS, STEEPNESS))
+    bell = draw(st.floats(0.1, 20))
+    deviations = np.array([width]), np.array([other_width])
+    return draw(
+        st.sampled_from(
+            [
+                (
+                    TwoSidedGaussian(a, width, b, other_width),
+                    lambda x: skfuzzy.gauss2mf(x, a, deviations[0], b, deviations[1]),
+                ),
+                (GeneralizedBell(width, bell, a), lambda x: skfuzzy.gbellmf(x, width, bell, a)),
+                (Sigmoid(a, slope), lambda x: skfuzzy.sigmf(x, a, slope)),
+                (
+                    SigmoidProduct(a, slope, b, other_slope),
+                    lambda x: skfuzzy.psigmf(x, a, slope, b, other_slope),
+                ),
+                (
+                    SigmoidDifference(a, slope, b, other_slope),
+                    lambda x: skfuzzy.dsigmf(x, a, slope, b, other_slope),
+                ),
+                (SShape(a, b), lambda x: skfuzzy.smf(x, a, b)),
+                (ZShape(a, b), lambda x: skfuzzy.zmf(x, a, b)),
+                (PiShape(a, b, c, d), lambda x: skfuzzy.pimf(x, a, b, c, d)),
+            ]
+        )
+    )
+
+
+@settings(max_examples=300, deadline=None)
+@given(UNIVERSE, _smooth_shapes())
+def test_smooth_shapes_are_scikit_fuzzys(extent: tuple[float, float, int], drawn: Any) -> None:
+    shape, generate = drawn
+    variable = _variable(extent)
+    with np.errstate(all="ignore"):
+        expected = generate(variable.universe)
+    np.testing.assert_array_equal(sample(variable, Term("t", shape)), _without_tails(expected))
+
+
+@pytest.mark.parametrize(
+    "shape", [SShape(2.0, 6.0), ZShape(2.0, 6.0), PiShape(2.0, 6.0, 6.0, 8.0), PiShape(0.0, 2.0, 2.0, 6.0)]
+)
+def test_parabolas_on_grid_points_are_scikit_fuzzys(shape: Any) -> None:
+    """Corners and middles on the grid, where scikit-fuzzy's cases meet."""
+    generate = {SShape: skfuzzy.smf, ZShape: skfuzzy.zmf, PiShape: skfuzzy.pimf}[type(shape)]
+    for universe in (np.linspace(0, 10, 21), np.linspace(0, 10, 31), np.linspace(0, 10, 11)):
+        values = shape_values(universe, shape)
+        np.testing.assert_array_equal(values, generate(universe, *astuple(shape)))
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        (GeneralizedBell(2.0, 3.0, 5.0), {5.0: 1.0, 3.0: 0.5, 7.0: 0.5, 1.0: 1 / 65}),
+        (Sigmoid(4.0, 2.0), {4.0: 0.5, 5.0: 1 / (1 + np.exp(-2.0)), 3.0: 1 / (1 + np.exp(2.0))}),
+        (SigmoidDifference(2.0, 3.0, 8.0, 3.0), {2.0: 0.5, 5.0: np.tanh(4.5), 8.0: 0.5}),
+        (SigmoidProduct(3.0, 1.0, 3.0, -1.0), {3.0: 0.25}),
+        (SShape(2.0, 6.0), {2.0: 0.0, 3.0: 0.125, 4.0: 0.5, 5.0: 0.875, 6.0: 1.0, 9.0: 1.0}),
+        (ZShape(2.0, 6.0), {0.0: 1.0, 2.0: 1.0, 3.0: 0.875, 4.0: 0.5, 5.0: 0.125, 6.0: 0.0}),
+        (PiShape(0.0, 4.0, 6.0, 10.0), {1.0: 0.125, 4.0: 1.0, 5.0: 1.0, 6.0: 1.0, 9.0: 0.125, 10.0: 0.0}),
+        (TwoSidedGaussian(4.0, 2.0, 6.0, 1.0), {2.0: np.exp(-0.5), 5.0: 1.0, 7.0: np.exp(-0.5)}),
+    ],
+)
+def test_smooth_shapes_have_the_values_their_formulas_say(
+    shape: MembershipFunction, expected: dict[float, float]
+) -> None:
+    values = shape_values(np.array(list(expected)), shape)
+    np.testing.assert_allclose(values, list(expected.values()), rtol=0, atol=1e-4)
+
+
+def test_a_difference_that_falls_below_zero_is_cut_off() -> None:
+    variable = Variable("x", "", 0.0, 10.0, (), 11)
+    values = sample(variable, Term("t", SigmoidDifference(6.0, 2.0, 4.0, 2.0)))
+    np.testing.assert_array_equal(values, np.zeros(11))
+
+
+def test_a_peak_on_a_grid_point_is_one_and_the_feet_are_zero() -> None:
+    variable = Variable("x", "", 0.0, 10.0, (), 11)
+    values = sample(variable, Term("t", Triangular(2.0, 4.0, 8.0)))
+    np.testing.assert_allclose(values, [0, 0, 0, 0.5, 1, 0.75, 0.5, 0.25, 0, 0, 0], rtol=0, atol=1e-15)
+
+
+def test_samples_are_taken_as_they_are_and_terms_stack() -> None:
+    terms = (Term("a", Sampled((0.0, 0.25, 1e-300))), Term("b", Triangular(0.0, 0.0, 2.0)))
+    variable = Variable("x", "", 0.0, 2.0, terms, 3)
+    np.testing.assert_array_equal(sample_terms(variable), [[0.0, 0.25, 0.0], [1.0, 0.5, 0.0]])
+
+
+def test_samples_do_not_change_the_term() -> None:
+    term = Term("a", Sampled((0.0, 1e-300)))
+    sample(Variable("x", "", 0.0, 1.0, (term,), 2), term)
+    assert term.membership == Sampled((0.0, 1e-300))
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([0, 1, 0], True),
+        ([0, 0.5, 0.5, 0.2], True),
+        ([1, 1, 1], True),
+        ([0, 1], True),
+        ([1, 0], True),
+        ([0.5], True),
+        ([1, 0, 1], False),
+        ([0, 1, 0, 0, 0.1], False),
+        ([0, 0.5, 0.4, 0.4, 0.6], False),
+    ],
+)
+def test_unimodal_means_up_then_down(values: list[float], expected: bool) -> None:
+    assert is_unimodal(np.array(values)) is expected

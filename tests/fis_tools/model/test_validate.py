@@ -1,0 +1,203 @@
+"""Every way in which a system can be wrong is told, and a right one passes."""
+
+from dataclasses import replace
+
+import pytest
+
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    GeneralizedBell,
+    Is,
+    MembershipFunction,
+    Not,
+    Or,
+    PiShape,
+    Rule,
+    Sampled,
+    Sigmoid,
+    SigmoidDifference,
+    SShape,
+    Term,
+    Trapezoidal,
+    Triangular,
+    TwoSidedGaussian,
+    Variable,
+    ZShape,
+)
+from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems, validate
+from tests.fis_tools.sample_controllers import (
+    force,
+    force_x_system,
+    general_controller,
+    paper_like_controller,
+)
+
+NAN, INF = float("nan"), float("inf")
+
+
+def _with_membership(membership: MembershipFunction) -> FuzzySystem:
+    system = force_x_system()
+    distance, velocity = system.inputs
+    terms = (Term(distance.terms[0].name, membership), *distance.terms[1:])
+    return replace(system, inputs=(replace(distance, terms=terms), velocity))
+
+
+def _with_distance(**changes: object) -> FuzzySystem:
+    system = force_x_system()
+    return replace(system, inputs=(replace(system.inputs[0], **changes), system.inputs[1]))  # type: ignore[arg-type]
+
+
+def _with_output(**changes: object) -> FuzzySystem:
+    return replace(force_x_system(), outputs=(replace(force(), **changes),))  # type: ignore[arg-type]
+
+
+def _with_rule(antecedent: Expression, *consequents: Consequent) -> FuzzySystem:
+    system = force_x_system()
+    rule = Rule(antecedent, consequents or (Consequent("force_x", "ZE"),))
+    return replace(system, rules=(*system.rules, rule))
+
+
+def _with_own_operators(**changes: object) -> FuzzySystem:
+    first, *rest = force_x_system().rules
+    return replace(force_x_system(), rules=(replace(first, **changes), *rest))  # type: ignore[arg-type]
+
+
+def _nested(depth: int) -> Expression:
+    expression: Expression = Is("distance", "near")
+    for _ in range(depth):
+        expression = Not(expression)
+    return expression
+
+
+@pytest.mark.parametrize("controller", [paper_like_controller(), general_controller()])
+def test_right_controllers_have_no_problems(controller: FuzzyController) -> None:
+    assert controller_problems(controller) == []
+    for system in controller.systems:
+        validate(system)
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (_with_membership(Gaussian(NAN, 1.0)), ["'very near'", "finite"]),
+        (_with_membership(Gaussian(0.0, INF)), ["finite"]),
+        (_with_membership(Gaussian(0.0, 0.0)), ["standard deviation 0.0", "above 0"]),
+        (_with_membership(Gaussian(0.0, -1.0)), ["standard deviation -1.0", "above 0"]),
+        (_with_membership(Gaussian(0.0, 1e-170)), ["under- or overflows"]),
+        (_with_membership(Gaussian(0.0, 1e170)), ["under- or overflows"]),
+        (_with_membership(Triangular(0.0, 2.0, 1.0)), ["left, peak, right", "ascend"]),
+        (_with_membership(Triangular(0.0, NAN, 1.0)), ["finite"]),
+        (_with_membership(Trapezoidal(0.0, 2.0, 1.0, 3.0)), ["left, left_top, right_top, right", "ascend"]),
+        (_with_membership(TwoSidedGaussian(3.0, 1.0, 2.0, 1.0)), ["left_mean, right_mean", "ascend"]),
+        (_with_membership(TwoSidedGaussian(1.0, 1.0, 2.0, 0.0)), ["right standard deviation 0.0"]),
+        (_with_membership(TwoSidedGaussian(1.0, -1.0, 2.0, 1.0)), ["left standard deviation -1.0"]),
+        (_with_membership(GeneralizedBell(0.0, 2.0, 1.0)), ["width 0.0", "above 0"]),
+        (_with_membership(GeneralizedBell(1.0, -2.0, 1.0)), ["slope -2.0", "above 0"]),
+        (_with_membership(GeneralizedBell(1.0, 2.0, INF)), ["width, slope, centre", "finite"]),
+        (_with_membership(Sigmoid(NAN, 1.0)), ["inflection, slope", "finite"]),
+        (_with_membership(SShape(2.0, 1.0)), ["foot, top", "ascend"]),
+        (_with_membership(ZShape(2.0, 2.0)), ["top, foot", "no width", "trapezoidal"]),
+        (_with_membership(PiShape(0.0, 2.0, 1.0, 3.0)), ["left, left_top, right_top, right", "ascend"]),
+        (_with_membership(PiShape(0.0, 0.0, 1.0, 3.0)), ["no width"]),
+        (
+            _with_membership(SigmoidDifference(150.0, 1.0, 50.0, 1.0)),
+            ["falls to -1", "make the first sigmoid the higher one"],
+        ),
+        (_with_membership(Sampled((0.0, 1.0))), ["2 membership values", "101 points"]),
+        (_with_membership(Sampled((1.5,) * 101)), ["outside [0, 1]"]),
+        (_with_membership(Sampled((-0.1,) * 101)), ["outside [0, 1]"]),
+        (_with_membership(Sampled((NAN,) * 101)), ["not a number"]),
+        (_with_distance(minimum=NAN), ["not finite"]),
+        (_with_distance(maximum=INF), ["not finite"]),
+        (_with_distance(minimum=200.0), ["range [200.0, 200.0]", "empty"]),
+        (_with_distance(minimum=300.0), ["range [300.0, 200.0]", "swap"]),
+        (_with_distance(minimum=-1.7e308, maximum=1.7e308), ["too wide"]),
+        (_with_distance(num_points=1), ["1 points", "at least 2"]),
+        (_with_distance(points=(0.0, 100.0, 200.0)), ["3 points", "num_points is 101"]),
+        (_with_distance(points=(0.0, 100.0, 100.0, 200.0), num_points=4), ["do not ascend"]),
+        (_with_distance(points=(0.0, NAN, 200.0), num_points=3), ["not finite"]),
+        (_with_distance(points=(0.0, 100.0, 190.0), num_points=3), ["0.0 to 190.0", "[0.0, 200.0]"]),
+        (_with_distance(terms=()), ["no terms"]),
+        (_with_distance(default=1.0), ["input 'distance' has a default"]),
+        (_with_distance(name="force_x"), ["2 variables called 'force_x'"]),
+        (_with_distance(name=""), ["called ''"]),
+        (_with_distance(name="a\nb"), ["printable"]),
+        (_with_output(default=None), ["declare default: the output when no rule fires"]),
+        (_with_output(default=NAN), ["default nan"]),
+        (_with_output(terms=force().terms * 2), ["2 terms called 'NL'"]),
+        (
+            _with_output(terms=force().terms[:4]),
+            ["rule 1:", "'force_x' has no term 'PL'", "one of NL, NS, ZE, PS"],
+        ),
+        (replace(force_x_system(), rules=()), ["no rules"]),
+        (replace(force_x_system(), inputs=()), ["no inputs"]),
+        (replace(force_x_system(), outputs=()), ["no outputs"]),
+        (replace(force_x_system(), and_operator="mean"), ["and_operator 'mean'", "min, product"]),
+        (replace(force_x_system(), or_operator="sum"), ["or_operator 'sum'"]),
+        (replace(force_x_system(), defuzzifier="middle"), ["defuzzifier 'middle'", "centroid"]),
+        (replace(force_x_system(), defuzzifier=None), ["defuzzifier None"]),
+        (_with_output(defuzzifier="middle"), ["output 'force_x': defuzzifier 'middle'"]),
+        (_with_output(accumulation="mean"), ["output 'force_x': accumulation 'mean'", "probabilistic_sum"]),
+        (_with_distance(defuzzifier="mom"), ["input 'distance' has a defuzzifier"]),
+        (_with_distance(accumulation="bounded_sum"), ["input 'distance' has an accumulation"]),
+        (_with_own_operators(and_operator="mean"), ["rule 1: and_operator 'mean'", "hamacher_product"]),
+        (_with_own_operators(or_operator="xor"), ["rule 1: or_operator 'xor'", "max, probabilistic_sum"]),
+        (_with_rule(Is("distanse", "near")), ["rule 26", "'distanse'", "did you mean 'distance'?"]),
+        (_with_rule(Is("distance", "nearby")), ["rule 26", "no term 'nearby'", "did you mean 'near'?"]),
+        (_with_rule(Is("force_x", "ZE")), ["input 'force_x' does not exist"]),
+        (_with_rule(And(())), ["'and' joins no statements"]),
+        (_with_rule(Not(Or(()))), ["'or' joins no statements"]),
+        (_with_rule(_nested(MAX_NESTING + 1)), ["nested more than 20 deep"]),
+        (_with_rule(_nested(1), Consequent("force_y", "ZE")), ["output 'force_y' does not exist"]),
+        (_with_rule(_nested(1), Consequent("force_x", "ZE", 1.5)), ["weight 1.5", "outside [0, 1]"]),
+        (_with_rule(_nested(1), Consequent("force_x", "ZE", NAN)), ["weight nan"]),
+        (replace(force_x_system(), rules=(Rule(_nested(1), ()),)), ["concludes nothing"]),
+        (
+            replace(force_x_system(), rules=(replace(force_x_system().rules[0], label="a"),) * 2),
+            ["2 rules called 'a'"],
+        ),
+    ],
+)
+def test_each_problem_is_told_in_one_sentence(system: FuzzySystem, words: list[str]) -> None:
+    found = [problem for problem in problems(system) if all(word in problem for word in words)]
+    assert len(found) == 1, problems(system)
+    assert found[0].startswith("system 'force_x'")
+    with pytest.raises(InvalidSystem):
+        validate(system)
+
+
+def test_nesting_up_to_the_limit_is_right() -> None:
+    assert problems(_with_rule(_nested(MAX_NESTING))) == []
+
+
+def test_all_problems_are_told_at_once() -> None:
+    system = replace(_with_membership(Gaussian(0.0, 0.0)), rules=())
+    assert len(problems(system)) == 2
+
+
+@pytest.mark.parametrize(
+    ("controller", "words"),
+    [
+        (replace(paper_like_controller(), systems=()), "has no systems"),
+        (
+            replace(paper_like_controller(), systems=(force_x_system(), force_x_system())),
+            "2 systems called 'force_x'",
+        ),
+        (replace(paper_like_controller(), name=" x"), "called ' x'"),
+        (replace(paper_like_controller(), attributes=(("a", "1"), ("a", "2"))), "2 attributes called 'a'"),
+        (replace(paper_like_controller(), systems=(_with_output(default=None),)), "declare default"),
+    ],
+)
+def test_controllers_are_checked_too(controller: FuzzyController, words: str) -> None:
+    assert [problem for problem in controller_problems(controller) if words in problem]
+
+
+def test_a_variable_outside_any_range_is_no_reason_to_stop_looking() -> None:
+    broken = Variable("x", "", NAN, NAN, (Term("t", Gaussian(NAN, NAN)),), num_points=0)
+    system = FuzzySystem("s", (broken,), (), ())
+    assert len(problems(system)) >= 4

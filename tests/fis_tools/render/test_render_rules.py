@@ -1,0 +1,232 @@
+"""Rules as tables, as lists, and how much they are used."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from fis_tools.analysis.flights import read_flight
+from fis_tools.model import And, Consequent, FuzzySystem, Is, Rule
+from fis_tools.render import (
+    contrast,
+    firing_map,
+    firing_shares,
+    luminance,
+    rule_bars,
+    rule_list,
+    rule_matrix,
+    rules_figures,
+    term_colours,
+)
+from tests.fis_tools.analysis.test_flights import log_flight
+from tests.fis_tools.render.picture_systems import (
+    autopilot_system,
+    nine_terms_system,
+    one_input_system,
+    room_system,
+    words_of,
+)
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, paper_like_controller
+
+
+def test_the_rule_matrix_holds_every_consequent_at_its_place() -> None:
+    system = force_x_system()
+    ax = rule_matrix(system, Figure().subplots())
+    assert [text.get_text() for text in ax.texts] == [rule.consequents[0].term for rule in system.rules]
+    # the rule of the third distance and the fourth velocity stands at column 3, row 2
+    assert ax.texts[2 * 5 + 3].get_position() == (3, 2)
+    assert [label.get_text().replace("\n", " ") for label in ax.get_xticklabels()][4] == "towards fast"
+    assert [label.get_text() for label in ax.get_yticklabels()][1] == "near"
+    assert ax.get_ylabel() == "distance"
+
+
+def test_each_cell_has_the_colour_of_its_word_and_the_word_can_be_read() -> None:
+    system = force_x_system()
+    ax = rule_matrix(system, Figure().subplots())
+    names = [term.name for term in system.outputs[0].terms]
+    for text, cell in zip(ax.texts, ax.patches, strict=True):
+        face = cell.get_facecolor()[:3]
+        assert face == pytest.approx(tuple(term_colours(5)[names.index(text.get_text())]))
+        assert contrast(face, text.get_color()) >= 4.5
+        x, y = text.get_position()
+        assert (cell.get_x() + 0.5, cell.get_y() + 0.5) == (x, y)  # type: ignore[attr-defined]
+
+
+def test_brightness_alone_orders_the_terms() -> None:
+    ax = rule_matrix(force_x_system(), Figure().subplots())
+    place = {name: index for index, name in enumerate(("NL", "NS", "ZE", "PS", "PL"))}
+    pairs = {
+        (place[text.get_text()], round(luminance(cell.get_facecolor()[:3]), 6))
+        for text, cell in zip(ax.texts, ax.patches, strict=True)
+    }
+    brightness = [value for _, value in sorted(pairs)]
+    assert len(brightness) == 5
+    assert brightness == sorted(brightness)
+
+
+def test_long_words_are_whole_in_the_cells_of_a_figure() -> None:
+    ((_, figure),) = rules_figures(nine_terms_system())
+    words = {text.get_text().replace("\n", " ") for text in figure.axes[0].texts}
+    assert words == {term.name for term in nine_terms_system().outputs[0].terms}
+    assert min(text.get_size() for text in figure.axes[0].texts) >= 8
+
+
+def test_a_third_input_needs_a_term() -> None:
+    system = force_z_system()
+    ax = rule_matrix(system, Figure().subplots(), {"eta_u": "right"})
+    assert [text.get_text() for text in ax.texts] == [r.consequents[0].term for r in system.rules[30:]]
+    with pytest.raises(ValueError, match="for one term of 'eta_u'; fix it to one of left, ahead, right"):
+        rule_matrix(system, Figure().subplots())
+    with pytest.raises(ValueError, match="no outer input 'distance'"):
+        rule_matrix(system, Figure().subplots(), {"distance": "near", "eta_u": "left"})
+    with pytest.raises(ValueError, match="no output 'force_y'; did you mean 'force_z'"):
+        rule_matrix(system, Figure().subplots(), {"eta_u": "left"}, output="force_y")
+
+
+def test_slices_are_titled_with_their_terms() -> None:
+    ((name, figure),) = rules_figures(autopilot_system())
+    assert name == "rules"
+    assert [ax.get_title() for ax in figure.axes] == [f"pitch is {t}" for t in ("NL", "NS", "ZE", "PS", "PL")]
+
+
+def test_cells_without_a_rule_say_so_and_an_input_left_out_fills_a_row() -> None:
+    system = force_x_system()
+    rules = (
+        *(rule for rule in system.rules[:15] if rule != system.rules[7]),
+        Rule(Is("distance", "far"), (Consequent("force_x", "PS", 0.5),)),
+    )
+    ax = rule_matrix(replace(system, rules=rules), Figure().subplots())
+    words = [text.get_text().replace("\n", " ") for text in ax.texts]
+    assert words[7] == "no rule"
+    assert words[15:20] == ["PS × 0.5"] * 5
+    assert words[20:] == ["no rule"] * 5
+
+
+def test_one_input_makes_one_row() -> None:
+    ax = rule_matrix(one_input_system(), Figure().subplots())
+    assert [text.get_text() for text in ax.texts] == ["PL", "PS", "ZE", "NS", "NL"]
+    assert ax.get_ylabel() == ""
+
+
+def contradicting() -> FuzzySystem:
+    system = force_x_system()
+    return replace(
+        system, rules=(*system.rules, replace(system.rules[0], consequents=(Consequent("force_x", "NL"),)))
+    )
+
+
+def repeated() -> FuzzySystem:
+    system = force_x_system()
+    twice = And((Is("distance", "near"), Is("distance", "far")))
+    return replace(system, rules=(*system.rules, Rule(twice, (Consequent("force_x", "NL"),))))
+
+
+@pytest.mark.parametrize(
+    "system",
+    [room_system(), contradicting(), repeated(), replace(force_x_system(), rules=force_x_system().rules[:9])],
+)
+def test_rules_that_are_no_table_are_listed(system: FuzzySystem) -> None:
+    with pytest.raises(ValueError, match="no full table; list them with rule_list"):
+        rule_matrix(system, Figure().subplots())
+    ((name, figure),) = rules_figures(system)
+    assert name == "rules"
+    words = "\n".join(text.get_text() for text in figure.axes[0].texts)
+    for rule in system.rules:
+        for consequent in rule.consequents:
+            assert f"{consequent.variable} is {consequent.term}" in words
+
+
+def test_a_list_says_rules_in_full_with_conclusions_in_the_colours_of_their_terms() -> None:
+    ax = rule_list(room_system(), Figure(figsize=(9, 4)).subplots())
+    words = [text.get_text().replace("\n", " ") for text in ax.texts]
+    assert words[:4] == [
+        "1",
+        "[warm up] If temperature is cold and (wind is calm or temperature is not hot) then",
+        "heat is high",
+        "vent is open × 0.25",
+    ]
+    box = ax.texts[2].get_bbox_patch()
+    assert box is not None
+    assert to_rgb(box.get_facecolor()) == pytest.approx(tuple(term_colours(2)[1]))
+
+
+def test_a_list_counts_what_it_has_no_room_for_and_pages_hold_all() -> None:
+    system = autopilot_system()
+    ax = rule_list(system, Figure().subplots())
+    last = ax.texts[-1].get_text()
+    shown = sum(text.get_text().startswith("If") for text in ax.texts)
+    assert last == f"and {125 - shown} more rules"
+    several = replace(
+        system,
+        rules=(
+            *system.rules,
+            system.rules[0],
+            replace(system.rules[0], consequents=(Consequent("elevator", "NL"),)),
+        ),
+    )
+    pages = dict(rules_figures(several))
+    assert list(pages) == ["rules", "rules-2", "rules-3", "rules-4", "rules-5"][: len(pages)]
+    numbers = [
+        t.get_text() for page in pages.values() for t in page.axes[0].texts if t.get_text().isdecimal()
+    ]
+    assert numbers == [str(number) for number in range(1, 128)]
+
+
+def test_firing_along_a_flight_is_what_was_logged_the_most_used_rule_first(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    flown = read_flight(log_flight(tmp_path / "a.mcap", paper_like_controller(), num_samples=12))[0]
+    figure = Figure()
+    ax = firing_map(flown.system, flown.time_s, flown.firing_strengths, figure.subplots(), most_rules=7)
+    means = flown.firing_strengths.mean(axis=0)
+    order = np.argsort(-means, kind="stable")[:7]
+    drawn = np.asarray(ax.collections[0].get_array()).reshape(7, 12)
+    np.testing.assert_array_equal(drawn, flown.firing_strengths[:, order].T)
+    labels = [label.get_text().replace("\n", " ") for label in ax.get_yticklabels()]
+    for label, place in zip(labels, order, strict=True):
+        share = 100 * means[place] / means.sum()
+        assert label.startswith(f"{place + 1}: ")
+        assert label.endswith(f"({share:.0f}\xa0%)") or "…" in label
+    assert ax.yaxis_inverted()
+    rest = 100 * (1 - means[order].sum() / means.sum())
+    assert ax.get_title(loc="right") == f"18 more rules share {rest:.1f} %"
+    assert ax.get_ylabel() == "distance · velocity_body_x → force_x"
+    # each strength holds until the next time, the last as long as the one before
+    assert ax.get_xlim() == (0.0, 120.0)
+
+
+def test_firing_that_does_not_fit_is_refused() -> None:
+    system, ax = force_x_system(), Figure().subplots()
+    with pytest.raises(ValueError, match=r"strengths have shape \(2, 3\); pass \(2, 25\)"):
+        firing_map(system, np.arange(2.0), np.zeros((2, 3)), ax)
+    with pytest.raises(ValueError, match="one row or more"):
+        firing_map(system, np.empty(0), np.zeros((0, 25)), ax)
+    with pytest.raises(ValueError, match="one flight at a time"):
+        firing_map(system, np.array([0.0, 10.0, 0.0]), np.zeros((3, 25)), ax)
+    with pytest.raises(ValueError, match="one for each of 25 rules"):
+        rule_bars(system, np.zeros(3), ax)
+
+
+def test_a_flight_on_which_nothing_fires_is_drawn_empty() -> None:
+    ax = firing_map(force_x_system(), np.arange(2.0), np.zeros((2, 25)), Figure().subplots())
+    assert not [label for label in ax.get_yticklabels() if label.get_text()]
+    np.testing.assert_array_equal(firing_shares(np.zeros((2, 25))), np.zeros(25))
+
+
+def test_bars_are_as_long_as_their_values_the_longest_first() -> None:
+    system = force_x_system()
+    values = np.random.default_rng(1).uniform(0, 1, 25)
+    ax = rule_bars(system, values, Figure().subplots(), label="importance", most_rules=6)
+    order = np.argsort(-values)
+    np.testing.assert_allclose([bar.get_width() for bar in ax.patches], 100 * values[order[:6]])  # type: ignore[attr-defined]
+    assert [text.get_text() for text in ax.texts] == [f"{100 * values[place]:.1f}" for place in order[:6]]
+    assert ax.get_xlabel() == "importance (%)"
+    assert ax.get_title(loc="right") == f"19 more rules have {100 * values[order[6]]:.1f} % at most"
+    assert any(text.get_text().startswith(f"{order[0] + 1}: ") for text in words_of(ax))
+
+
+def test_rules_are_named_in_few_words() -> None:
+    ax = rule_bars(room_system(), np.array([0.7, 0.3]), Figure(figsize=(12, 4)).subplots())
+    first, second = (label.get_text().replace("\n", " ") for label in ax.get_yticklabels())
+    assert second == "2: hot · any → heat low × 0.75, vent open"
+    assert first.startswith("1: temperature is cold and (wind is calm or temperature is not hot) → heat high")

@@ -1,0 +1,169 @@
+"""Outputs over one and two inputs: what is drawn is what the system gives."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from fis_tools.analysis.arrays import surface
+from fis_tools.engines.inference import infer
+from fis_tools.model import table_rules
+from fis_tools.render import (
+    DARK,
+    draw_surface,
+    output_curve,
+    surface_figure,
+    surface_map,
+    surface_space,
+)
+from tests.fis_tools.render.picture_systems import autopilot_system, one_input_system
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system
+
+
+def in_space() -> Any:
+    return Figure().subplots(subplot_kw={"projection": "3d"})
+
+
+def test_the_surface_map_lies_as_the_rule_matrix_does() -> None:
+    system = force_x_system()
+    ax = surface_map(system, Figure().subplots(), num_points=3)
+    values = np.asarray(ax.images[0].get_array())
+    # up the y axis the distance grows, along x the velocity
+    assert ax.get_ylabel() == "distance (m)"
+    assert values[2, 0] == pytest.approx(infer(system, np.array([200.0, -0.3])).values[0], abs=1e-13)
+    assert values[0, 2] == pytest.approx(infer(system, np.array([0.0, 0.3])).values[0], abs=1e-13)
+    assert ax.images[0].get_clim() == (values.min(), values.max())
+    assert ax.images[0].origin == "lower"
+
+
+def test_a_pixel_lies_where_its_value_belongs() -> None:
+    ax = surface_map(force_x_system(), Figure().subplots(), num_points=5)
+    left, right, bottom, top = ax.images[0].get_extent()
+    # the middle of the first pixel of five is the least velocity, that of the last the greatest
+    assert left + (right - left) / 10 == pytest.approx(-0.3)
+    assert top - (top - bottom) / 10 == pytest.approx(200.0)
+    assert ax.get_xlim() == pytest.approx((-0.3, 0.3))
+
+
+def thick_lines(ax: object) -> list[np.ndarray]:
+    """Return the vertices of the contour that is thicker than the others."""
+    contours = [c for c in ax.collections if max(c.get_linewidths(), default=0) > 2]  # type: ignore[attr-defined]
+    return [path.vertices for contour in contours for path in contour.get_paths() if len(path.vertices)]
+
+
+def test_a_thick_contour_is_where_the_output_changes_sign() -> None:
+    system = force_x_system()
+    ax = surface_map(system, Figure().subplots())
+    (vertices,) = thick_lines(ax)
+    outputs = [infer(system, np.array([distance, speed])).values[0] for speed, distance in vertices[::9]]
+    assert np.max(np.abs(outputs)) < 0.02 * 0.2
+    assert "0" in [text.get_text() for text in ax.texts]
+
+
+def test_where_rules_cancel_the_contour_of_zero_does_not_follow_the_last_digits() -> None:
+    result = surface(force_x_system(), num_points=31)
+    noise = np.random.default_rng(0).choice([-1e-17, 1e-17], (31, 31))
+    values = np.where(np.abs(result.x) <= 100, noise, np.sign(result.x - 100) * 0.05)
+    values[:, :5] = -0.05
+    ax = draw_surface(replace(result, values=values), Figure().subplots())
+    for vertices in thick_lines(ax):
+        assert np.ptp(vertices[:, 0]) < 2 * 200 / 30
+
+
+def test_without_a_change_of_sign_no_contour_is_thick() -> None:
+    system = force_x_system()
+    output = system.outputs[0]
+    inputs = system.inputs
+    pushing = replace(system, rules=table_rules(inputs, output, ["PS", "PL"] * 12 + ["PL"]))
+    assert surface(pushing).values.min() > 0
+    assert not thick_lines(surface_map(pushing, Figure().subplots()))
+    assert not thick_lines(surface_space(surface(pushing), in_space()))
+
+
+def test_a_flat_surface_is_drawn_without_contours() -> None:
+    system = force_x_system()
+    output = system.outputs[0]
+    flat = replace(system, rules=table_rules(system.inputs, output, ["ZE"] * 25))
+    ax = surface_map(flat, Figure().subplots(), num_points=5)
+    assert not ax.texts
+    assert ax.images[0].get_clim() == (output.minimum, output.maximum)
+    assert len(surface_space(surface(flat, num_points=5), in_space()).collections) == 1
+
+
+def test_any_pair_of_inputs_and_the_rest_in_the_title() -> None:
+    system = force_z_system()
+    ax = surface_map(
+        system, Figure().subplots(), "eta_u", "distance", fixed={"velocity_body_z": 0.05}, num_points=3
+    )
+    assert ax.get_title() == "velocity_body_z = 0.05 m/s"
+    value = infer(system, np.array([3.14, 0.05, 0.0])).values[0]
+    assert np.asarray(ax.images[0].get_array())[0, 2] == pytest.approx(value, abs=1e-13)
+    assert surface_map(system, Figure().subplots(), num_points=3).get_title() == "eta_u = 0 rad"
+    assert draw_surface(surface(system, num_points=3), Figure().subplots()).get_title() == "distance = 100"
+
+
+def test_samples_lie_over_the_map_inside_the_universes() -> None:
+    system = force_x_system()
+    samples = np.array([[80.0, 0.1], [250.0, -0.5]])
+    ax = surface_map(system, Figure().subplots(), num_points=5, samples=samples)
+    (marks,) = ax.lines
+    np.testing.assert_array_equal(marks.get_xydata(), [[0.1, 80.0], [-0.3, 200.0]])
+    with pytest.raises(ValueError, match="2 inputs, pass a row a sample"):
+        surface_map(system, Figure().subplots(), samples=samples[:, :1])
+
+
+def test_samples_are_marked_in_the_slice_to_whose_term_they_belong() -> None:
+    system = force_z_system()
+    samples = np.array([[-3.0, 0.1, 50.0], [3.0, 0.2, 60.0], [2.9, -0.2, 70.0]])
+    figure = surface_figure(system, samples=samples)
+    marks = [ax.lines[0].get_xydata().tolist() for ax in figure.axes[:3]]
+    assert marks == [[[50.0, 0.1]], [], [[60.0, 0.2], [70.0, -0.2]]]
+
+
+def test_slices_share_their_colours_and_tell_what_is_held() -> None:
+    figure = surface_figure(autopilot_system())
+    panels = [ax for ax in figure.axes if ax.images]
+    assert [ax.get_title() for ax in panels] == [f"pitch = {value} deg" for value in (-30, -15, 0, 15, 30)]
+    assert len({ax.images[0].get_clim() for ax in panels}) == 1
+
+
+def test_in_space_the_surface_is_that_of_the_system_over_a_floor_with_contours(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    system = force_x_system()
+    result = surface(system, num_points=21)
+    ax, nets = in_space(), []
+    draw_net = ax.plot_surface
+    monkeypatch.setattr(
+        ax, "plot_surface", lambda *net, **options: nets.append(net) or draw_net(*net, **options)
+    )
+    surface_space(result, ax, points=np.array([[100.0, 0.1]]), theme=DARK)
+    ((x, y, values),) = nets
+    assert values[3, 7] == pytest.approx(infer(system, np.array([x[3, 7], y[3, 7]])).values[0], abs=1e-13)
+    np.testing.assert_array_equal(values, result.values)
+    floor = ax.get_zlim()[0]
+    assert floor < result.values.min()
+    assert np.all(ax.lines[0].get_data_3d()[2] == floor)
+    assert thick_lines(ax)
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == (
+        "distance (m)",
+        "velocity_body_x (m/s)",
+        "force_x (N)",
+    )
+
+
+def test_a_curve_over_one_input() -> None:
+    system = one_input_system()
+    ax = output_curve(system, Figure().subplots(), num_points=7, samples=np.array([[0.1]]))
+    x, y = ax.lines[1].get_data()
+    assert y == pytest.approx([infer(system, np.array([value])).values[0] for value in x], abs=1e-13)
+    assert ax.lines[2].get_xdata() == [0.1]
+    assert ax.get_ylabel() == "force_x (N)"
+    held = output_curve(force_x_system(), Figure().subplots(), "velocity_body_x", fixed={"distance": 20.0})
+    assert held.get_title() == "distance = 20 m"
+    middle = infer(force_x_system(), np.array([20.0, 0.0])).values[0]
+    assert held.lines[1].get_ydata()[200] == pytest.approx(middle, abs=1e-13)
+    with pytest.raises(ValueError, match="no input 'velocity'"):
+        output_curve(force_x_system(), Figure().subplots(), "velocity")

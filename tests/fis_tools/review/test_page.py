@@ -1,0 +1,532 @@
+"""The review page in a browser: what it shows, what one can do with it, and what nobody can do to it."""
+
+import hashlib
+import json
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+from fis_tools import __main__ as command_line
+from fis_tools.analysis import arrays
+from fis_tools.analysis.flights import inputs_along
+from fis_tools.engines.inference import firing_strengths, infer
+from fis_tools.findings.audit import audit
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController
+from fis_tools.review import carried, page
+from fis_tools.words.text import sentence
+from tests.fis_tools.review.cases import (
+    HOSTILE,
+    Markup,
+    hostile_controller,
+    log_flight,
+    path_of,
+    system_of_125_rules,
+)
+from tests.fis_tools.sample_controllers import force_z_system, general_controller, paper_like_controller
+from tests.programs import program
+
+NUM_SAMPLES = 120
+FOCUSABLE = "a[href], button, input, select, summary, [tabindex='0']"
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flights")
+    return log_flight(folder / "swing.mcap", paper_like_controller(), NUM_SAMPLES)
+
+
+@pytest.fixture(scope="module")
+def text(flight):
+    return page.write(paper_like_controller(), [flight])
+
+
+@pytest.fixture(scope="module")
+def shown(opened, text):
+    """A page that tests use one after the other, leaving it usable."""
+    return opened(text)
+
+
+@pytest.fixture
+def fresh(opened, text):
+    """A page that nobody has touched."""
+    return opened(text)
+
+
+def number_after(words: str, name: str) -> float:
+    found = re.search(rf"{name} = ([−\d.e+-]+)", words)
+    assert found, words
+    return float(found[1].replace("−", "-"))
+
+
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+def pixels(shown, selector: str) -> str:
+    """What is drawn on a canvas, once it has been drawn."""
+    shown.locator(selector).scroll_into_view_if_needed()
+    for _ in range(3):
+        shown.evaluate(DRAWN)
+    content = shown.locator(selector).evaluate("(canvas) => canvas.toDataURL()")
+    return hashlib.sha256(content.encode()).hexdigest()
+
+
+def test_tags_match_and_references_have_targets(text):
+    markup = Markup(text)
+    ids = markup.values("id")
+    assert len(ids) == len(set(ids))
+    wanted = {word for value in markup.values("aria-labelledby") for word in value.split()}
+    wanted |= set(markup.values("for")) | set(markup.values("data-table"))
+    for value in markup.values("href"):
+        assert value.startswith("#")
+        wanted.add(value[1:])
+    assert wanted <= set(ids)
+    assert markup.values("src") == markup.values("style") == []
+    assert not [name for _, attributes in markup.tags for name in attributes if name.startswith("on")]
+    heads = [attributes for tag, attributes in markup.tags if tag == "th"]
+    assert all(attributes.get("scope") for attributes in heads)
+    assert "default-src 'none'" in text
+
+
+def test_the_hash_is_that_of_the_exported_file(text, capsys, tmp_path):
+    path = tmp_path / "controller.yaml"
+    path.write_text(serialize.dump_yaml(paper_like_controller()))
+    assert command_line.main(["export", str(path), "--format", "json"]) == 0
+    assert hashlib.sha256(capsys.readouterr().out.encode()).hexdigest() in text
+
+
+def test_a_slider_moves_the_number_to_what_python_infers(shown):
+    system = paper_like_controller().systems[0]
+    result = shown.locator("#s1 .live.inference output")
+    before = result.inner_text()
+    shown.locator("#s1-x1-slider").focus()
+    for _ in range(12):
+        shown.keyboard.press("ArrowRight")
+    shown.evaluate(DRAWN)
+    assert result.inner_text() != before
+    inputs = shown.evaluate("review.states[0].inputs")
+    expected = infer(system, np.array(inputs)).values[0]
+    assert number_after(result.inner_text(), "force_x") == pytest.approx(expected, rel=1e-4)
+    assert float(shown.locator("#s1-x1").input_value()) == pytest.approx(inputs[0], rel=1e-5)
+
+
+def test_a_number_field_sets_the_slider_and_tells_what_lies_outside(shown):
+    shown.locator("#s1-x1").fill("42.5")
+    expect(shown.locator("#s1-x1-slider")).to_have_value("42.5")
+    told = shown.locator("#s1 .belongs").first
+    expect(told).to_contain_text("distance = 42.5 m")
+    shown.locator("#s1-x1").fill("500")
+    expect(told).to_contain_text("distance = 500 m, taken as 200 m")
+    result = shown.locator("#s1 .live.inference output").inner_text()
+    inputs = np.array([500.0, shown.evaluate("review.states[0].inputs")[1]])
+    expected = infer(paper_like_controller().systems[0], inputs).values[0]
+    assert number_after(result, "force_x") == pytest.approx(expected, rel=1e-4)
+
+
+def test_rules_sort_by_numbers_and_words(shown):
+    heads = shown.locator("#s1-rules thead th")
+    column = [head.strip() for head in heads.all_inner_texts()].index("moves (%)")
+    cells = f"document.querySelectorAll('#s1-rules tbody tr > :nth-child({column + 1})')"
+    keys = f"[...{cells}].map((cell) => Number(cell.dataset.value))"
+    button = heads.nth(column).locator("button")
+    button.click()
+    values = shown.evaluate(keys)
+    assert values == sorted(values, reverse=True)
+    assert len(set(values)) > 5
+    assert heads.nth(column).get_attribute("aria-sort") == "descending"
+    assert heads.nth(0).get_attribute("aria-sort") is None
+    button.focus()
+    shown.keyboard.press("Enter")
+    assert shown.evaluate(keys) == sorted(values)
+    heads.nth(1).locator("button").click()
+    words = shown.locator("#s1-rules tbody tr td:nth-child(2)").all_inner_texts()
+    assert words == sorted(words, key=str.lower)
+    heads.nth(0).locator("button").click()
+    assert shown.locator("#s1-rules tbody tr th").all_inner_texts() == [str(n) for n in range(1, 26)]
+
+
+def test_rules_are_filtered_by_words(shown):
+    shown.locator("#s1-filter").fill("very towards PS")
+    rows = shown.locator("#s1-rules tbody tr:visible td:nth-child(2)").all_inner_texts()
+    expected = [
+        words
+        for rule in paper_like_controller().systems[0].rules
+        if all(word in (words := sentence(rule)).lower() for word in ("very", "towards", "ps"))
+    ]
+    assert rows == expected
+    assert 0 < len(rows) < 25
+    assert shown.locator("#s1-filter-status").inner_text() == f"{len(rows)} of 25 shown"
+    shown.locator("#s1-filter").fill("")
+    assert shown.locator("#s1-rules tbody tr:visible").count() == 25
+
+
+def test_the_surface_turns_by_mouse_and_by_keys(shown):
+    canvas = "#s1 canvas.solid"
+    first = pixels(shown, canvas)
+    shown.locator(canvas).focus()
+    shown.keyboard.press("ArrowLeft")
+    turned = pixels(shown, canvas)
+    shown.keyboard.press("ArrowUp")
+    raised = pixels(shown, canvas)
+    box = shown.locator(canvas).bounding_box()
+    shown.mouse.move(box["x"] + 200, box["y"] + 150)
+    shown.mouse.down()
+    shown.mouse.move(box["x"] + 260, box["y"] + 130, steps=3)
+    shown.mouse.up()
+    dragged = pixels(shown, canvas)
+    assert len({first, turned, raised, dragged}) == 4
+    shown.mouse.move(box["x"] + 300, box["y"] + 100)
+    assert pixels(shown, canvas) == dragged
+    shown.keyboard.press("Home")
+    assert pixels(shown, canvas) == first
+
+
+def test_the_surface_is_that_of_python_and_follows_its_axes_and_held_inputs(shown):
+    system = force_z_system()
+    note = shown.locator("#s2 .live.surface > .note")
+    first = pixels(shown, "#s2 canvas.map")
+    eta = shown.evaluate("review.states[1].inputs[0]")
+    shown.locator("#s2 .live.surface select").nth(0).select_option(label="distance (m)")
+    swapped = pixels(shown, "#s2 canvas.map")
+    shown.locator("#s2-held1").fill("1.5")
+    held = pixels(shown, "#s2 canvas.map")
+    assert len({first, swapped, held}) == 3
+    assert eta != 1.5
+    surface = arrays.surface(
+        system, "distance", "velocity_body_z", fixed={"eta_u": 1.5}, num_points=49
+    ).values
+    words = note.inner_text()
+    assert "with eta_u = 1.5 rad" in words
+    numbers = re.findall(r"(−?[\d.]+(?:e[−-]\d+)?) N", words)
+    low, high = (float(word.replace("−", "-")) for word in numbers)
+    assert (low, high) == pytest.approx((surface.min(), surface.max()), rel=1e-3)
+    # choosing what the other axis has exchanges the two
+    shown.locator("#s2 .live.surface select").nth(1).select_option(label="distance (m)")
+    labels = shown.locator("#s2 .live.surface select").evaluate_all(
+        "(all) => all.map((one) => one.selectedOptions[0].text)"
+    )
+    assert labels == ["velocity_body_z (m/s)", "distance (m)"]
+
+
+def test_the_time_along_the_flight_sets_the_inputs_of_every_system(shown):
+    slider = shown.locator("#s1 .live.flight input[type=range]")
+    slider.fill("70")
+    for place, system in enumerate(paper_like_controller().systems):
+        expected = path_of(system, NUM_SAMPLES)[70]
+        np.testing.assert_array_equal(shown.evaluate(f"review.states[{place}].inputs"), expected)
+        assert shown.locator(f"#s{place + 1} .live.flight output").inner_text() == "700 s"
+    strip = shown.locator("#s2 canvas.strip")
+    before = pixels(shown, "#s2 canvas.strip")
+    box = strip.bounding_box()
+    strip.click(position={"x": 65 + (box["width"] - 80) / 4, "y": 60})
+    time = float(shown.locator("#s1 .live.flight output").inner_text().split()[0])
+    assert time == pytest.approx(10 * NUM_SAMPLES / 4, abs=15)
+    assert pixels(shown, "#s2 canvas.strip") != before
+
+
+def test_findings_are_those_of_the_audit_and_lead_to_what_they_are_about(shown, flight):
+    controller = paper_like_controller()
+    found = audit(controller, inputs_along([flight])).findings
+    rows = shown.locator("#findings-table tbody tr")
+    told = rows.all_inner_texts()
+    assert len(told) == len(found) > 3
+    for finding, row in zip(found, told, strict=True):
+        words = " ".join(row.split())
+        assert words.startswith(f"{finding.severity.word} {finding.system} {finding.sentence} {finding.cure}")
+    about_rules = next(finding for finding in found if finding.rules)
+    row = rows.nth(found.index(about_rules))
+    row.get_by_role("link", name=f"rule {about_rules.rules[0]}", exact=True).click()
+    target = shown.evaluate("document.querySelector(':target td').textContent")
+    system = next(system for system in controller.systems if system.name == about_rules.system)
+    assert target == sentence(system.rules[about_rules.rules[0] - 1])
+
+
+def test_a_finding_shows_where_it_is_seen(opened):
+    controller = serialize.load("conf/controller/paper_champion.yaml")
+    shown = opened(page.write(controller))
+    button = shown.locator("button.show-point").first
+    place = int(button.get_attribute("data-system")) - 1
+    point = json.loads(button.get_attribute("data-point"))
+    button.click()
+    inputs = shown.evaluate(f"review.states[{place}].inputs")
+    names = [variable.name for variable in controller.systems[place].inputs]
+    assert {name: inputs[names.index(name)] for name in point} == point
+
+
+def test_proved_ranges_hold_all_outputs_and_the_extremes_are_attained(shown):
+    for place, system in enumerate(paper_like_controller().systems, start=1):
+        outputs = arrays.evaluate(system, arrays.spread_inputs(system))
+        table = shown.locator(f"#s{place} table", has_text="proved by interval arithmetic")
+        name, _, proved, *_ = table.locator("tbody tr").locator("th, td").all_inner_texts()
+        low, high = (float(word.split()[0].replace("−", "-")) for word in proved.split(" to "))
+        assert name == system.outputs[0].name
+        assert low - 1e-4 <= outputs.min() < outputs.max() <= high + 1e-4
+        table.get_by_role("button").last.click()
+        inputs = np.array(shown.evaluate(f"review.states[{place - 1}].inputs"))
+        assert infer(system, inputs).values[0] == pytest.approx(high, abs=0.012 * 0.2)
+
+
+def test_flights_of_one_name_are_told_apart(tmp_path):
+    controller = FuzzyController("one", (force_z_system(),))
+    paths = [log_flight(tmp_path / folder / "best.mcap", controller, 3) for folder in ("a", "b")]
+    text = page.write(controller, paths)
+    assert "a/best (3 inferences), b/best (3 inferences)" in text
+    assert "Reviewed along the flight best (3 inferences)." in page.write(controller, paths[:1])
+
+
+def test_tab_reaches_every_control_and_shows_where_it_is(opened, text):
+    shown = opened(text)
+    wanted = shown.evaluate(
+        f"""[...document.querySelectorAll("{FOCUSABLE}")]
+          .filter((one) => one.tabIndex === 0 && one.checkVisibility())
+          .map((one, i) => (one.dataset.stop = i))"""
+    )
+    reached = set()
+    for _ in range(len(wanted) + 1):
+        shown.keyboard.press("Tab")
+        stop, outline = shown.evaluate(
+            "[document.activeElement.dataset.stop, getComputedStyle(document.activeElement).outlineStyle]"
+        )
+        if stop is not None:
+            reached.add(int(stop))
+            assert outline != "none"
+    assert len(wanted) > 50
+    assert reached == set(wanted)
+
+
+def test_every_control_has_a_name(shown):
+    unnamed = shown.evaluate(
+        """[...document.querySelectorAll("input, select, button, canvas, svg, [role=region]")]
+          .filter((one) => {
+          const labels = [...(one.labels ?? [])].map((label) => label.textContent).join("");
+          const own = one.tagName === "BUTTON" ? one.textContent : "";
+          return !`${one.ariaLabel ?? ""}${labels}${own}`.trim();
+        }).map((one) => one.outerHTML.slice(0, 120))"""
+    )
+    assert unnamed == []
+
+
+def test_the_theme_follows_the_system_and_the_switch(opened, text):
+    ground = "getComputedStyle(document.body).backgroundColor"
+    dark, light = (opened(text, color_scheme=scheme) for scheme in ("dark", "light"))
+    assert dark.evaluate(ground) != light.evaluate(ground) == "rgb(255, 255, 255)"
+    drawn = pixels(dark, "#s1 canvas.map")
+    dark.locator("#theme").select_option("light")
+    assert dark.evaluate(ground) == light.evaluate(ground)
+    assert pixels(dark, "#s1 canvas.map") != drawn
+
+
+def test_nothing_is_wider_than_a_narrow_screen(opened, text):
+    for one in (text, page.write(hostile_controller())):
+        assert opened(one, width=390).evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def told_by(name: str, *arguments: str) -> str:
+    command = [program(name, "poppler-utils"), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603
+
+
+def test_it_prints_every_rule_and_no_control(opened, text, tmp_path):
+    shown = opened(text, color_scheme="dark")
+    # what is filtered on the screen is printed all the same
+    shown.locator("#s1-filter").fill("nothing has these words")
+    path = tmp_path / "review.pdf"
+    shown.pdf(path=path, format="A4")
+    printed = " ".join(told_by("pdftotext", "-raw", str(path), "-").split())
+    for system in paper_like_controller().systems:
+        for rule in system.rules:
+            assert sentence(rule) in printed
+    for finding in audit(paper_like_controller()).findings:
+        assert " ".join(finding.sentence.split()) in printed
+    # terms in numbers are folded on the screen
+    assert "Gaussian, mean 50, standard deviation 25" in printed
+    assert "Signature" in printed
+    assert printed.count("no. rule moves (%)") > 2, "heads are repeated on every page of a table"
+    for control in ("Theme", "Show rules with", "Show findings with", "Along x"):
+        assert control in shown.locator("body").inner_text()
+        assert control not in printed
+    # the heat maps are drawn although they were never in sight, and the screen is dark again
+    listed = told_by("pdfimages", "-list", str(path))
+    assert len(re.findall(r"^\s*\d+\s+\d+\s+image", listed, re.MULTILINE)) == 2
+    assert shown.evaluate("getComputedStyle(document.body).backgroundColor") != "rgb(255, 255, 255)"
+
+
+def test_hostile_names_are_only_text(opened):
+    controller = hostile_controller()
+    text = page.write(controller)
+    markup = Markup(text)
+    assert [tag for tag, _ in markup.tags].count("script") == 2
+    shown = opened(text)
+    assert shown.evaluate("typeof window.pwned") == "undefined"
+    assert shown.locator("h1").inner_text() == HOSTILE[0]
+    assert shown.locator("img, svg[onload], iframe").count() == 0
+    for name in HOSTILE:
+        assert name in shown.locator("#s1 .rules").inner_text()
+        assert shown.locator("svg text.name", has_text=name).count() > 0
+
+
+def test_scripts_that_are_not_of_the_page_do_not_run(browser, text, tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text(text, encoding="utf-8")
+    shown = browser.new_page(offline=True)
+    shown.goto(path.as_uri())
+    shown.evaluate(
+        """() => {
+          const script = document.createElement("script");
+          script.textContent = "window.pwned = 1";
+          document.body.append(script);
+          document.body.insertAdjacentHTML("beforeend", "<img src='x' onerror='window.pwned = 2'>");
+        }"""
+    )
+    shown.wait_for_timeout(50)
+    assert shown.evaluate("typeof window.pwned") == "undefined"
+    shown.close()
+
+
+def test_all_kinds_of_systems_are_shown(opened):
+    general = general_controller().systems[0]
+    single = replace(
+        paper_like_controller().systems[0],
+        name="single",
+        inputs=paper_like_controller().systems[0].inputs[:1],
+        rules=tuple(
+            replace(rule, antecedent=rule.antecedent.operands[0])
+            for rule in paper_like_controller().systems[0].rules[::5]
+        ),
+    )
+    shown = opened(page.write(FuzzyController("kinds", (general, single))))
+    shown.locator("#s1 .live.inference select").select_option(label="vent")
+    expect(shown.locator("#s1 .live.inference output")).to_contain_text("vent = ")
+    assert pixels(shown, "#s2 canvas.response") != pixels(shown, "#s1 canvas.map")
+    assert shown.locator("#s1 .matrix").count() == 0
+    assert shown.locator("#s2 .matrix td").count() == 5
+
+
+def test_words_and_rules_are_there_without_scripts(opened, text):
+    shown = opened(text, java_script_enabled=False)
+    assert sentence(force_z_system().rules[44]) in shown.locator("#s2-rules").inner_text()
+
+
+def test_three_systems_of_125_rules_along_long_flights_stay_small(opened, tmp_path):
+    names = ("first", "second", "third")
+    controller = FuzzyController("large", tuple(system_of_125_rules(name) for name in names))
+    flights = [log_flight(tmp_path / f"{name}.mcap", controller, 200) for name in names[:2]]
+    text = page.write(controller, flights * 4)
+    assert len(text.encode()) < 3_000_000
+    shown = opened(text)
+    assert shown.locator("#s3-rules tbody tr").count() == 125
+    assert pixels(shown, "#s3 canvas.strip")
+    shown.locator("#s3 .live.flight select").first.select_option(index=1)
+    assert shown.locator("#s1 .live.flight select").first.input_value() == "1"
+
+
+def test_the_command_writes_a_page_and_refuses_a_flight_of_another_controller(flight, tmp_path, capsys):
+    path = tmp_path / "pages" / "review.html"
+    assert command_line.main(["review", str(flight), "-o", str(path)]) == 0
+    assert "swing" in path.read_text(encoding="utf-8")
+    other = tmp_path / "other.json"
+    other.write_text(serialize.dump_json(general_controller()))
+    assert command_line.main(["review", str(other), "--flights", str(flight), "-o", str(path)]) == 2
+    assert "was flown without any of the systems room" in capsys.readouterr().err
+    assert command_line.main(["review", str(Path("nowhere.yaml"))]) == 2
+
+
+@pytest.mark.parametrize("words", ["12,5", "abc", "", "1.5.2", "0x10", "1e999", "--"])
+def test_what_is_no_number_is_said_to_be_none_and_never_taken_for_another(fresh, words):
+    field = fresh.locator("#s1-x1")
+    field.fill("30")
+    field.fill(words)
+    told = fresh.locator("#s1 .live.inference").get_by_role("alert").first
+    expect(told).to_contain_text("no number")
+    expect(field).to_have_attribute("aria-invalid", "true")
+    assert fresh.evaluate("review.states[0].inputs[0]") == 30
+    field.press("Tab")
+    expect(field).to_have_value("30")
+    expect(told).to_be_hidden()
+
+
+def test_what_is_typed_is_not_rewritten_while_it_is_typed(fresh):
+    field = fresh.locator("#s1-x1")
+    field.fill("1")
+    for letter, taken in ((",", 1), ("Backspace", 1), (".", 1), ("5", 1.5), ("e", 1.5), ("1", 15)):
+        field.press(letter)
+        fresh.evaluate(DRAWN)
+        assert fresh.evaluate("review.states[0].inputs[0]") == taken
+    assert field.input_value() == "1.5e1"
+
+
+def test_a_link_leads_to_its_rule_though_it_is_filtered_away_and_not_beneath_the_head(fresh):
+    fresh.locator("#s1-filter").fill("PL")
+    row = fresh.locator("#s1-r13")
+    expect(row).to_be_hidden()
+    fresh.locator("#s1 .matrix a[href='#s1-r13']").click()
+    expect(row).to_be_visible()
+    assert fresh.locator("#s1-filter").input_value() == ""
+    in_sight = """(row) => {
+      const { left, top } = row.getBoundingClientRect();
+      return row.contains(document.elementFromPoint(left + 5, top + 5));
+    }"""
+    assert row.evaluate(in_sight)
+
+
+def test_rules_sorted_by_what_fires_now_stay_sorted(fresh):
+    head = fresh.locator("#s1-rules thead th").last
+    head.get_by_role("button").click()
+    strengths = "[...document.querySelectorAll('#s1-rules td.now')].map((cell) => Number(cell.dataset.value))"
+    before = fresh.evaluate(strengths)
+    fresh.locator("#s1-x1").fill("190")
+    fresh.wait_for_function(f"before => String({strengths}) !== before", arg=",".join(map(str, before)))
+    assert fresh.evaluate(strengths) == sorted(fresh.evaluate(strengths), reverse=True)
+    assert head.get_attribute("aria-sort") == "descending"
+
+
+def test_heads_are_called_as_they_read(shown):
+    rules = shown.locator("#s1-rules")
+    for name in ("no.", "rule", "moves (%)", "now"):
+        head = rules.get_by_role("columnheader", name=name, exact=True)
+        assert head.get_by_role("button", name=f"Sort by {name}", exact=True).count() == 1
+
+
+def test_what_never_fires_is_counted_over_all_of_a_long_flight(opened, flight, monkeypatch):
+    monkeypatch.setattr(carried, "MOST_SAMPLES", 5)
+    shown = opened(page.write(paper_like_controller(), [flight]))
+    system = paper_like_controller().systems[0]
+    strengths = firing_strengths(system, path_of(system, NUM_SAMPLES))
+    silent = int((strengths.max(axis=0) < 0.05).sum())
+    assert silent < int((strengths[carried.kept_rows(NUM_SAMPLES, 5)].max(axis=0) < 0.05).sum())
+    note = shown.locator("#s1 .live.flight .note")
+    expect(note).to_contain_text(f"{silent} of 25 rules never fire at 0.05 or more on this flight.")
+    expect(note).to_contain_text(f"Of its {NUM_SAMPLES} inferences 5 are shown.")
+
+
+def test_a_flight_by_another_controller_is_said_to_be_one(flight):
+    controller = paper_like_controller()
+    first, *others = controller.systems
+    changed = replace(controller, systems=(replace(first, rules=first.rules[:-1]), *others))
+    words = f"swing ({NUM_SAMPLES} inferences; flown by another controller). Where another controller flew"
+    assert words in page.write(changed, [flight])
+    assert "another controller" not in page.write(controller, [flight])
+
+
+def test_a_flight_given_twice_counts_once(flight):
+    controller = paper_like_controller()
+    twice = [flight, flight.parent / ".." / flight.parent.name / flight.name]
+    assert page.write(controller, twice) == page.write(controller, [flight])
+
+
+def test_the_signature_under_a_part_is_for_what_is_exported_of_it(tmp_path, capsys):
+    controller, output = tmp_path / "controller.json", tmp_path / "review.html"
+    controller.write_text(serialize.dump_json(paper_like_controller()))
+    part = ["--system", "force_z"]
+    assert command_line.main(["review", str(controller), *part, "-o", str(output)]) == 0
+    capsys.readouterr()
+    assert command_line.main(["export", str(controller), *part, "--format", "json"]) == 0
+    text = output.read_text(encoding="utf-8")
+    assert hashlib.sha256(capsys.readouterr().out.encode()).hexdigest() in text
+    assert "<strong>force_z</strong> alone" in text
+    assert "export CONTROLLER --system force_z --format json" in text

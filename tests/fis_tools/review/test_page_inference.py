@@ -1,0 +1,98 @@
+"""The page infers as Python does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.analysis import contribution
+from fis_tools.engines import compiler, inference
+from fis_tools.findings import explanation
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.review import page
+from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.review.cases import system_of_125_rules
+from tests.fis_tools.sample_controllers import general_controller
+
+NUM_SAMPLES = 200
+INFER = """([place, rows]) => rows.map((row) => {
+  const told = review.infer(review.systems[place], row);
+  return { values: told.outputs.map(({ value }) => String(value)), firing: [...told.firing] };
+})"""
+
+
+def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
+    generator = np.random.default_rng(seed)
+    makers = (random_general_system, random_general_system, full_table_system)
+    return tuple(
+        replace(makers[place % len(makers)](generator), name=f"random {place}") for place in range(count)
+    )
+
+
+CONTROLLERS = {
+    "champion": lambda: serialize.load("conf/controller/paper_champion.yaml"),
+    "octants": lambda: serialize.load("conf/controller/paper_octants.yaml"),
+    "everything": general_controller,
+    "125 rules": lambda: FuzzyController("many", (system_of_125_rules(),)),
+    "random": lambda: FuzzyController("random", random_systems(seed=8, count=24)),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_outputs_and_firing_are_those_of_python(opened, name):
+    controller = CONTROLLERS[name]()
+    browser_page = opened(page.write(controller))
+    generator = np.random.default_rng(25)
+    num_values = []
+    for place, system in enumerate(controller.systems):
+        rows = inputs_for(system, generator, NUM_SAMPLES)
+        told = browser_page.evaluate(INFER, [place, rows.tolist()])
+        values = np.array([[float(value) for value in sample["values"]] for sample in told])
+        ranges = np.array([variable.maximum - variable.minimum for variable in system.outputs])
+        expected = inference.evaluate(system, rows)
+        np.testing.assert_allclose(values / ranges, expected / ranges, rtol=0, atol=1e-9)
+        firing = np.array([sample["firing"] for sample in told])
+        np.testing.assert_allclose(firing, inference.firing_strengths(system, rows), rtol=0, atol=1e-12)
+        num_values.append(np.unique(expected[~np.isnan(expected)]).size)
+    assert np.median(num_values) > NUM_SAMPLES / 4
+    # every picture can be drawn; a complaint of the page would fail the module
+    browser_page.evaluate("dispatchEvent(new Event('beforeprint'))")
+
+
+def test_contributions_are_those_of_python(opened):
+    controller = general_controller()
+    (system,) = controller.systems
+    browser_page = opened(page.write(controller))
+    rows = inputs_for(system, np.random.default_rng(3), 60)
+    told = browser_page.evaluate(
+        """(rows) => rows.map((row) => review.systems[0].outputs.map((_, output) =>
+          [...review.contributions(review.systems[0], output, review.infer(review.systems[0], row))]))""",
+        rows.tolist(),
+    )
+    expected = contribution.contributions(compiler.compile(system), rows)
+    assert np.count_nonzero(expected) > 60
+    np.testing.assert_allclose(np.array(told).transpose(0, 2, 1), expected, rtol=0, atol=1e-9)
+
+
+def test_the_smallest_change_that_turns_the_sign_is_that_of_python(opened):
+    controller = serialize.load("conf/controller/paper_champion.yaml")
+    browser_page = opened(page.write(controller))
+    generator = np.random.default_rng(4)
+    num_found = 0
+    for place, system in enumerate(controller.systems):
+        low = np.array([variable.minimum for variable in system.inputs])
+        high = np.array([variable.maximum for variable in system.inputs])
+        for row in generator.uniform(low, high, (8, len(low))):
+            told = browser_page.evaluate(
+                "([place, row]) => review.signChange(review.systems[place], row, 0)", [place, row.tolist()]
+            )
+            nearest = explanation.flips(system, row)[0]
+            assert (told is None) == (nearest.first is None)
+            if told is not None:
+                num_found += 1
+                assert system.inputs[told["input"]] == nearest.input
+                width = nearest.input.maximum - nearest.input.minimum
+                assert told["at"] == pytest.approx(nearest.first, abs=1e-8 * width)
+                assert told["by"] == pytest.approx(nearest.change, abs=1e-8 * width)
+    assert num_found > 12

@@ -1,0 +1,317 @@
+"""Reading scikit-fuzzy's control systems: what is recognised, what is kept, and what is refused."""
+
+import operator
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import skfuzzy
+from skfuzzy import control
+
+from fis_tools.engines.inference import infer
+from fis_tools.model import (
+    And,
+    Consequent,
+    FuzzySystem,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Term,
+    Trapezoidal,
+    Triangular,
+    Variable,
+    operators,
+)
+from fis_tools.scikit_fuzzy.build import build_control_system, build_simulation
+from fis_tools.scikit_fuzzy.read import UnreadableControlSystem, read_control_system
+from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
+
+
+def _variables() -> tuple[Any, Any, Any]:
+    a, b = (control.Antecedent(np.arange(0, 11), name) for name in ("a", "b"))
+    y = control.Consequent(np.linspace(0, 1, 21), "y")
+    for variable in (a, b, y):
+        variable.automf(3)
+    return a, b, y
+
+
+def _read(*rules: control.Rule, **options: Any) -> FuzzySystem:
+    return read_control_system(control.ControlSystem(rules), **options)
+
+
+def test_the_tipping_problem_is_read_as_it_was_written() -> None:
+    """The example of scikit-fuzzy's documentation, with `automf` for the inputs."""
+    quality = control.Antecedent(np.arange(0, 11, 1), "quality")
+    service = control.Antecedent(np.arange(0, 11, 1), "service")
+    tip = control.Consequent(np.arange(0, 26, 1), "tip")
+    quality.automf(3)
+    service.automf(3)
+    tip["low"] = skfuzzy.trimf(tip.universe, [0, 0, 13])
+    tip["medium"] = skfuzzy.trimf(tip.universe, [0, 13, 25])
+    tip["high"] = skfuzzy.trimf(tip.universe, [13, 25, 25])
+    source = control.ControlSystem(
+        [
+            control.Rule(quality["poor"] | service["poor"], tip["low"]),
+            control.Rule(service["average"], tip["medium"]),
+            control.Rule(service["good"] | quality["good"], tip["high"]),
+        ]
+    )
+    terms = (
+        Term("poor", Triangular(0.0, 0.0, 5.0)),
+        Term("average", Triangular(0.0, 5.0, 10.0)),
+        Term("good", Triangular(5.0, 10.0, 10.0)),
+    )
+    tip_terms = (
+        Term("low", Triangular(0.0, 0.0, 13.0)),
+        Term("medium", Triangular(0.0, 13.0, 25.0)),
+        Term("high", Triangular(13.0, 25.0, 25.0)),
+    )
+    assert read_control_system(source, "tipping") == FuzzySystem(
+        "tipping",
+        tuple(Variable(name, "", 0.0, 10.0, terms, 11) for name in ("quality", "service")),
+        (Variable("tip", "", 0.0, 25.0, tip_terms, 26, default=0.0),),
+        (
+            Rule(Or((Is("quality", "poor"), Is("service", "poor"))), (Consequent("tip", "low"),)),
+            Rule(Is("service", "average"), (Consequent("tip", "medium"),)),
+            Rule(Or((Is("service", "good"), Is("quality", "good"))), (Consequent("tip", "high"),)),
+        ),
+    )
+
+
+def _told_by_scikit_fuzzy(system: FuzzySystem) -> FuzzySystem:
+    """Leave out what a ControlSystem has no place for."""
+
+    def bare(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        return tuple(replace(variable, unit="", description="") for variable in variables)
+
+    return replace(system, inputs=bare(system.inputs), outputs=bare(system.outputs))
+
+
+@pytest.mark.parametrize("system", [force_x_system(), force_z_system(), *general_controller().systems])
+def test_a_system_survives_being_built_and_read(system: FuzzySystem) -> None:
+    defaults = {output.name: output.default for output in system.outputs if output.default is not None}
+    built = build_control_system(system)
+    assert read_control_system(built, system.name, defaults=defaults) == _told_by_scikit_fuzzy(system)
+
+
+def test_variables_that_no_rule_mentions_are_kept_in_their_order() -> None:
+    system = force_x_system()
+    unused = replace(system.inputs[0], name="unused")
+    system = replace(system, inputs=(unused, *system.inputs[::-1]))
+    system = replace(system, rules=system.rules[:3])
+    assert read_control_system(build_control_system(system), system.name) == _told_by_scikit_fuzzy(system)
+
+
+def test_a_simulation_is_read_like_its_system() -> None:
+    system = force_x_system()
+    assert read_control_system(build_simulation(system), "s") == read_control_system(
+        build_control_system(system), "s"
+    )
+
+
+def test_rules_keep_the_order_in_which_scikit_fuzzy_computes_them() -> None:
+    source = build_control_system(force_z_system())
+    nodes = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
+    assert nodes == list(source.rules)
+
+
+def test_chains_to_the_left_are_flat_and_others_are_nested() -> None:
+    a, b, y = _variables()
+    poor, good, average = a["poor"], b["good"], a["average"]
+    is_poor, is_good, is_average = Is("a", "poor"), Is("b", "good"), Is("a", "average")
+    for tree, expected in (
+        (poor & good & average, And((is_poor, is_good, is_average))),
+        (poor & (good & average), And((is_poor, And((is_good, is_average))))),
+        ((poor | good) & average, And((Or((is_poor, is_good)), is_average))),
+        (~(poor | ~good), Not(Or((is_poor, Not(is_good))))),
+    ):
+        assert _read(control.Rule(tree, y["good"])).rules[0].antecedent == expected
+
+
+def test_weights_and_several_consequents_are_read() -> None:
+    a, _, y = _variables()
+    rule = control.Rule(a["poor"], (y["good"] % 0.25, y["poor"]))
+    assert _read(rule).rules[0].consequents == (Consequent("y", "good", 0.25), Consequent("y", "poor"))
+
+
+def test_labels_of_persons_are_kept_and_scikit_fuzzys_are_not() -> None:
+    a, _, y = _variables()
+    rules = [control.Rule(a["poor"], y["good"], label) for label in ("first", None, "3", "2")]
+    assert [rule.label for rule in _read(*rules).rules] == ["first", "", "", "2"]
+
+
+def test_a_repeated_label_gets_the_place_of_its_rule() -> None:
+    a, _, y = _variables()
+    first, second = (control.Rule(a[term], y["good"], "same") for term in ("poor", "good"))
+    assert [rule.label for rule in _read(first, second).rules] == ["same", "same #2"]
+
+
+def test_methods_are_those_of_most_and_the_rest_says_so() -> None:
+    a, b, y = _variables()
+    z = control.Consequent(np.linspace(0, 1, 5), "z", "SOM")
+    z.automf(3)
+    z.accumulation_method = operators.bounded_sum
+    rules = [
+        control.Rule(a["poor"] & b["poor"], y["good"], and_func=np.multiply),
+        control.Rule(a["good"] & b["good"], y["poor"], and_func=operator.mul),
+        control.Rule(a["good"] & b["poor"], z["poor"]),
+        control.Rule(a["good"], z["good"], and_func=operators.hamacher_product),
+    ]
+    system = _read(*rules)
+    assert system.and_operator == "product"
+    assert [rule.and_operator for rule in system.rules] == [None, None, "min", None]
+    assert [rule.or_operator for rule in system.rules] == [None] * 4
+    assert system.defuzzifier == "centroid"
+    assert [output.defuzzifier for output in system.outputs] == [None, "som"]
+    assert [output.accumulation for output in system.outputs] == ["max", "bounded_sum"]
+
+
+def test_defaults_are_zero_or_nearest_to_it_unless_given() -> None:
+    a, _, y = _variables()
+    heat = control.Consequent(np.linspace(15, 30, 11), "heat")
+    heat.automf(3)
+    rule = control.Rule(a["poor"], (y["good"], heat["good"]))
+    assert [output.default for output in _read(rule).outputs] == [0.0, 15.0]
+    given = _read(rule, defaults={"heat": 20.0})
+    assert [output.default for output in given.outputs] == [0.0, 20.0]
+    assert infer(given, np.array([10.0])).values.tolist() == [0.0, 20.0]
+    with pytest.raises(UnreadableControlSystem, match=r"defaults name 'heet'.*did you mean 'heat'"):
+        _read(rule, defaults={"heet": 20.0})
+
+
+def test_a_universe_is_even_only_to_the_last_bit() -> None:
+    a, b, y = _variables()
+    universe = np.linspace(-1.0, 1.0, 21)
+    universe[3] = np.nextafter(universe[3], 1.0)
+    uneven = control.Antecedent(universe, "c")
+    uneven["low"] = skfuzzy.trapmf(uneven.universe, [-1, -1, 0.25, 0.75])
+    system = _read(control.Rule(a["poor"] & b["poor"] & uneven["low"], y["good"]))
+    assert [variable.points is None for variable in system.inputs] == [True, True, False]
+    np.testing.assert_array_equal(system.inputs[2].universe, uneven.universe)
+    assert system.inputs[2].terms[0].membership == Trapezoidal(-1.0, -1.0, 0.25, 0.75)
+
+
+def _rule_with(**changes: Any) -> Callable[[], object]:
+    def make() -> object:
+        a, b, y = _variables()
+        return _read(control.Rule((a["poor"] & b["poor"]) | b["good"], y["good"], **changes))
+
+    return make
+
+
+def _input_with(universe: Any, membership: Any) -> Callable[[], object]:
+    def make() -> object:
+        _, _, y = _variables()
+        c = control.Antecedent(universe, "c")
+        c["odd"] = membership
+        return _read(control.Rule(c["odd"], y["good"]))
+
+    return make
+
+
+def _chained() -> object:
+    a, b, y = _variables()
+    z = control.Consequent(np.arange(5), "z")
+    z.automf(3)
+    return _read(control.Rule(a["poor"], y["good"]), control.Rule(y["good"] & b["poor"], z["good"], "last"))
+
+
+def _concluding_an_input() -> object:
+    a, b, _ = _variables()
+    return _read(control.Rule(a["poor"], b["good"], "odd"))
+
+
+def _with_terms_made_again() -> object:
+    a, _, y = _variables()
+    rule = control.Rule(a["poor"], y["good"], "old")
+    a.automf(3)
+    return _read(rule)
+
+
+def _weighted(weight: float) -> Callable[[], object]:
+    def make() -> object:
+        a, _, y = _variables()
+        return _read(control.Rule(a["poor"], y["good"] % weight))
+
+    return make
+
+
+def _nested() -> object:
+    a, _, y = _variables()
+    tree = a["poor"]
+    for _ in range(30):
+        tree = ~tree
+    return _read(control.Rule(tree, y["good"], "deep"))
+
+
+def _by_the_method(method: str) -> Callable[[], object]:
+    def make() -> object:
+        a, _, y = _variables()
+        y.defuzzify_method = method
+        return _read(control.Rule(a["poor"], y["good"]))
+
+    return make
+
+
+class _Unhashable:
+    __hash__ = None  # type: ignore[assignment]
+
+    def __call__(self, a: float, b: float) -> float:
+        return (a + b) / 2.0
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: read_control_system({}), ["this is a dict", "pass a scikit-fuzzy ControlSystem"]),
+        (_read, ["no inputs", "no outputs", "no rules"]),
+        (
+            _rule_with(and_func=lambda p, q: p * q, label="odd"),
+            ["and_func of rule 'odd'", "<lambda>", "numbers of 'product'", "numpy.multiply"],
+        ),
+        (
+            _rule_with(or_func=lambda p, q: p + q - p * q, label="odd"),
+            ["or_func of rule 'odd'", "'probabilistic_sum'", "fis_tools.model.operators.probabilistic_sum"],
+        ),
+        (
+            _rule_with(and_func=_Unhashable()),
+            ["_Unhashable", "not known", "pass a function of fis_tools.model.operators: min, product"],
+        ),
+        (_by_the_method("middle"), ["defuzzify_method of 'y' is 'middle'", "centroid"]),
+        (_weighted(1.5), ["weight 1.5", "outside [0, 1]"]),
+        (_weighted(-0.5), ["weight -0.5"]),
+        (_chained, ["rule 'last' asks for 'y'", "Consequent", "a system of its own"]),
+        (_concluding_an_input, ["rule 'odd' concludes 'b'", "make it a Consequent"]),
+        (_with_terms_made_again, ["rule 'old' mentions a term 'poor' that 'a' no longer has"]),
+        (_nested, ["rule 'deep' nests", "more than 20 deep", "split the rule"]),
+        (
+            _input_with(np.arange(5, dtype=np.float32), np.zeros(5)),
+            ["universe of 'c' is stored as float32", "store it as float64"],
+        ),
+        (_input_with(np.arange(5.0), np.eye(5, dtype=np.uint8)[0]), ["term 'odd' is stored as uint8"]),
+        (_input_with(np.arange(5.0)[::-1], np.zeros(5)), ["universe of 'c'", "ascending", "sort it"]),
+        (_input_with(np.array([1.0]), np.zeros(1)), ["two or more ascending numbers"]),
+        (
+            _input_with(np.arange(3.0), np.array([0.0, 1.0 + 5e-7, 0.0])),
+            ["term 'odd' runs from 0 to 1", "memberships lie in [0, 1]"],
+        ),
+        (_input_with(np.arange(3.0), np.array([0.0, np.nan, 0.0])), ["term 'odd' runs from nan"]),
+        (_input_with(np.arange(4.0), np.zeros((2, 2))), ["has shape (2, 2), the universe (4,)"]),
+    ],
+)
+def test_what_a_fuzzy_system_cannot_say_is_refused(make: Callable[[], object], words: list[str]) -> None:
+    with pytest.raises(UnreadableControlSystem) as refusal:
+        make()
+    for word in words:
+        assert word in str(refusal.value)
+
+
+def test_variables_of_one_name_are_refused() -> None:
+    a, _, y = _variables()
+    twin = control.Antecedent(np.arange(0, 11), "a")
+    twin.automf(3)
+    with pytest.raises(UnreadableControlSystem, match="2 variables called 'a'"):
+        _read(control.Rule(a["poor"] & twin["good"], y["good"]))

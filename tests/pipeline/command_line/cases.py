@@ -1,0 +1,54 @@
+"""Configurations and stages for the tests of the door."""
+
+import copy
+import sys
+import types
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.command_line.config import compose_experiment
+from pipeline.run import runner
+from pipeline.settings.experiment import Experiment
+
+#: a controller that needs no file of ours
+COAST = "controller=coast"
+
+
+@cache
+def _composed(*overrides: str) -> dict[str, Any]:
+    return compose_experiment(["+experiment=evaluate", COAST, *overrides]).config
+
+
+def plain_config(*overrides: str) -> dict[str, Any]:
+    """A configuration as plain data, free to be changed."""
+    return copy.deepcopy(_composed(*overrides))
+
+
+def use_stages(
+    monkeypatch: pytest.MonkeyPatch, **stages: Callable[[Experiment, Path], None]
+) -> list[tuple[str, Experiment, Path]]:
+    """Put functions in the place of the stages; the list fills with what was called, in order."""
+    called: list[tuple[str, Experiment, Path]] = []
+
+    def stand_in(name: str) -> types.ModuleType:
+        module = types.ModuleType(f"stand_in_{name}")
+
+        def run_stage(experiment: Experiment, folder: Path) -> None:
+            called.append((name, experiment, folder))
+            if name in stages:
+                stages[name](experiment, folder)
+            else:
+                (folder / f"{name}.txt").write_text(name)
+
+        module.run = run_stage  # type: ignore[attr-defined]
+        return module
+
+    modules = {name: f"stand_in_{name}" for name in runner.STAGE_MODULES}
+    for name, module_name in modules.items():
+        monkeypatch.setitem(sys.modules, module_name, stand_in(name))
+    monkeypatch.setattr(runner, "STAGE_MODULES", modules)
+    return called

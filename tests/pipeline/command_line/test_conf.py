@@ -1,0 +1,96 @@
+"""The configuration files: each experiment composes, each key has its comment, the paper's numbers stand."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from pipeline.command_line.config import compose_experiment, conf_folder, options
+from pipeline.settings.schema import all_keys
+from tests.pipeline.command_line.cases import plain_config
+
+FILES = sorted(conf_folder().rglob("*.yaml"))
+EXPERIMENTS = options([conf_folder()])["experiment"]
+VALUES = [path for path in FILES if path.relative_to(conf_folder()).parts[0] not in ("experiment", "hydra")]
+VALUES = [path for path in VALUES if path.parent.name not in ("controller", "champions")]
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_composes(name):
+    experiment = compose_experiment(
+        [f"+experiment={name}", "controller=file", "controller.path=x.json"]
+    ).experiment
+    assert experiment.name == name
+    assert experiment.stages
+
+
+@pytest.mark.parametrize(
+    "group", [g for g in options([conf_folder()]) if g not in ("experiment", "controller")]
+)
+def test_every_option_composes(group):
+    for name in options([conf_folder()])[group]:
+        if "/" not in group:
+            starts = ["starts=random"] if (group, name) == ("optimizer", "champion") else []
+            composed = compose_experiment(["+experiment=fly", "controller=coast", f"{group}={name}", *starts])
+            assert composed.experiment.name == "fly"
+
+
+@pytest.mark.parametrize("path", VALUES, ids=lambda path: path.relative_to(conf_folder()).as_posix())
+def test_every_key_has_a_comment_above_it(path: Path):
+    above = ""
+    is_in_defaults = False
+    for line in path.read_text().splitlines():
+        key = re.match(r"\s*(\w+):", line)
+        if key:
+            is_in_defaults = key[1] == "defaults"
+            assert is_in_defaults or above.lstrip().startswith("#"), f"{key[1]} in {path} has no comment"
+        above = line
+
+
+def test_the_fixed_keys_stand():
+    fixed = """orbit.mean_motion_rad_s deputy.mass_kg deputy.inertia_kg_m2 deputy.initial_position_m
+        deputy.initial_velocity_m_s chief.inertia_kg_m2 chief.initial_angular_velocity_rad_s
+        sensor.half_angle_deg sun.angle_deg attitude.mode attitude.proportional_gain attitude.derivative_gain
+        attitude_period_s control_period_s duration_s guidance.kind guidance.engine monte_carlo.num_cases seed
+        optimizer.population_size optimizer.generations stages name"""
+    assert set(fixed.split()) <= all_keys()
+
+
+def test_the_papers_numbers():
+    config = plain_config()
+    assert config["orbit"]["mean_motion_rad_s"] == 0.0011068
+    assert config["deputy"]["mass_kg"] == 12
+    assert config["deputy"]["max_force_n"] == 1
+    assert config["deputy"]["max_torque_n_m"] == 0.010
+    assert (config["deputy"]["min_distance_m"], config["deputy"]["max_distance_m"]) == (15, 200)
+    assert math.hypot(*config["deputy"]["initial_position_m"]) == pytest.approx(75, rel=1e-15)
+    assert len(set(config["deputy"]["initial_position_m"])) == 1
+    assert config["sensor"] == {"half_angle_deg": 15, "boresight": [-1, 0, 0]}
+    assert config["chief"]["inspection_radius_m"] == 10
+    assert config["inspection_threshold_percent"] == 95
+    assert (config["duration_s"], config["control_period_s"]) == (3600, 10)
+    algorithm = config["optimizer"]
+    assert (algorithm["population_size"], algorithm["generations"], algorithm["tournament_size"]) == (
+        200,
+        500,
+        4,
+    )
+    assert (algorithm["crossover_rate"], algorithm["elitism_rate"]) == (0.8, 0.1)
+    assert config["monte_carlo"]["num_cases"] == 1000
+    assert (config["monte_carlo"]["min_distance_m"], config["monte_carlo"]["max_distance_m"]) == (50, 100)
+
+
+@pytest.mark.parametrize("name", ["train", "train_champion"])
+def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
+    experiment = compose_experiment(
+        [f"+experiment={name}", "controller=file", "controller.path=x.json"]
+    ).experiment
+    deputy = experiment.mission.deputy
+    penalty = experiment.optimizer.penalty.of_round(experiment.optimizer.rounds - 1)
+    # the greatest delta-v: full force along three axes all the time
+    greatest = 3 * deputy.max_force_n / deputy.mass_kg * experiment.mission.duration_s
+    cases = experiment.starts.num_cases
+    if name == "train":  # the champion's training puts a price on points, see conf/optimizer/champion.yaml
+        assert penalty.c_95 / cases > greatest + 99 * penalty.c_99
+    assert penalty.c_d / cases > greatest + 95 * penalty.c_95 + 99 * penalty.c_99

@@ -1,0 +1,137 @@
+"""A mistake is told in a sentence that names the right word, and leaves no folder behind."""
+
+import pytest
+
+from pipeline.command_line.cli import main
+from tests.pipeline.command_line.cases import use_stages
+
+FLY = ["+experiment=fly", "controller=coast"]
+
+MISTAKES = [
+    # keys
+    (["+experimnt=train"], "there is no key experimnt; did you mean +experiment?"),
+    (["experiment=train"], "write +experiment=train"),
+    ([*FLY, "sede=3"], "there is no key sede; did you mean seed?"),
+    ([*FLY, "+sede=3"], "there is no key sede; did you mean seed?"),
+    ([*FLY, "++sede=3"], "there is no key sede; did you mean seed?"),
+    ([*FLY, "~sede"], "there is no key sede; did you mean seed?"),
+    ([*FLY, "+seed=3"], "the key seed exists already; write seed=3 without the +"),
+    ([*FLY, "optimizer.popp=3"], "did you mean optimizer.population_size?"),
+    ([*FLY, "+optimizer.popp=3"], "did you mean optimizer.population_size?"),
+    ([*FLY, "++optimiser.population_size=3"], "did you mean optimizer.population_size?"),
+    ([*FLY, "population_size=3"], "did you mean optimizer.population_size?"),
+    ([*FLY, "deputy.mass=3"], "did you mean deputy.mass_kg?"),
+    ([*FLY, "monte_carlo.cases=3"], "did you mean monte_carlo.num_cases?"),
+    ([*FLY, "xyzzy=3"], "there is no key xyzzy\n"),
+    ([*FLY, "+deputy={mas_kg:3}"], "the key deputy exists already"),
+    ([*FLY, "++deputy={mas_kg:3}"], "there is no key deputy.mas_kg; did you mean deputy.mass_kg?"),
+    ([*FLY, "hydra.runn.dir=x"], "there is no key hydra.runn.dir; did you mean hydra.run?"),
+    ([*FLY, "hydra.run.dirr=x"], "did you mean hydra.run.dir?"),
+    ([*FLY, "+controller.knd=x"], "controller has the keys kind, knd; one of kind coast has kind"),
+    # options
+    (["+experiment=trian"], "there is no experiment=trian; did you mean train?"),
+    (["+experiment=train,trian", "-m"], "there is no experiment=trian; did you mean train?"),
+    ([*FLY, "sun=randm"], "there is no sun=randm; did you mean random? The choices are fixed, mixed, random"),
+    ([*FLY, "sun=qqqqqq"], "there is no sun=qqqqqq; the choices are fixed, mixed, random\n"),
+    (
+        [*FLY, "stages=[qqqqqq]"],
+        "stages has 'qqqqqq'; the stages are scenario, train, evaluate, record, optimum, compare, report",
+    ),
+    ([*FLY, "+sun=random"], "sun is chosen already; write sun=random without the +"),
+    ([*FLY, "++sun=randm"], "did you mean random?"),
+    (["+experiment=fly", "controller=cost"], "there is no controller=cost; did you mean coast?"),
+    (
+        ["+experiment=fly", "controller=file"],
+        "the key controller.path has no value yet; add controller.path=",
+    ),
+    (
+        ["+experiment=fly", "controller=a/Forces.CSV"],
+        "controller=a/Forces.CSV is a table of forces, no fuzzy controller; "
+        "write controller=open_loop controller.path=a/Forces.CSV",
+    ),
+    (
+        ["+experiment=fly", "controller.path=own.json"],
+        "the controller that is chosen has no path; for a fuzzy controller write controller=PATH",
+    ),
+    # choices not made
+    (["seed=3", "controller=coast"], "no experiment is chosen; add +experiment=NAME, where NAME is one of"),
+    ([*FLY, "seed=1,2"], "seed=1,2 gives several values; add -m"),
+    # grammar
+    ([*FLY, "name=[a"], "'name=[a' cannot be read as key=value"),
+    ([*FLY, "name=${nme}"], "nme"),
+    ([*FLY, "--config-name=other"], "--config-name would replace our configuration"),
+    ([*FLY, "--multrun"], "there is no option --multrun; did you mean --multirun?"),
+    ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
+    ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
+    (["verify", "x"], "there is no subcommand verify (there are none)"),
+    # values
+    ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
+    ([*FLY, "deputy.mass_kg=nan"], "deputy.mass_kg is nan; it must be a finite number"),
+    ([*FLY, "attitude_period_s=3"], "the first must fit into the second a whole number of times"),
+    ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),
+    (
+        ["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"],
+        "guidance.engine is sklearn, which flies one flight at a time; train with guidance.engine=compiled",
+    ),
+    # files
+    (
+        ["+experiment=fly", "controller=nowhere.json"],
+        "nowhere.json: cannot be read (no such file or directory)",
+    ),
+    (["+experiment=fly", "controller=nowhere.yaml,other.json", "-m"], "nowhere.yaml: cannot be read"),
+    (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths of controllers"),
+    (["+experiment=fly", "controller=open_loop", "controller.path=x.csv"], "x.csv cannot be read"),
+    (["resume=nowhere"], "nowhere is no folder; give the folder of a run"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), MISTAKES, ids=[" ".join(words) for words, _ in MISTAKES])
+def test_mistakes(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    called = use_stages(monkeypatch)
+    assert main(arguments) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ")
+    assert message in told
+    assert "Traceback" not in told
+    assert told.count("\n") == 1
+    assert called == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("defaults:\n  - override /sun: randm\nname: own\nstages: [record]\n", "did you mean sun/random?"),
+        ("name: own\nstages: [record]\ndeputy:\n  mas_kg: 3\n", "did you mean deputy.mass_kg?"),
+        ("name: own\nstages: [record]\nsede: 3\n", "there is no key sede; did you mean seed?"),
+        ("name: own\nstages: [record\n", "error: no YAML: while parsing a flow sequence"),
+    ],
+)
+def test_mistakes_in_an_experiment_of_the_users(content, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine" / "experiment").mkdir(parents=True)
+    (tmp_path / "mine" / "experiment" / "own.yaml").write_text("# @package _global_\n" + content)
+    assert main(["+experiment=own", "controller=coast", "--config-dir", "mine"]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert "Traceback" not in told
+    assert not (tmp_path / "outputs").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ('{"schema": "fuzzy-controller", "schema_ver', "controller.json"),
+        ('{"schema": "fuzzy-controller", "schema_version": 99, "name": "x", "systems": []}', "99"),
+        ("[1, 2]", "controller.json"),
+    ],
+)
+def test_controller_files_that_cannot_be_read(content, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "controller.json").write_text(content)
+    assert main(["+experiment=fly", "controller=controller.json"]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert "Traceback" not in told
+    assert not (tmp_path / "outputs").exists()

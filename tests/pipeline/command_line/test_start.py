@@ -1,0 +1,60 @@
+"""How the command starts: quickly, from any folder, installed or not."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from pipeline.command_line.config import conf_folder
+from pipeline.run import artifacts
+
+HEAVY = [
+    "sklearn",
+    "matplotlib",
+    "deap",
+    "pyarrow",
+    "rerun",
+    "mcap",
+    "skfuzzy",
+    "pipeline.flight.kernel.loop",
+]
+
+
+def run_python(*arguments: str, folder: Path, path: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(path)}
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
+
+
+def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
+    code = (
+        "import sys; from pipeline.command_line.cli import main; code = main(['+experiment=fly', 'sede=3']); "
+        f"print(code, [name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = run_python("-c", code, folder=tmp_path, path=artifacts.SOURCES)
+    assert done.stdout == "2 []\n"
+
+
+def test_it_runs_where_conf_lies_inside_the_package(tmp_path):
+    for package in ("pipeline", "fis_tools", "telemetry"):
+        ignored = shutil.ignore_patterns("__pycache__", "conf")
+        shutil.copytree(artifacts.SOURCES / package, tmp_path / "installed" / package, ignore=ignored)
+    shutil.copytree(conf_folder(), tmp_path / "installed" / "pipeline" / "conf")
+    (tmp_path / "elsewhere").mkdir()
+    words = ["-m", "pipeline", "+experiment=fly", "controller=coast", "--cfg", "job"]
+    done = run_python(*words, folder=tmp_path / "elsewhere", path=tmp_path / "installed")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "name: fly" in done.stdout
+    misspelt = run_python(
+        "-m", "pipeline", "+experiment=fyl", folder=tmp_path / "elsewhere", path=tmp_path / "installed"
+    )
+    assert misspelt.returncode == 2
+    assert misspelt.stderr.startswith("error: there is no experiment=fyl; did you mean fly?")
+
+
+def test_the_distributions_name_is_the_projects():
+    project = tomllib.loads((artifacts.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["name"] == artifacts.DISTRIBUTION
+    assert artifacts.product_version() == project["version"]

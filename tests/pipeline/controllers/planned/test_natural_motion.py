@@ -1,0 +1,98 @@
+"""One burn onto an ellipse: it closes, goes around the chief, keeps the limits and sees what was foretold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.controllers.planned.coverage import count_seen, coverage_of
+from pipeline.flight.controller import open_loop
+from pipeline.flight.simulation import fly_all
+from tests.pipeline.controllers.planned.cases import (
+    MASS,
+    MEAN_MOTION,
+    PERIOD,
+    flown,
+    integrated,
+    planner,
+    starts,
+)
+
+REVOLUTION_S = 2.0 * np.pi / MEAN_MOTION
+MISSION, STARTS = starts("natural_motion", "sun=random")
+
+
+@pytest.fixture(scope="module")
+def plans():
+    plan_for = planner("natural_motion", "sun=random")
+    return [plan_for(start) for start in STARTS]
+
+
+def test_after_one_burn_the_ellipse_closes_around_the_chief_within_the_limits(plans):
+    times = np.linspace(0.0, REVOLUTION_S, 400)
+    for start, plan in zip(STARTS, plans, strict=True):
+        assert plan.shape == (1, 3)
+        assert np.abs(plan).max() <= 1.0
+        path = integrated(flown(start, plan, 2)[1], times)
+        np.testing.assert_allclose(path[-1], path[0], atol=1e-5)
+        distances = np.linalg.norm(path[:, :3], axis=1)
+        assert distances.min() > 19.0
+        assert distances.max() < 196.0
+        # it passes all four quarters of the orbit plane
+        assert len(set(zip(path[:, 0] > 0, path[:, 1] > 0, strict=True))) == 4
+
+
+def test_no_closed_burn_nearby_does_as_well_for_less(plans):
+    coverage = coverage_of(MISSION)
+    generator = np.random.default_rng(4)
+    for start, plan in zip(STARTS[:3], plans[:3], strict=True):
+        spent = np.abs(plan).sum()
+        asked = min(97, count_seen(coverage, start, flown(start, plan)[np.newaxis, :, :3])[0])
+        better = 0
+        for _ in range(60):
+            burn = plan[0] + generator.normal(0.0, 0.02, 3)
+            # along j what closes it: the height of the centre, 4 x + 2 y'/n, is linear in the force
+            height = [4.0 * s[0] + 2.0 * s[4] / MEAN_MOTION for s in (
+                flown(start, burn[np.newaxis] + extra, 2)[1] for extra in ([[0, 0, 0]], [[0, 1, 0]])
+            )]  # fmt: skip
+            burn[1] -= height[0] / (height[1] - height[0])
+            path = flown(start, burn[np.newaxis], 569)[:, :3]
+            distances = np.linalg.norm(path[1:], axis=1)
+            if np.abs(burn).sum() < spent - 1e-3 and distances.min() > 20.0 and distances.max() < 195.0:
+                better += count_seen(coverage, start, path[np.newaxis, :361])[0] >= asked
+        assert better == 0
+
+
+@pytest.mark.parametrize("sun", ["fixed", "random"])
+def test_what_is_foretold_is_what_a_camera_on_the_chief_inspects(sun):
+    mission, scenarios = starts("natural_motion", f"sun={sun}", "attitude=ideal")
+    plan_for = planner("natural_motion", f"sun={sun}")
+    coverage = coverage_of(mission)
+    for start in scenarios[:4]:
+        plan = plan_for(start)
+        told = count_seen(coverage, start, flown(start, plan)[np.newaxis, :, :3])[0]
+        assert fly_all(mission, open_loop("plan", plan), [start], workers=1).inspected_count[0] == told
+
+
+def test_what_is_foretold_for_a_chief_that_tumbles():
+    mission, scenarios = starts("natural_motion", "chief=tumbling", "attitude=ideal")
+    coverage = coverage_of(mission)
+    for start in scenarios[:2]:
+        told = count_seen(coverage, start, flown(start, np.zeros((0, 3)))[np.newaxis, :, :3])[0]
+        outcome = fly_all(mission, open_loop("plan", np.zeros((0, 3))), [start], workers=1)
+        assert outcome.inspected_count[0] == told
+
+
+def test_fewer_points_asked_for_cost_less():
+    few, many = (planner("natural_motion", points=points) for points in (40, 97))
+    spent = np.array([[np.abs(plan(start)).sum() for start in STARTS] for plan in (few, many)])
+    assert (spent[0] <= spent[1] + 1e-9).all()
+    assert spent[0].mean() < 0.9 * spent[1].mean()
+
+
+def test_a_start_in_motion_is_closed_too():
+    moving = replace(STARTS[0], velocity_m_s=np.array([0.03, -0.02, 0.01]))
+    plan = planner("natural_motion")(moving)
+    state = flown(moving, plan, 2)[1]
+    assert 4.0 * state[0] + 2.0 * state[4] / MEAN_MOTION == pytest.approx(0.0, abs=1e-6)
+    assert np.abs(plan).sum() * PERIOD / MASS < 0.5

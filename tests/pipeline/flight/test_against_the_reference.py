@@ -1,0 +1,170 @@
+"""The fast flight against the readable reference, field by field of everything that happens.
+
+The two integrate the attitude by different methods of fourth order, so that after an hour they are some
+micrometres apart, and angles more where a projection is short; with ideal pointing only rounding is left.
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.flight.controller import Controller, coast, constants_of, law_of, open_loop
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.inference import pack
+from pipeline.flight.reference.loop import fly_compiled
+from pipeline.flight.simulation import fly_logged
+from pipeline.settings.experiment import Mission
+from tests.pipeline.flight.cases import (
+    COMPLETED,
+    FORESEEING,
+    HURRYING,
+    LOOKING_AHEAD,
+    MIXED,
+    ORBITAL,
+    OVER_POLES,
+    RESTORING,
+    SPARSE,
+    STARTS,
+    STEERING,
+    assert_same,
+    ball,
+    mission,
+)
+from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
+from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
+
+TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
+IDEAL = {"mode": "ideal"}
+BLENDING = {"pole_blending": True}
+
+#: some forces beyond the thruster's, and fewer than the flight has periods
+PLAN = open_loop("plan", np.random.default_rng(1).normal(0.0, [0.02, 0.5, 0.01], (300, 3)))
+
+FLOWN = {
+    "paper": (mission(), STEERING, STARTS),
+    "clusters": (mission(guidance={"kind": "clusters"}), STEERING, STARTS),
+    "full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA}), STEERING, STARTS),
+    "light ball": (mission(deputy={"inertia_kg_m2": ball(0.05)}), STEERING, STARTS),
+    "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), STEERING, STARTS),
+    "heavy ball": (mission(deputy={"inertia_kg_m2": ball(2.0)}), STEERING, STARTS),
+    "tumbling chief": (mission(chief=TUMBLING), STEERING, STARTS),
+    "pole blending": (mission(attitude=BLENDING), STEERING, [*STARTS, *OVER_POLES]),
+    "over the poles": (mission(guidance={"kind": "clusters"}), STEERING, OVER_POLES),
+    "over the poles, full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA}), STEERING, OVER_POLES),
+    "attitude period 0.5 s": (mission(attitude_period_s=0.5), STEERING, STARTS),
+    "attitude period 2 s": (mission(attitude_period_s=2.0), STEERING, STARTS),
+    "attitude period 2.5 s": (mission(attitude_period_s=2.5), STEERING, STARTS),
+    "attitude period 2.5 s, full inertia": (
+        mission(attitude_period_s=2.5, deputy={"inertia_kg_m2": FULL_INERTIA}),
+        STEERING,
+        STARTS,
+    ),
+    "plan": (mission(), PLAN, STARTS),
+    "coast": (mission(), coast(), [*STARTS, *OVER_POLES]),
+    "Hill axes, weak thruster, slow clocks, narrow camera": (
+        mission(
+            attitude_period_s=2.0,
+            control_period_s=20.0,
+            deputy={"max_force_n": 0.004},
+            sensor={"half_angle_deg": 7.0},
+        ),
+        RESTORING,
+        STARTS,
+    ),
+    "systems of one, two and three inputs": (mission(), MIXED, [*STARTS, COMPLETED]),
+    "a controller that is often silent": (mission(), SPARSE, STARTS),
+    "free motion, target and Sun": (mission(), ORBITAL, STARTS),
+    "where drift leads": (mission(), LOOKING_AHEAD, STARTS),
+    "what coasting shows": (mission(), FORESEEING, STARTS),
+    "what goes dark soon": (mission(), HURRYING, STARTS),
+    "fewer points on a spiral": (
+        mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
+        STEERING,
+        STARTS,
+    ),
+}
+
+POINTED = {
+    "centroid, coasting at the end": (mission(attitude=IDEAL), STEERING, [*STARTS, COMPLETED]),
+    "going on when complete": (mission(attitude=IDEAL, coast_when_complete=False), STEERING, [COMPLETED]),
+    "clusters": (mission(attitude=IDEAL, guidance={"kind": "clusters"}), STEERING, [*STARTS, *OVER_POLES]),
+    "tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), STEERING, STARTS),
+    "over a pole without force": (mission(attitude=IDEAL), coast(), OVER_POLES),
+    "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
+    "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
+    "free motion, target and Sun": (mission(attitude=IDEAL), ORBITAL, [*STARTS, *OVER_POLES]),
+    "where drift leads": (mission(attitude=IDEAL), LOOKING_AHEAD, [*STARTS, *OVER_POLES]),
+    "what coasting shows": (mission(attitude=IDEAL), FORESEEING, [*STARTS, *OVER_POLES]),
+    "what coasting shows of a tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), FORESEEING, STARTS),
+    "what goes dark soon": (mission(attitude=IDEAL), HURRYING, [*STARTS, *OVER_POLES]),
+    "what goes dark soon on a tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), HURRYING, STARTS),
+    "safety layer, a few forces changed": (guarded(PASSIVE), STEERING, [*STARTS, *starts_at_rest(3, 47)]),
+    "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),
+    "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS),
+    "another camera": (mission(attitude=IDEAL, sensor={"boresight": (-0.8, 0.6, 0.0)}), STEERING, STARTS),
+}
+
+
+def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
+    plan = None if controller.plan is None else law_of(controller, what.num_controls).plan
+    channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
+    return fly_logged(what, controller, start), fly_compiled(what, start, channels, pack(controller.systems))
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_flown_attitude(name: str) -> None:
+    what, controller, starts = FLOWN[name]
+    for start in starts:
+        assert_same(*fly_both(what, controller, start), metres=1e-4, others=1e-4)
+
+
+@pytest.mark.parametrize("name", POINTED)
+def test_ideal_pointing(name: str) -> None:
+    what, controller, starts = POINTED[name]
+    for start in starts:
+        assert_same(*fly_both(what, controller, start), metres=1e-9, others=1e-9)
+
+
+def test_clusters_are_forgotten_at_a_sample_without_candidates() -> None:
+    """Far out under the Sun the deputy sees all that is lit; then it is thrown behind a chief that turns."""
+    what = mission(
+        guidance={"kind": "clusters"},
+        chief={"initial_angular_velocity_rad_s": (0.015, 0.0, MEAN_MOTION)},
+        deputy={"max_force_n": 10.0},
+        control_period_s=100.0,
+        duration_s=300.0,
+    )
+    start = Scenario(np.array([0.0, 2000.0, 0.0]), np.zeros(3), 0.5 * np.pi + 100.0 * MEAN_MOTION)
+    fast, plain = fly_both(what, open_loop("throw", np.array([[0.0, 0.0, 0.0], [0.0, -9.6, 0.0]])), start)
+    assert fast.num_candidates[0] > 40
+    assert fast.num_candidates[1] == 0
+    assert fast.num_candidates[2] > 20
+    assert_same(fast, plain, metres=1e-6, others=1e-4)
+
+
+def test_the_cases_above_reach_what_they_are_named_for() -> None:
+    """Completion, clipping, poles, fast turns: a comparison where these do not happen would prove little."""
+    what, controller, starts = POINTED["going on when complete"]
+    (log,) = (fly_logged(what, controller, start) for start in starts)
+    is_complete = log.is_inspected.all(axis=1)
+    assert 10 < is_complete.sum() < 300
+    assert log.is_decided.all()
+    assert np.all(log.num_candidates[is_complete] == 0)
+
+    assert np.abs(fly_logged(mission(), PLAN, STARTS[0]).force_hill_n).max() == 1.0
+    for start in OVER_POLES[:2]:
+        attitudes = fly_logged(mission(attitude=IDEAL), coast(), start).attitude_quaternion.reshape(-1, 4)
+        line_of_sight = Rotation.from_quat(attitudes).apply([1.0, 0.0, 0.0])
+        assert np.hypot(line_of_sight[:, 0], line_of_sight[:, 1]).min() < 1e-3
+
+    rates = [
+        np.linalg.norm(fly_logged(FLOWN[name][0], STEERING, STARTS[0]).angular_velocity_b_rad_s, axis=1).max()
+        for name in ("light ball", "paper")
+    ]
+    assert rates[0] > 0.1
+    assert log.is_inspected[-1].sum() == 99
+
+    log = fly_logged(mission(), SPARSE, STARTS[0])
+    is_silent = log.fis_output_n[:, 0] == 0.002
+    assert 50 < is_silent.sum() < 310

@@ -1,0 +1,101 @@
+"""Fuzzy controllers that cannot fly, told why; and plans of forces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.model import FuzzyController, FuzzySystem, Variable
+from pipeline.flight.controller import (
+    AXES,
+    SIGNALS,
+    ControllerError,
+    coast,
+    from_fuzzy,
+    law_of,
+    open_loop,
+    packed,
+)
+from tests.pipeline.flight.missions import steering_systems
+
+BODY = (("force_axes", "body"),)
+X, Y, Z = steering_systems()
+
+
+def renamed(system: FuzzySystem, **changes: str) -> FuzzySystem:
+    """A system whose first input is called or measured otherwise."""
+    return replace(system, inputs=(replace(system.inputs[0], **changes), *system.inputs[1:]))
+
+
+def driving(system: FuzzySystem, *outputs: Variable) -> FuzzySystem:
+    return replace(system, outputs=outputs)
+
+
+@pytest.mark.parametrize(
+    ("systems", "attributes", "message"),
+    [
+        ((X, Y, Z), (), r"'tried' has force_axes ''; set the attribute to body or hill"),
+        ((X,), (("force_axes", "chief"),), r"force_axes 'chief'; set the attribute to body or hill"),
+        ((), BODY, r"'tried' has no system; give one to three"),
+        (
+            (renamed(X, name="range"),),
+            BODY,
+            r"'steer_x' senses 'range', which is no signal; the signals are distance, ",
+        ),
+        ((renamed(X, unit="km"),), BODY, r"'steer_x' takes 'distance' in 'km'; this signal comes in 'm'"),
+        (
+            (driving(X, replace(X.outputs[0], name="thrust")),),
+            BODY,
+            r"drives thrust; each system drives one of force_x",
+        ),
+        (
+            (driving(X, X.outputs[0], Y.outputs[0]),),
+            BODY,
+            r"drives force_x, force_y; each system drives one of",
+        ),
+        ((driving(X),), BODY, r"drives nothing; each system drives one of"),
+        (
+            (X, driving(Y, X.outputs[0])),
+            BODY,
+            r"'steer_x' and 'steer_y' both drive force_x; give each axis one system",
+        ),
+        ((driving(X, replace(X.outputs[0], unit="mN")),), BODY, r"'force_x' of 'steer_x' is in 'mN'; use N"),
+        (
+            (replace(X, and_operator="product"),),
+            BODY,
+            r"'tried' cannot fly: system 'steer_x' cannot be compiled: only minimum",
+        ),
+    ],
+)
+def test_what_cannot_fly_is_told_why(
+    systems: tuple[FuzzySystem, ...], attributes: tuple[tuple[str, str], ...], message: str
+) -> None:
+    with pytest.raises(ControllerError, match=message):
+        from_fuzzy(FuzzyController("tried", systems, attributes))
+
+
+def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
+    law = law_of(from_fuzzy(FuzzyController("tried", (Z, X), BODY)), 360)
+    np.testing.assert_array_equal(law.axes, [AXES["force_z"], AXES["force_x"]])
+    sensed = [
+        [SIGNALS[name].index for name in names]
+        for names in (("eta_u", "velocity_body_z"), ("distance", "velocity_body_x"))
+    ]
+    np.testing.assert_array_equal(law.signals[:, :2], sensed)
+    np.testing.assert_array_equal(law.num_inputs, [2, 2])
+    assert not law.has_plan
+
+
+def test_a_plan_is_flown_without_force_after_its_last_row() -> None:
+    law = law_of(open_loop("plan", np.ones((2, 3))), 4)
+    np.testing.assert_array_equal(law.plan, [[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]])
+    assert law.has_plan
+    assert law_of(coast(), 4).plan.shape == (4, 3)
+    assert packed(coast()).values.shape == (1, 0)
+
+
+def test_a_plan_longer_than_the_flight_is_refused() -> None:
+    with pytest.raises(
+        ControllerError, match=r"'plan' has 5 forces, the flight 4 control periods; shorten the plan"
+    ):
+        law_of(open_loop("plan", np.ones((5, 3))), 4)

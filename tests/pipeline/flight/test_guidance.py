@@ -1,0 +1,224 @@
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from sklearn.cluster import KMeans
+from threadpoolctl import ThreadpoolController
+
+from pipeline.flight.guidance import (
+    CENTRE_SHIFT_M,
+    choose_centroid,
+    choose_cluster,
+    choose_cluster_sklearn,
+    cluster_centres,
+    cluster_memory,
+    nearest_centre,
+    num_clusters,
+    relative_angle,
+    start_centres,
+)
+from pipeline.physics.inspection_points import regular_placement
+from pipeline.physics.visibility import is_in_view
+
+POINTS = regular_placement(100, 10.0)
+
+
+def columns(candidates):
+    """Candidates as the compiled functions take them."""
+    array = np.full((3, len(POINTS)), np.nan)
+    array[:, : len(candidates)] = np.asarray(candidates).T
+    return array
+
+
+def flight_like_sequence(seed, num_steps=150):
+    """Yield positions and candidates while a deputy circles a chief that is turned at random.
+
+    The turn breaks the mirror symmetry of the points, with which distances would tie.
+    """
+    rng = np.random.default_rng(seed)
+    points = Rotation.random(rng=rng).apply(POINTS)
+    start, axis = rng.normal(size=(2, 3))
+    start *= rng.uniform(40.0, 110.0) / np.linalg.norm(start)
+    axis /= np.linalg.norm(axis)
+    sun_angle, speed = rng.uniform(0.0, 2.0 * pi), rng.uniform(0.01, 0.03)
+    cos_half_angle = np.cos(np.radians(rng.uniform(3.0, 8.0)))
+    is_inspected = np.zeros(len(points), dtype=bool)
+    for step in range(num_steps):
+        position = Rotation.from_rotvec(speed * step * axis).apply(start)
+        angle = sun_angle - 0.03 * step
+        is_lit = points @ [np.cos(angle), np.sin(angle), 0.0] > 0.0
+        boresight = -position / np.linalg.norm(position)
+        seen = [is_in_view(point, position, boresight, cos_half_angle, 10.0) for point in points]
+        is_inspected |= is_lit & np.array(seen)
+        yield position, points[is_lit & ~is_inspected]
+
+
+def test_the_twins_agree_along_flights():
+    numbers = set()
+    for seed in range(8):
+        compiled, reference = cluster_memory(len(POINTS)), cluster_memory(len(POINTS))
+        for position, candidates in flight_like_sequence(seed):
+            chosen = choose_cluster(columns(candidates), len(candidates), position, compiled)
+            expected = choose_cluster_sklearn(columns(candidates), len(candidates), position, reference)
+            number = -(-len(candidates) // 10)
+            assert compiled.num_centres[0] == reference.num_centres[0] == number
+            np.testing.assert_allclose(
+                compiled.centres[:number], reference.centres[:number], rtol=0, atol=1e-9
+            )
+            np.testing.assert_allclose(chosen, expected, rtol=0, atol=1e-9)
+            numbers.add(number)
+    assert numbers == {1, 2, 3, 4, 5, 6}
+
+
+def fitted_centres(candidates, start):
+    with ThreadpoolController().limit(limits=1, user_api="openmp"):
+        kmeans = KMeans(len(start), init=start, n_init=1, max_iter=50, tol=0, algorithm="lloyd")
+        return kmeans.fit(candidates).cluster_centers_
+
+
+def test_empty_clusters_move_as_scikit_learn_moves_them():
+    """Centres carried over from far away leave clusters empty, several at once."""
+    rng = np.random.default_rng(12)
+    num_empty = []
+    for _ in range(150):
+        candidates = Rotation.random(rng=rng).apply(rng.permutation(POINTS)[: rng.integers(11, 70)])
+        candidates += rng.normal(scale=0.01, size=candidates.shape)
+        number = num_clusters(len(candidates))
+        carried = rng.normal(size=(number, 3)) * rng.choice([6.0, 20.0, 60.0], size=(number, 1))
+        position = rng.normal(scale=60.0, size=3)
+        nearest = np.linalg.norm(candidates[:, None] - carried[None], axis=2).argmin(axis=1)
+        num_empty.append(number - len(set(nearest)))
+
+        memory = cluster_memory(len(POINTS))
+        memory.centres[:number] = carried
+        memory.num_centres[0] = number
+        choose_cluster(columns(candidates), len(candidates), position, memory)
+        np.testing.assert_allclose(
+            memory.centres[:number], fitted_centres(candidates, carried), rtol=0, atol=1e-9
+        )
+    assert {1, 2, 3} <= set(num_empty)
+
+
+def test_the_last_candidate_of_a_cluster_may_be_taken_from_it():
+    """Relocation can empty another cluster, which then goes where scikit-learn puts it."""
+    cluster = Rotation.from_euler("xyz", [0.3, 0.1, 0.2]).apply(POINTS[40:60])
+    candidates = np.vstack((cluster, [[-90.0, 5.0, 1.0]]))
+    for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2], [1, 2, 0]):
+        carried = np.array([[0.0, 1.0, 0.5], [-70.0, 0.0, 0.0], [0.0, 500.0, 0.0]])[order]
+        memory = cluster_memory(len(POINTS))
+        memory.centres[:3] = carried
+        memory.num_centres[0] = 3
+        choose_cluster(columns(candidates), len(candidates), np.array([60.0, 0.0, 0.0]), memory)
+        np.testing.assert_allclose(memory.centres[:3], fitted_centres(candidates, carried), rtol=0, atol=1e-9)
+
+
+def started(candidates, position, carried):
+    memory = cluster_memory(len(POINTS))
+    memory.centres[: len(carried)] = carried
+    number = start_centres(
+        columns(candidates),
+        len(candidates),
+        np.asarray(position),
+        memory.centres,
+        len(carried),
+        memory.labels[0],
+        memory.distances,
+    )
+    return memory.centres[:number]
+
+
+def line(*places):
+    return [[place, 0.0, 0.0] for place in places]
+
+
+def test_the_first_centre_starts_half_a_metre_from_the_candidate_nearest_the_deputy():
+    candidates = line(*range(11))
+    first, second = started(candidates, [50.0, 0.0, 0.0], np.empty((0, 3)))
+    np.testing.assert_allclose(first, [10.0 + CENTRE_SHIFT_M, 0.0, 0.0])
+    np.testing.assert_allclose(second, [0.0 + CENTRE_SHIFT_M, 0.0, 0.0])
+
+
+def test_missing_centres_start_at_the_candidate_farthest_from_all_so_far():
+    candidates = line(*range(21))
+    centres = started(candidates, [10.0, 0.0, 1e6], line(3.0))
+    # the shift of the second makes 12 the farthest from 3 and 20, between which 11 would lie level
+    np.testing.assert_allclose(centres[:, 0], [3.0, 20.0, 12.0], atol=1e-4)
+    np.testing.assert_allclose(centres[1:, 2], CENTRE_SHIFT_M, atol=1e-9)
+
+
+def test_of_equally_far_candidates_the_first_is_taken_whatever_rounding_says():
+    candidates = [*line(*[0.1 * i for i in range(9)]), [0.4, 5.0, 0.0], [0.4, -5.0, 0.0]]
+    for wobble in (0.0, 1e-14, -1e-14):
+        _, new = started(candidates, [0.4, 0.0, 80.0], [[0.4, wobble, 0.0]])
+        assert new[1] > 4.0
+
+
+def test_the_last_steps_first_centres_are_kept():
+    candidates = line(*range(15))
+    carried = [[2.0, 1.0, 0.0], [9.0, 1.0, 0.0], [13.0, 1.0, 0.0]]
+    np.testing.assert_array_equal(started(candidates, [0.0, 0.0, 50.0], carried), carried[:2])
+
+
+def test_up_to_ten_candidates_make_one_cluster_and_eleven_two():
+    assert [num_clusters(m) for m in (0, 1, 10, 11, 20, 21, 99)] == [0, 1, 1, 2, 2, 3, 10]
+    position = np.array([0.0, 60.0, 0.0])
+    memory = cluster_memory(len(POINTS))
+    few = POINTS[:10]
+    chosen = choose_cluster(columns(few), 10, position, memory)
+    np.testing.assert_allclose(chosen, few.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(choose_centroid(columns(few), 10, position, memory), few.mean(axis=0))
+
+
+def test_well_separated_clusters_are_found_and_the_nearest_is_chosen():
+    rng = np.random.default_rng(2)
+    homes = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 0.0, 10.0]])
+    candidates = np.vstack([home + rng.normal(scale=0.3, size=(8, 3)) for home in homes])
+    for home, members in zip(homes, np.split(candidates, 3), strict=True):
+        chosen = choose_cluster(columns(candidates), 24, 6.0 * home + 1.0, cluster_memory(len(POINTS)))
+        np.testing.assert_allclose(chosen, members.mean(axis=0), atol=1e-12)
+
+
+def test_unchanged_candidates_keep_their_centres_to_the_last_bit():
+    memory = cluster_memory(len(POINTS))
+    candidates = columns(POINTS[20:75])
+    arguments = candidates, 55, np.array([40.0, -30.0, 20.0]), memory.centres
+    scratch = memory.labels, memory.distances, memory.sums
+    number = cluster_centres(*arguments, 0, *scratch)
+    before = memory.centres.copy()
+    assert cluster_centres(*arguments, number, *scratch) == number
+    np.testing.assert_array_equal(memory.centres, before)
+
+
+def test_without_candidates_there_is_no_centre():
+    memory = cluster_memory(len(POINTS))
+    position = np.array([40.0, 0.0, 0.0])
+    scratch = memory.labels, memory.distances, memory.sums
+    assert cluster_centres(columns(POINTS[:30]), 0, position, memory.centres, 3, *scratch) == 0
+
+
+def test_the_nearest_centre_is_the_first_of_equals():
+    centres = np.array([[0.0, 5.0, 1.0], [0.0, 5.0, -1.0], [0.0, 5.0, 1.0], [0.0, 9.0, 0.0]])
+    assert nearest_centre(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
+    assert nearest_centre(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
+    assert nearest_centre(centres, 4, np.array([0.0, 0.0, -50.0])) == 1
+
+
+@pytest.mark.parametrize(
+    ("target", "position", "expected"),
+    [
+        ((0.0, 1.0), (1.0, 0.0), pi / 2),
+        ((1.0, 0.0), (0.0, 1.0), -pi / 2),
+        ((-1.0, 0.1), (-1.0, -0.1), -2.0 * np.arctan(0.1)),  # across the cut of atan2
+        ((-1.0, -0.1), (-1.0, 0.1), 2.0 * np.arctan(0.1)),
+        ((-1.0, 0.0), (1.0, 0.0), pi),  # half a turn is +pi, from either side
+        ((1.0, 0.0), (-1.0, 0.0), pi),
+        ((0.0, -1.0), (0.0, 1.0), pi),
+        ((0.9e-9, 0.0), (0.0, 1.0), 0.0),
+        ((1.1e-9, 0.0), (0.0, 1.0), -pi / 2),
+        ((0.0, 1.0), (0.0, 0.9e-9), 0.0),
+        ((0.0, 0.0), (3.0, 4.0), 0.0),
+    ],
+)
+def test_relative_angles(target, position, expected):
+    assert relative_angle(*target, *position) == pytest.approx(expected, abs=1e-15)

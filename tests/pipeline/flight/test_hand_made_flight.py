@@ -1,0 +1,98 @@
+"""A deputy that waits 20 m ahead of the chief, where nothing pulls it: its points can be counted by hand.
+
+From (0, 20, 0) the visible cap reaches acos(10/20) = 60 deg from +j, that is points with y >= 5 m. Of the
+ring at polar angle 50 deg (13 points every 27.69 deg, azimuth from 40.75 to 139.25 deg) these are the
+azimuths 55.4, 83.1, 110.8, 138.5; at 70 deg (16 every 22.5, from 32.15 to 147.85) 45, 67.5, 90, 112.5, 135;
+at 90 deg (17 every 21.18, from 30 to 150) 42.4, 63.5, 84.7, 105.9, 127.1, 148.2; at 30 deg the highest, at
+azimuth 80, has y = 4.92. With the mirror images below the orbit plane 2 (4 + 5) + 6 = 24 points.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.flight.log import Scenario
+from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.inference import pack
+from pipeline.flight.reference.loop import fly_compiled
+from pipeline.physics.inspection_points import regular_placement
+from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
+
+AHEAD = np.array([0.0, 20.0, 0.0])
+AZIMUTHS = {50: [55.385, 83.077, 110.769, 138.462], 70: [45.0, 67.5, 90.0, 112.5, 135.0]}
+EQUATOR = [42.353, 63.529, 84.706, 105.882, 127.059, 148.235]
+
+
+def wait(sun_deg, duration_s=100.0, mission=IDEAL, half_angle_deg=80.0):
+    mission = replace(
+        mission, duration_s=duration_s, sensor=replace(mission.sensor, half_angle_deg=half_angle_deg)
+    )
+    plan = np.zeros((mission.num_controls, 3))
+    scenario = Scenario(AHEAD, np.zeros(3), np.radians(sun_deg))
+    return fly_compiled(mission, scenario, channels_of((), plan_h=plan), pack([]))
+
+
+def counted(dark_up_to_deg):
+    """Points of the cap whose azimuth exceeds the terminator's."""
+    on_rings = sum(azimuth > dark_up_to_deg for ring in AZIMUTHS.values() for azimuth in ring)
+    return 2 * on_rings + sum(azimuth > dark_up_to_deg for azimuth in EQUATOR)
+
+
+def test_the_deputy_waits():
+    log = wait(90.0, 3600.0)
+    np.testing.assert_array_equal(log.position_m, np.tile(AHEAD, (361, 1)))
+    assert log.delta_v_m_s[-1] == 0.0
+
+
+def test_with_the_sun_behind_the_whole_cap_is_inspected_at_once():
+    log = wait(90.0)
+    assert counted(0.0) == 24
+    np.testing.assert_array_equal(log.is_inspected.sum(axis=1), 24)
+    points = regular_placement(100, 10.0)
+    np.testing.assert_array_equal(log.is_inspected[0], points[:, 1] >= 5.0)
+
+
+def test_with_the_sun_opposite_nothing_is():
+    assert wait(270.0).is_inspected.sum() == 0
+
+
+def test_as_the_sun_sinks_the_terminator_uncovers_points_one_ring_after_another():
+    """The Sun starts over azimuth 180 deg; the terminator's near side, 90 deg behind, recedes from 90 deg."""
+    log = wait(180.0, 600.0)
+    degrees_a_sample = np.degrees(MEAN_MOTION) * 10.0
+    expected = [counted(90.0 - degrees_a_sample * k) for k in range(61)]
+    assert expected[:2] == [11, 13]  # the two at 90 deg lie in the dark at first
+    assert expected[-1] == 21
+    np.testing.assert_array_equal(log.is_inspected.sum(axis=1), expected)
+
+
+def test_inspected_points_stay_inspected_when_the_sun_has_left_them():
+    log = wait(90.0, 3600.0)
+    np.testing.assert_array_equal(log.is_inspected.sum(axis=1), 24)
+    lit_at_the_end = 90.0 - np.degrees(MEAN_MOTION) * 3600.0
+    assert lit_at_the_end < -90.0
+
+
+def test_candidates_are_what_is_lit_and_left():
+    log = wait(90.0, 10.0)
+    lit = (regular_placement(100, 10.0)[:, 1] > 1e-9).sum()
+    assert log.num_candidates[0] == lit - 24
+
+
+@pytest.mark.parametrize(("half_angle_deg", "points"), [(5.0, 0), (6.0, 1), (15.0, 2), (30.1, 24)])
+def test_the_field_of_view_narrows_the_cap(half_angle_deg, points):
+    """A point at psi from +j is seen at atan(10 sin psi/(20 - 10 cos psi)) from the boresight.
+
+    On the equator azimuth 84.7 lies at psi = 5.29 deg and is seen at 5.25 deg, 105.9 at 15.88 and 14.77
+    deg. The next, on the rings at 70 deg, lie at 20 deg and are seen at 17.9 deg; the limb of the cap is
+    seen at 30 deg.
+    """
+    assert wait(90.0, 10.0, half_angle_deg=half_angle_deg).is_inspected[-1].sum() == points
+
+
+def test_a_camera_that_looks_elsewhere_sees_nothing_until_it_has_turned():
+    log = wait(90.0, 600.0, PAPER, 15.0)
+    assert log.is_inspected[0].sum() == 0
+    np.testing.assert_array_equal(log.quaternion_b_from_h[0], [0.0, 0.0, 0.0, 1.0])
+    assert log.is_inspected[-1].sum() == 2

@@ -1,0 +1,108 @@
+"""A flight is the same to the last bit alone, in any company, in any order, on any number of threads."""
+
+import numpy as np
+import pytest
+
+from fis_tools.engines.kernel import LANES
+from pipeline.flight.controller import Controller, open_loop
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.settings.experiment import Mission
+from tests.pipeline.flight.cases import (
+    COMPLETED,
+    MIXED,
+    OVER_POLES,
+    RESTORING,
+    STEERING,
+    ball,
+    mission,
+    random_starts,
+)
+from tests.pipeline.flight.guarded import EARLY
+from tests.pipeline.flight.missions import FULL_INERTIA
+
+TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
+PLAN = open_loop("plan", np.random.default_rng(2).normal(0.0, 0.02, (90, 3)))
+
+WILD = open_loop("wild", np.random.default_rng(3).normal(0.0, 0.3, (360, 3)))
+
+#: more than fill two rows of lanes; some pass poles, one inspects everything and coasts
+STARTS = [*random_starts(LANES, 11), *OVER_POLES, COMPLETED, *random_starts(LANES, 12)]
+
+CASES = {
+    "paper": (mission(), STEERING),
+    "clusters": (mission(guidance={"kind": "clusters"}), STEERING),
+    "clusters on a tumbling chief, ideal pointing": (
+        mission(guidance={"kind": "clusters"}, chief=TUMBLING, attitude={"mode": "ideal"}),
+        STEERING,
+    ),
+    "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), MIXED),
+    "full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA}), STEERING),
+    "pole blending": (mission(attitude={"pole_blending": True}), STEERING),
+    "Hill axes": (mission(), RESTORING),
+    "plan": (mission(duration_s=900.0), PLAN),
+    "safety layer": (mission(safety=EARLY), WILD),
+}
+
+
+def fly(
+    what: Mission, controller: Controller, starts: list[Scenario], workers: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outcomes as rows of shape (n, 8), and tracks."""
+    tracks = np.full((len(starts), what.num_controls + 1, 3), np.nan, dtype=np.float32)
+    outcomes = fly_all(what, controller, starts, workers, tracks)
+    return np.column_stack([values.astype(np.float64) for values in vars(outcomes).values()]), tracks
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_alone_in_company_and_in_any_order(name: str) -> None:
+    what, controller = CASES[name]
+    rows, tracks = fly(what, controller, STARTS)
+    assert len(np.unique(rows, axis=0)) == len(STARTS)
+    for index in (0, LANES, LANES + 1, LANES + 3, len(STARTS) - 1):
+        alone, track = fly(what, controller, [STARTS[index]])
+        np.testing.assert_array_equal(alone[0], rows[index])
+        np.testing.assert_array_equal(track[0], tracks[index])
+    order = np.random.default_rng(5).permutation(len(STARTS))[: 2 * LANES - 3]
+    shuffled, shuffled_tracks = fly(what, controller, [STARTS[index] for index in order])
+    np.testing.assert_array_equal(shuffled, rows[order])
+    np.testing.assert_array_equal(shuffled_tracks, tracks[order])
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+@pytest.mark.parametrize("name", ["clusters", "ball that is sometimes fast"])
+def test_on_any_number_of_threads(name: str, workers: int) -> None:
+    what, controller = CASES[name]
+    rows, tracks = fly(what, controller, STARTS)
+    others, other_tracks = fly(what, controller, STARTS, workers)
+    np.testing.assert_array_equal(others, rows)
+    np.testing.assert_array_equal(other_tracks, tracks)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_logged_or_not(name: str) -> None:
+    what, controller = CASES[name]
+    starts = STARTS[LANES - 2 : LANES + 4]
+    rows, tracks = fly(what, controller, starts)
+    for row, track, start in zip(rows, tracks, starts, strict=True):
+        log = fly_logged(what, controller, start)
+        np.testing.assert_array_equal(log.position_m.astype(np.float32), track)
+        assert row[0] == log.delta_v_m_s[-1]
+        assert row[1] == log.is_inspected[-1].sum()
+        distance = np.linalg.norm(log.position_m, axis=1)
+        assert row[6] == np.count_nonzero(log.safety_limit)
+        changed = np.abs(log.safety_force_hill_n).sum() * what.control_period_s / what.deputy.mass_kg
+        np.testing.assert_allclose(row[7], changed, rtol=1e-12)
+        np.testing.assert_allclose(row[2:5], [distance.mean(), distance.min(), distance.max()], rtol=1e-13)
+
+
+def test_the_same_flight_in_every_lane_is_the_same() -> None:
+    what, controller = CASES["clusters"]
+    rows, tracks = fly(what, controller, [COMPLETED] * (LANES + 1))
+    np.testing.assert_array_equal(rows, np.tile(rows[0], (LANES + 1, 1)))
+    np.testing.assert_array_equal(tracks, np.tile(tracks[0], (LANES + 1, 1, 1)))
+
+
+def test_without_starts_there_are_no_outcomes() -> None:
+    assert fly(*CASES["paper"], [])[0].shape == (0, 8)
+    assert fly(*CASES["paper"], [], workers=3)[0].shape == (0, 8)

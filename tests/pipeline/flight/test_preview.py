@@ -1,0 +1,80 @@
+"""What coasting comes to, against flights that do coast; a controller that coasts when that is enough."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.flight.controller import coast
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_all, fly_logged
+from tests.pipeline.flight.cases import FORESEEING, STARTS, controller, leaning_system, mission, random_starts
+
+IDEAL = {"mode": "ideal"}
+#: never fires, and senses all that is foreseen
+WATCHING = controller(
+    (
+        leaning_system(
+            "force_x",
+            0.01,
+            ("missed", "", 20.0),
+            ("coasting_nearest", "m", 60.0),
+            ("coasting_farthest", "m", 60.0),
+        ),
+        leaning_system("force_y", 0.01, ("target_setting", "", 1.0)),
+    ),
+    "hill",
+    dead_band_force_x_n=1.0,
+    dead_band_force_y_n=1.0,
+)
+
+
+def test_a_flight_that_coasts_misses_what_was_foreseen_or_a_little_less() -> None:
+    """Foreseen are the places every two minutes, flown are twelve times as many."""
+    for start in random_starts(12, 21):
+        log = fly_logged(mission(attitude=IDEAL), WATCHING, start)
+        missed = 99 - log.is_inspected[-1].sum()
+        foreseen = log.fis_input[:, 0, 0]
+        assert np.all(foreseen >= missed)
+        assert foreseen[0] - missed <= 8
+        assert foreseen[-1] == missed  # nothing lies between the last sample but one and the end
+        distance = np.linalg.norm(log.position_m, axis=1)
+        ahead = np.array([(distance[k:].min(), distance[k:].max()) for k in range(360)])
+        np.testing.assert_allclose(log.fis_input[:, 0, 1:], ahead, rtol=0, atol=6.0)
+        assert np.all(log.fis_input[:, 0, 1] >= ahead[:, 0] - 1e-9)
+        assert np.all(log.fis_input[:, 0, 2] <= ahead[:, 1] + 1e-9)
+
+
+def test_what_sets_lies_where_the_sun_goes_from() -> None:
+    log = fly_logged(mission(), WATCHING, STARTS[1])
+    target, sun = log.target_m[:-1], log.sun_angle_rad[:-1]
+    has_target = log.num_candidates[:-1] > 0
+    across = np.column_stack([-np.sin(sun), np.cos(sun)])
+    expected = np.sum(across * target[:, :2], axis=1)[has_target] / np.linalg.norm(target, axis=1)[has_target]
+    np.testing.assert_allclose(log.fis_input[has_target, 1, 0], expected, rtol=0, atol=1e-12)
+    assert np.ptp(expected) > 0.5
+
+
+def test_it_coasts_exactly_while_coasting_is_enough() -> None:
+    log = fly_logged(mission(), FORESEEING, STARTS[0])
+    watched = log.is_decided.copy()
+    missed, nearest = log.fis_input[:, 0, 0], log.fis_input[:, 0, 1]
+    farthest = log.fis_input[:, 1, 1]
+    is_enough = (missed < 30.0) & (nearest >= 22.0) & (farthest <= 193.0)
+    fired = log.force_hill_n.any(axis=1)
+    assert not fired[is_enough].any()
+    assert fired[watched & ~is_enough & (np.abs(log.fis_output_n).max(axis=1) > 0)].all()
+    assert 1 < is_enough.sum() < 359
+
+
+def test_with_every_point_allowed_to_be_missed_it_never_fires() -> None:
+    lazy = replace(
+        FORESEEING,
+        fuzzy=replace(
+            FORESEEING.fuzzy,
+            attributes=(("coast_below_points", "100.0"), ("force_axes", "hill"), ("ring_size_m", "20.0")),
+        ),
+    )
+    start = Scenario(np.array([0.0, 60.0, 0.0]), np.zeros(3), 0.3)
+    outcomes, coasted = fly_all(mission(), lazy, [start]), fly_all(mission(), coast(), [start])
+    assert outcomes.delta_v_m_s[0] == 0.0
+    assert outcomes.inspected_count[0] == coasted.inspected_count[0]

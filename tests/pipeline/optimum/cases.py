@@ -1,0 +1,32 @@
+"""Missions and problems that the tests of the optimum share."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.optimum.problem import Problem, problem_of
+
+Floats = NDArray[np.float64]
+
+
+@cache
+def composed(*overrides: str) -> Composed:
+    return compose_experiment(["+experiment=optimum", "monte_carlo.num_cases=2", *overrides])
+
+
+@cache
+def problem(case: int, *overrides: str) -> Problem:
+    experiment = composed(*overrides).experiment
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    return problem_of(experiment.mission, scenarios[case])
+
+
+def random_forces(num_controls: int, scale: float, seed: int = 0) -> Floats:
+    """A few burns, N."""
+    generator = np.random.default_rng(seed)
+    forces = np.zeros((num_controls, 3))
+    forces[generator.integers(0, num_controls // 2, 4)] = generator.normal(0.0, scale, (4, 3))
+    return forces

@@ -1,0 +1,43 @@
+"""The plans that ship fly: within all limits, with the points and the delta-v that their table says."""
+
+import numpy as np
+import pytest
+
+from pipeline.flight.controller import open_loop
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_all
+from pipeline.optimum.bound import delta_v_bound
+from pipeline.optimum.problem import problem_of
+from pipeline.optimum.solved import SHIPPED_FOLDERS
+from pipeline.run import artifacts, tables
+from tests.pipeline.optimum.cases import composed
+
+
+@pytest.mark.parametrize("sun", ["fixed", "random"])
+def test_every_plan_flies_as_its_table_says(sun):
+    folder = SHIPPED_FOLDERS[sun]
+    mission = composed().experiment.mission
+    assert mission.attitude.mode == "flown"
+    cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
+    fired = np.genfromtxt(folder / artifacts.OPTIMUM_FORCES, delimiter=",", skip_header=1)
+    for row, case in enumerate(cases["case"].tolist()):
+        forces = np.zeros((mission.num_controls, 3))
+        own = fired[fired[:, 0] == case]
+        forces[np.rint(own[:, 1] / mission.control_period_s).astype(int)] = own[:, 2:]
+        position = np.array([cases[f"position_{axis}_m"][row] for axis in "xyz"])
+        start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][row]))
+        outcome = fly_all(mission, open_loop("plan", forces), [start], workers=1)
+        assert outcome.delta_v_m_s[0] == pytest.approx(cases["delta_v_m_s"][row], rel=1e-9)
+        assert outcome.inspected_count[0] == cases["inspected_count"][row] >= 95
+        assert not outcome.is_violated[0]
+    assert cases["is_feasible"].all()
+    assert len(cases["case"]) == 50
+
+
+def test_bounds_in_the_table_are_those_of_the_cases():
+    cases = tables.read_parquet(SHIPPED_FOLDERS["random"], artifacts.OPTIMUM_CASES)
+    position = np.array([cases[f"position_{axis}_m"][3] for axis in "xyz"])
+    start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][3]))
+    problem = problem_of(composed().experiment.mission, start)
+    bound = delta_v_bound(problem, 95, float(cases["delta_v_m_s"][3]))
+    assert bound == pytest.approx(cases["delta_v_bound_m_s"][3], rel=1e-9)

@@ -1,0 +1,92 @@
+"""Events of flights made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.flight.log import FlightLog
+from pipeline.recording.events import Event, events
+from tests.pipeline.recording import cases
+
+SHORT = ("duration_s=100.0",)
+MISSION = cases.composed(*SHORT).experiment.mission
+
+
+def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
+    """Eleven samples at distances along i, with the first of 99 points inspected."""
+    inspected = np.arange(99) < np.array(inspected_count)[:, np.newaxis]
+    position = np.array(distance_m)[:, np.newaxis] * [1.0, 0.0, 0.0]
+    return replace(
+        cases.flown(*SHORT),
+        position_m=position,
+        is_inspected=inspected,
+        delta_v_m_s=0.1 * np.arange(11.0),
+        force_hill_n=np.ones((10, 3)),
+    )
+
+
+def told(distance_m: list[float], near_limit_m: float = 5.0) -> list[tuple[int, str]]:
+    """Samples and levels of what happens besides the end."""
+    found = events(MISSION, flight(distance_m, [0] * 11), near_limit_m)
+    assert found[-1].sample == 10
+    assert found[-1].text.startswith("end:")
+    return [(event.sample, event.level) for event in found[:-1]]
+
+
+def test_nothing_happens_far_from_the_limits():
+    assert told([75.0] * 11) == []
+
+
+def test_limits_themselves_are_inside():
+    assert told([15.0, 200.0] * 5 + [15.0], near_limit_m=0.0) == []
+
+
+def test_approach_leave_and_return():
+    distances = [30.0, 21.0, 19.0, 16.0, 14.9, 12.0, 15.0, 18.0, 24.0, 40.0, 40.0]
+    assert told(distances) == [(2, "warning"), (4, "error"), (6, "info")]
+    texts = [event.text for event in events(MISSION, flight(distances, [0] * 11), 5.0)]
+    assert texts[0] == "19.0 m from the chief: 4.0 m from the least distance allowed (15 m)"
+    assert texts[1] == "14.9 m from the chief: beyond the least distance allowed (15 m)"
+    assert texts[2] == "15.0 m from the chief: inside the limits again"
+    assert texts[3].endswith("12.0 to 40.0 m from the chief, outside the limits at 2 of 10 samples")
+
+
+def test_a_warning_is_not_repeated_at_the_edge_of_nearness():
+    hovering = [196.0, 194.0] * 5 + [196.0]
+    assert told(hovering) == [(0, "warning")]
+    away_between = [75.0, 196.0, 75.0, 197.0, *[75.0] * 7]
+    assert told(away_between) == [(1, "warning"), (3, "warning")]
+
+
+def test_a_flight_that_starts_outside_says_so_and_violates_nothing():
+    found = events(MISSION, flight([10.0, *[50.0] * 10], [0] * 11), 5.0)
+    assert [(event.sample, event.level) for event in found[:-1]] == [(0, "error"), (1, "info")]
+    assert found[-1].text.endswith("always inside the limits")
+
+
+def test_the_threshold_is_95_of_99_points():
+    counts = [0, 50, 94, 94, 95, 96, 99, 99, 99, 99, 99]
+    found = events(MISSION, flight([75.0] * 11, counts), 5.0)
+    assert found[:2] == [
+        Event(4, "info", "95 % reached: 95 of 99 points inspected, delta-v 0.400 m/s"),
+        Event(6, "info", "complete: all 99 points inspected"),
+    ]
+    assert found[2].level == "info"
+    assert found[2].text.startswith("end: 99 of 99 points inspected (100.00 %), delta-v 1.000 m/s")
+
+
+@pytest.mark.parametrize(
+    ("last_force", "ending"), [(0.0, "; no force from here on"), (0.1, "points inspected")]
+)
+def test_complete_says_whether_the_deputy_coasts(last_force: float, ending: str):
+    log = flight([75.0] * 11, [0] * 8 + [99] * 3)
+    forces = np.ones((10, 3))
+    forces[8:] = [[0.0, 0.0, 0.0], [0.0, last_force, 0.0]]
+    complete = events(MISSION, replace(log, force_hill_n=forces), 5.0)[1]
+    assert complete.text.endswith(ending)
+
+
+def test_a_flight_short_of_the_threshold_ends_with_a_warning():
+    assert events(MISSION, flight([75.0] * 11, [94] * 11), 5.0)[-1].level == "warning"
+    assert events(MISSION, flight([75.0] * 11, [95] * 11), 5.0)[-1].level == "info"

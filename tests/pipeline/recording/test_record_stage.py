@@ -1,0 +1,253 @@
+"""Which flights the stage records, under which names, and that they are the evaluation's own."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fis_tools.formats import serialize
+from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.evaluation.monte_carlo import rank
+from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.run import artifacts, tables
+from pipeline.run.artifacts import ArtifactError
+from pipeline.run.runner import run_stages
+from pipeline.stages import record
+from tests.pipeline.recording import cases
+
+MINIATURE = ("duration_s=200.0", "monte_carlo.num_cases=6", "sun=random", "seed=4")
+
+
+def evaluated(*overrides: str) -> Composed:
+    return compose_experiment(["+experiment=evaluate", *MINIATURE, *overrides])
+
+
+def recordings(folder: Path) -> list[str]:
+    return sorted(path.name for path in (folder / "episodes").iterdir())
+
+
+def table(rows: list[tuple[bool, int, float]]) -> dict[str, np.ndarray]:
+    violated, count, delta_v = zip(*rows, strict=True)
+    return {
+        "violated": np.array(violated),
+        "inspected_count": np.array(count),
+        "delta_v_m_s": np.array(delta_v),
+    }
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A miniature evaluation, recorded."""
+    folder = tmp_path_factory.mktemp("finished")
+    run = evaluated("telemetry.record_training=true")
+    run_stages(run.experiment, run.config, folder, ["evaluate", "record"])
+    return folder
+
+
+def test_rank_by_violation_then_points_then_delta_v():
+    rows = [(False, 97, 1.0), (True, 99, 0.1), (False, 97, 2.0), (False, 60, 0.2), (True, 20, 5.0)]
+    assert rank(table(rows)).tolist() == [4, 1, 3, 2, 0]
+    assert rank(table([(False, 97, 1.0)] * 3)).tolist() == [0, 1, 2]
+
+
+def test_worst_median_and_best_of_a_table(tmp_path, finished):
+    run = evaluated()
+    episodes = tables.read_parquet(finished, artifacts.EPISODES)
+    by_hand = table(
+        [
+            (False, 90, 1.0),
+            (False, 99, 0.5),
+            (False, 97, 1.0),
+            (True, 99, 0.1),
+            (False, 97, 0.9),
+            (False, 99, 0.4),
+        ]
+    )
+    tables.write_parquet(tmp_path / artifacts.EPISODES, episodes | by_hand)
+    flights = record.flights_of(run.experiment, tmp_path)
+    # worst first: 3, 0, 2, 4, 1, 5
+    assert [flight.name for flight in flights] == ["worst-case-3", "median-case-4", "best-case-5"]
+    assert [flight.scenario_id for flight in flights] == ["case-3", "case-4", "case-5"]
+    assert flights[1].expected == (97, 0.9)
+    for flight, case in zip(flights, (3, 4, 5), strict=True):
+        start = [episodes[f"position_{axis}_m"][case] for axis in "xyz"]
+        assert flight.scenario.position_m.tolist() == start
+
+
+def test_a_single_case_is_worst_median_and_best(tmp_path):
+    run = evaluated("monte_carlo.num_cases=1")
+    run_stages(run.experiment, run.config, tmp_path, ["evaluate", "record"])
+    assert recordings(tmp_path) == ["best-case-0.mcap", "median-case-0.mcap", "worst-case-0.mcap"]
+
+
+def test_recorded_flights_repeat_the_evaluation_exactly(finished):
+    episodes = tables.read_parquet(finished, artifacts.EPISODES)
+    tracks = tables.read_parquet(finished, artifacts.TRAJECTORIES)
+    found = {}
+    for path in (finished / "episodes").glob("*-case-*.mcap"):
+        name, _, case = path.stem.partition("-case-")
+        found[name] = int(case)
+        flight = cases.contents(path)
+        row = {column: values[int(case)] for column, values in episodes.items()}
+        distance = flight.values("/mission", "distance_m")
+        assert flight.values("/mission", "delta_v_m_s")[-1] == row["delta_v_m_s"]
+        assert flight.values("/mission", "inspected_count")[-1] == row["inspected_count"]
+        assert flight.values("/mission", "sun_angle_rad")[0] == row["sun_angle_rad"]
+        assert distance.min() == pytest.approx(row["min_distance_m"], rel=1e-14)
+        assert distance.mean() == pytest.approx(row["mean_distance_m"], rel=1e-14)
+        position = flight.values("/deputy/state", "position_m").astype(np.float32)
+        is_case = tracks["case"] == int(case)
+        for i, axis in enumerate("xyz"):
+            np.testing.assert_array_equal(position[:, i], tracks[f"position_{axis}_m"][is_case])
+        assert flight.metadata["episode"]["scenario_id"] == f"case-{case}"
+        assert flight.metadata["episode"]["seed"] == "4"
+    assert set(found) == {"worst", "median", "best"}
+    counts = [episodes["inspected_count"][found[name]] for name in ("worst", "median", "best")]
+    assert counts == sorted(counts)
+    assert counts[0] == episodes["inspected_count"].min()
+    assert counts[2] == episodes["inspected_count"].max()
+
+
+def test_the_eight_training_flights(finished):
+    training = [name for name in recordings(finished) if name.startswith("training")]
+    assert training == [f"training-{case}.mcap" for case in range(8)]
+    starts = []
+    for name in training:
+        flight = cases.contents(finished / "episodes" / name)
+        start = flight.values("/deputy/state", "position_m")[0]
+        assert np.linalg.norm(start) == pytest.approx(75.0)
+        starts.append(tuple(np.sign(start)))
+        assert flight.metadata["episode"]["scenario_id"] == name.removesuffix(".mcap")
+    assert len(set(starts)) == 8
+
+
+def test_of_many_random_training_scenarios_the_first_eight(tmp_path):
+    run = evaluated("starts=random", "telemetry.record_training=true", "telemetry.record_ranked=false")
+    assert run.experiment.starts.num_cases > 8
+    flights = record.flights_of(run.experiment, tmp_path)
+    drawn = training_scenarios(run.experiment.starts, run.experiment.sun, run.experiment.seed)
+    assert [flight.name for flight in flights] == [f"training-{case}" for case in range(8)]
+    for flight, scenario in zip(flights, drawn, strict=False):
+        np.testing.assert_array_equal(flight.scenario.position_m, scenario.position_m)
+        assert flight.scenario.sun_angle_rad == scenario.sun_angle_rad
+
+
+def test_training_that_was_interrupted_shows_the_starts_of_the_round_it_came_to(tmp_path):
+    words = ("starts=random", "telemetry.record_training=true", "telemetry.record_ranked=false")
+    run = evaluated(*words, "starts.redraw=true", "optimizer.rounds=4")
+    tables.write_parquet(tmp_path / artifacts.HISTORY, {"round": np.array([0, 0, 1])})
+    flights = record.flights_of(run.experiment, tmp_path)
+    drawn = training_scenarios(run.experiment.starts, run.experiment.sun, run.experiment.seed, 1)
+    np.testing.assert_array_equal(flights[0].scenario.position_m, drawn[0].position_m)
+
+
+def test_the_flight_from_the_start(tmp_path):
+    run = compose_experiment(
+        [
+            "+experiment=fly",
+            "duration_s=20.0",
+            "sun.angle_deg=90",
+            "deputy.initial_position_m=[0.0,-60.0,1.0]",
+            "deputy.initial_velocity_m_s=[0.01,0.0,-0.02]",
+        ]
+    )
+    run_stages(run.experiment, run.config, tmp_path)
+    flight = cases.contents(tmp_path / "episodes" / "start.mcap")
+    assert flight.values("/deputy/state", "position_m")[0].tolist() == [0.0, -60.0, 1.0]
+    assert flight.values("/deputy/state", "velocity_m_s")[0].tolist() == [0.01, 0.0, -0.02]
+    assert flight.values("/mission", "sun_angle_rad")[0] == math.pi / 2
+
+
+def test_file_names_are_plain_and_nothing_is_left_half_written(finished):
+    for name in recordings(finished):
+        assert name.endswith(".mcap")
+        assert not set("=, ") & set(name)
+
+
+def test_a_line_a_flight(tmp_path, capsys):
+    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
+    run_stages(run.experiment, run.config, tmp_path)
+    assert "  episodes/start.mcap: " in capsys.readouterr().err
+
+
+def test_earlier_recordings_go_and_other_files_stay(tmp_path):
+    folder = tmp_path / "episodes"
+    folder.mkdir()
+    stale = ["worst-case-9.mcap", "training-7.mcap", "median-case-1.mcap.partial"]
+    foreign = ["my-worst-case-9.mcap", "notes.txt", "worst-case-9.rrd"]
+    for name in stale + foreign:
+        (folder / name).write_bytes(b"x")
+    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
+    run_stages(run.experiment, run.config, tmp_path)
+    assert recordings(tmp_path) == sorted([*foreign, "start.mcap"])
+
+
+def test_the_champion_is_flown_where_there_is_one(tmp_path):
+    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
+    fuzzy = serialize.from_mapping(run.config["controller"])
+    output = replace(fuzzy.systems[0].outputs[0], name="force_z")
+    rules = tuple(
+        replace(rule, consequents=(replace(rule.consequents[0], variable="force_z"),))
+        for rule in fuzzy.systems[0].rules
+    )
+    champion = replace(
+        fuzzy,
+        name="winner",
+        systems=(replace(fuzzy.systems[0], name="only", outputs=(output,), rules=rules),),
+    )
+    (tmp_path / artifacts.CHAMPION).write_text(serialize.dump_json(champion))
+    run_stages(run.experiment, run.config, tmp_path)
+    flight = cases.contents(tmp_path / "episodes" / "start.mcap")
+    assert serialize.loads(flight.attachments["controller.json"].decode(), "json") == champion
+    assert [topic for topic in flight.messages if topic.startswith("/fis/")] == ["/fis/only"]
+
+
+def test_without_an_evaluation_there_is_nothing_to_rank(tmp_path):
+    with pytest.raises(ArtifactError, match=r"no evaluate/episodes\.parquet; the stage evaluate writes it"):
+        record.run(evaluated().experiment, tmp_path)
+
+
+def test_an_evaluation_of_other_starts_is_refused(tmp_path, finished):
+    content = (finished / artifacts.EPISODES).read_bytes()
+    artifacts.write_atomically(tmp_path / artifacts.EPISODES, content)
+    for other in ("seed=5", "monte_carlo.num_cases=1", "sun=fixed"):
+        with pytest.raises(ArtifactError, match="did not start where this configuration's does; repeat"):
+            record.flights_of(evaluated(other).experiment, tmp_path)
+
+
+def test_an_evaluation_of_another_controller_is_refused(tmp_path, finished):
+    artifacts.write_atomically(tmp_path / artifacts.EPISODES, (finished / artifacts.EPISODES).read_bytes())
+    run = evaluated("controller=coast")
+    with pytest.raises(ArtifactError, match=r"says \d+ points for .* m/s; .* repeat the stage evaluate"):
+        run_stages(run.experiment, run.config, tmp_path, ["record"])
+
+
+def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):
+    run = compose_experiment(["+experiment=fly", "duration_s=20.0"])
+    (tmp_path / "episodes" / "start.mcap.partial").mkdir(parents=True)
+    with pytest.raises(ArtifactError, match=r"start\.mcap cannot be written: Is a directory"):
+        run_stages(run.experiment, run.config, tmp_path)
+
+
+def test_nothing_asked_for_is_said(tmp_path, capsys):
+    run = evaluated("telemetry.record_ranked=false")
+    record.run(run.experiment, tmp_path)
+    assert "nothing to record" in capsys.readouterr().err
+    assert recordings(tmp_path) == []
+
+
+def test_the_given_start_has_the_suns_angle_or_one_drawn():
+    def angle(*overrides: str) -> float:
+        experiment = compose_experiment(["+experiment=fly", "controller=coast", *overrides]).experiment
+        (flight,) = record.flights_of(experiment, Path("unused"))
+        return flight.scenario.sun_angle_rad
+
+    assert angle("sun.angle_deg=90") == math.radians(90)
+    drawn = compose_experiment(
+        ["+experiment=evaluate", "controller=coast", "sun=random", "seed=5"]
+    ).experiment
+    first = evaluation_scenarios(drawn.monte_carlo, drawn.sun, drawn.seed)[0]
+    assert angle("sun=random", "seed=5") == first.sun_angle_rad
+    assert angle("sun=random", "seed=6") != first.sun_angle_rad

@@ -1,0 +1,142 @@
+"""When inference is recorded, and what flights without inference record."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from fis_tools.formats import serialize
+from pipeline.flight.controller import Controller, coast, open_loop
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_logged
+from pipeline.recording.recorder import controller_text, directions, record_flight
+from pipeline.run.runner import run_stages
+from tests.pipeline.recording import cases
+from tests.pipeline.recording.cases import Contents
+
+SHORT = ("duration_s=100.0",)
+
+
+def recorded(path: Path, controller: Controller) -> Contents:
+    """The miniature flight of a controller, from 75 m along i."""
+    run = cases.composed(*SHORT)
+    mission, scenario = run.experiment.mission, Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.3)
+    log = fly_logged(mission, controller, scenario)
+    record_flight(
+        path,
+        mission,
+        controller,
+        scenario,
+        log,
+        scenario_id="x",
+        seed=3,
+        config=run.config,
+        near_limit_m=5.0,
+    )
+    return cases.contents(path)
+
+
+def test_inference_is_recorded_only_where_it_decides(coasting: Contents):
+    log = cases.flown(*cases.COASTING)
+    complete = int(np.flatnonzero(log.is_inspected.all(axis=1))[0])
+    assert 0 < complete < 90
+    decided = [10_000_000_000 * k for k in range(complete)]
+    for place, name in enumerate(("force_x", "force_y", "force_z")):
+        assert coasting.times(f"/fis/{name}") == decided
+        assert_array_equal(coasting.values(f"/fis/{name}", "inputs"), log.fis_input[:complete, place, :2])
+        assert_array_equal(coasting.values(f"/fis/{name}", "output_n"), log.fis_output_n[:complete, place])
+    assert coasting.times("/deputy/control") == [10_000_000_000 * k for k in range(90)]
+    assert not coasting.values("/deputy/control", "force_hill_n")[complete:].any()
+    assert not coasting.values("/guidance", "num_candidates")[complete:].any()
+    assert not coasting.values("/guidance", "target_direction")[complete:].any()
+
+
+def test_the_log_of_an_eventful_flight(coasting: Contents):
+    lines = [(time // 10_000_000_000, line.level, line.message) for time, line in coasting.messages["/log"]]
+    info, warning, error = 2, 3, 4
+    assert [level for _, level, _ in lines] == [info, info, warning, error, warning]
+    samples = [sample for sample, _, _ in lines]
+    assert samples == sorted(samples)
+    inspected, distance = (
+        coasting.values("/mission", "inspected_count"),
+        coasting.values("/mission", "distance_m"),
+    )
+    assert samples[0] == samples[1] == np.flatnonzero(inspected == 12)[0]
+    assert samples[2] == np.flatnonzero(distance > 140.0)[0]
+    assert samples[3] == np.flatnonzero(distance > 200.0)[0]
+    assert samples[4] == 90
+    words = ("95 % reached", "complete: all 12", "from the greatest", "beyond the greatest", "end: 12 of 12")
+    for (_, _, text), beginning in zip(lines, words, strict=True):
+        assert beginning in text
+
+
+def test_a_system_of_one_input_records_one(tmp_path):
+    fuzzy = serialize.from_mapping(cases.composed().config["controller"])
+    system = fuzzy.systems[0]
+    lean = replace(
+        system,
+        inputs=system.inputs[1:],
+        rules=tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5]),
+    )
+    controller = Controller("lean", (lean,), "hill")
+    found = recorded(tmp_path / "lean.mcap", controller)
+    assert found.values("/fis/force_x", "inputs").shape == (10, 1)
+    assert found.values("/fis/force_x", "firing_strengths").shape == (10, 5)
+    assert json.loads(found.metadata["fis.force_x"]["input_names"]) == ["velocity_body_x"]
+    # in Hill axes the output is the force along i, whatever the attitude
+    assert_array_equal(
+        found.values("/deputy/control", "force_hill_n")[:, 0], found.values("/fis/force_x", "output_n")
+    )
+    rebuilt = serialize.loads(found.attachments["controller.json"].decode(), "json")
+    assert rebuilt.systems == (lean,)
+    assert dict(rebuilt.attributes) == {"force_axes": "hill"}
+
+
+def test_open_loop(tmp_path):
+    plan = np.array([[0.5, -0.25, 0.0], [0.0, 0.0, 3.0]])
+    found = recorded(tmp_path / "open.mcap", open_loop("table", plan))
+    assert [topic for topic in found.messages if topic.startswith("/fis")] == []
+    assert set(found.metadata) == {"episode"}
+    applied = np.zeros((10, 3))
+    applied[:2] = [[0.5, -0.25, 0.0], [0.0, 0.0, 1.0]]
+    assert_array_equal(found.values("/deputy/control", "force_hill_n"), applied)
+    asked = np.zeros((10, 3))
+    asked[:2] = plan
+    attitude = Rotation.from_quat(found.values("/deputy/state", "quaternion")[:10])
+    np.testing.assert_allclose(
+        found.values("/deputy/control", "force_body_n"), attitude.inv().apply(asked), atol=1e-14
+    )
+    assert found.values("/mission", "delta_v_m_s")[-1] == pytest.approx(1.75 * 10.0 / 12.0, rel=1e-15)
+    assert json.loads(found.attachments["controller.json"]) == {"kind": "open_loop", "name": "table"}
+
+
+def test_coast(tmp_path):
+    found = recorded(tmp_path / "coast.mcap", coast())
+    assert not found.values("/deputy/control", "force_hill_n").any()
+    assert found.times("/mission") == [10_000_000_000 * k for k in range(11)]
+    assert json.loads(found.attachments["controller.json"]) == {"kind": "coast", "name": "coast"}
+    assert {"episode"} == set(found.metadata)
+
+
+def test_ideal_pointing_and_another_clock(tmp_path):
+    run = cases.composed("duration_s=40.0", "attitude=ideal", "attitude_period_s=2.5", "control_period_s=5.0")
+    run_stages(run.experiment, run.config, tmp_path)
+    found = cases.contents(tmp_path / "episodes" / "start.mcap")
+    assert found.times("/deputy/state") == [5_000_000_000 * k for k in range(9)]
+    assert_array_equal(found.values("/deputy/attitude", "time_offset_s"), np.tile([0.0, 2.5], (8, 1)))
+    assert not found.values("/deputy/attitude", "torque_n_m").any()
+
+
+def test_a_controller_in_words_rebuilds_itself():
+    fuzzy = serialize.from_mapping(cases.composed().config["controller"])
+    text = controller_text(Controller(fuzzy.name, fuzzy.systems, "body", fuzzy=fuzzy))
+    assert serialize.loads(text, "json") == fuzzy
+
+
+def test_no_target_has_no_direction():
+    vectors = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, -4.0], [1e-9, 0.0, 0.0]])
+    assert_array_equal(directions(vectors), [[0.0, 0.0, 0.0], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0]])

@@ -1,0 +1,246 @@
+"""A whole flight as the stage records it, read with the mcap library and held against the flown arrays."""
+
+import hashlib
+import json
+import math
+
+import numpy as np
+import pytest
+import yaml
+from mcap.records import Attachment, Chunk, Message, Metadata
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from fis_tools.analysis import flights
+from fis_tools.engines.kernel import evaluate, pack
+from fis_tools.formats import serialize
+from pipeline.flight.log import FlightLog
+from pipeline.flight.simulation import inspection_points
+from pipeline.run import artifacts
+from pipeline.run.runner import run_stages
+from tests.pipeline.recording import cases
+from tests.pipeline.recording.cases import Contents
+
+SYSTEMS = ("force_x", "force_y", "force_z")
+DARK, LIT = (86, 88, 102, 255), (240, 228, 66, 255)
+IN_VIEW_BUT_DARK, INSPECTED = (204, 121, 167, 255), (0, 190, 130, 255)
+
+
+@pytest.fixture(scope="module")
+def log() -> FlightLog:
+    return cases.flown()
+
+
+def test_counts_and_times(full: Contents):
+    samples = [10_000_000_000 * k for k in range(361)]
+    at_samples = ("/deputy/pose", "/chief/points", "/deputy/state", "/guidance", "/mission")
+    at_controls = ("/deputy/attitude", "/deputy/control", *(f"/fis/{name}" for name in SYSTEMS))
+    assert set(full.messages) == {"/tf", "/log", *at_samples, *at_controls}
+    for topic in at_samples:
+        assert full.times(topic) == samples, topic
+    for topic in at_controls:
+        assert full.times(topic) == samples[:-1], topic
+    assert full.times("/tf") == [0, *sorted(2 * samples)]
+
+
+def test_state_in_full_precision(full: Contents, log: FlightLog):
+    for field, flown in (
+        ("position_m", log.position_m),
+        ("velocity_m_s", log.velocity_m_s),
+        ("quaternion", log.quaternion_b_from_h),
+        ("angular_velocity_rad_s", log.angular_velocity_b_rad_s),
+    ):
+        assert_array_equal(full.values("/deputy/state", field), flown)
+
+
+def test_poses_and_transforms(full: Contents, log: FlightLog):
+    assert {message.frame_id for _, message in full.messages["/deputy/pose"]} == {"hill"}
+    assert_array_equal(full.vectors("/deputy/pose", "pose.position", "xyz"), log.position_m)
+    assert_array_equal(full.vectors("/deputy/pose", "pose.orientation", "xyzw"), log.quaternion_b_from_h)
+    (_, root), *rest = full.messages["/tf"]
+    assert (root.parent_frame_id, root.child_frame_id) == ("tf#/", "hill")
+    frames = [(message.parent_frame_id, message.child_frame_id) for _, message in rest]
+    assert frames == 361 * [("hill", "deputy"), ("hill", "chief")]
+    assert_array_equal(full.vectors("/tf", "translation", "xyz")[1::2], log.position_m)
+    assert_array_equal(full.vectors("/tf", "rotation", "xyzw")[1::2], log.quaternion_b_from_h)
+    assert not full.vectors("/tf", "translation", "xyz")[2::2].any()
+    assert_array_equal(full.vectors("/tf", "rotation", "xyzw")[2::2], log.quaternion_c_from_h)
+
+
+def test_attitude_clock_and_control(full: Contents, log: FlightLog):
+    assert_array_equal(full.values("/deputy/attitude", "time_offset_s"), np.tile(np.arange(10.0), (360, 1)))
+    for field, flown in (
+        ("quaternion", log.attitude_quaternion),
+        ("angular_velocity_rad_s", log.attitude_rate_b_rad_s),
+        ("torque_n_m", log.torque_b_n_m),
+    ):
+        recorded = full.values("/deputy/attitude", field)
+        assert_array_equal(recorded, flown.reshape(360, -1).astype(np.float32))
+    assert_array_equal(full.values("/deputy/control", "force_body_n"), log.force_body_n)
+    assert_array_equal(full.values("/deputy/control", "force_hill_n"), log.force_hill_n)
+    assert np.abs(log.torque_b_n_m).max() > 1e-3
+    assert np.abs(log.force_hill_n).max() > 1e-2
+
+
+def test_guidance(full: Contents, log: FlightLog):
+    assert_array_equal(full.values("/guidance", "num_candidates"), log.num_candidates)
+    assert_array_equal(full.values("/guidance", "lambda_u_rad"), log.lambda_u_rad)
+    assert_array_equal(full.values("/guidance", "eta_u_rad"), log.eta_u_rad)
+    direction = full.values("/guidance", "target_direction")
+    assert_allclose(np.linalg.norm(direction, axis=1), 1.0, rtol=1e-14)
+    assert_allclose(np.cross(direction, log.target_m), 0.0, atol=1e-13)
+    assert (np.sum(direction * log.target_m, axis=1) > 0.0).all()
+
+
+def test_mission(full: Contents, log: FlightLog):
+    masks = np.array([np.frombuffer(m.inspected_mask, dtype=np.uint8) for _, m in full.messages["/mission"]])
+    assert_array_equal(masks, log.is_inspected)
+    counts = full.values("/mission", "inspected_count")
+    assert_array_equal(counts, masks.sum(axis=1))
+    assert_array_equal(full.values("/mission", "inspection_rate_percent"), 100.0 * counts / 99)
+    assert_array_equal(full.values("/mission", "delta_v_m_s"), log.delta_v_m_s)
+    spent = np.abs(full.values("/deputy/control", "force_hill_n")).sum(axis=1) * 10.0 / 12.0
+    assert_allclose(
+        full.values("/mission", "delta_v_m_s"), np.concatenate([[0.0], spent.cumsum()]), rtol=1e-12
+    )
+    assert_allclose(
+        full.values("/mission", "distance_m"), np.sqrt((log.position_m**2).sum(axis=1)), rtol=1e-15
+    )
+    assert_allclose(
+        full.values("/mission", "sun_angle_rad"), -0.0011068 * 10.0 * np.arange(361), rtol=0, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("name", ["full", "coasting"])
+def test_points_and_their_colours(name: str, request: pytest.FixtureRequest):
+    recorded: Contents = request.getfixturevalue(name)
+    overrides = cases.COASTING if name == "coasting" else ()
+    flown, mission = cases.flown(*overrides), cases.composed(*overrides).experiment.mission
+    points = inspection_points(mission)
+    clouds = recorded.clouds()
+    assert clouds.shape == flown.is_inspected.shape
+    assert_array_equal(clouds["position"], np.tile(points.astype(np.float32), (len(clouds), 1, 1)))
+    num_each = dict.fromkeys((DARK, LIT, IN_VIEW_BUT_DARK, INSPECTED), 0)
+    for k, position in enumerate(flown.position_m):
+        points_h = Rotation.from_quat(flown.quaternion_c_from_h[k]).apply(points)
+        boresight = Rotation.from_quat(flown.quaternion_b_from_h[k]).apply([-1.0, 0.0, 0.0])
+        sight = points_h - position
+        off_axis = np.arccos(sight @ boresight / np.linalg.norm(sight, axis=1))
+        # a point of a sphere faces whoever stands above its tangent plane
+        is_in_view = (off_axis <= math.radians(15.0)) & (np.sum(points_h * sight, axis=1) <= 0.0)
+        sun = [np.cos(flown.sun_angle_rad[k]), np.sin(flown.sun_angle_rad[k]), 0.0]
+        is_lit = points_h @ sun > 100.0 / 149_597_870_700.0
+        for j in range(len(points)):
+            expected = LIT if is_lit[j] else IN_VIEW_BUT_DARK if is_in_view[j] else DARK
+            expected = INSPECTED if flown.is_inspected[k, j] else expected
+            assert tuple(clouds["colour"][k, j].tolist()) == expected, (k, j)
+            num_each[expected] += 1
+    assert all(num_each.values())
+    # what is lit and not inspected is what guidance calls a candidate
+    num_lit = np.all(clouds["colour"] == LIT, axis=2).sum(axis=1)
+    assert_array_equal(num_lit, recorded.values("/guidance", "num_candidates"))
+
+
+def test_inferences(full: Contents, log: FlightLog):
+    for place, name in enumerate(SYSTEMS):
+        assert_array_equal(full.values(f"/fis/{name}", "inputs"), log.fis_input[:, place, :2])
+        assert_array_equal(full.values(f"/fis/{name}", "output_n"), log.fis_output_n[:, place])
+    velocity_body = Rotation.from_quat(log.quaternion_b_from_h).inv().apply(log.velocity_m_s)[:-1]
+    for axis, name in enumerate(SYSTEMS):
+        assert_allclose(full.values(f"/fis/{name}", "inputs")[:, 1], velocity_body[:, axis], atol=1e-13)
+    outputs = np.column_stack([full.values(f"/fis/{name}", "output_n") for name in SYSTEMS])
+    assert_array_equal(outputs, full.values("/deputy/control", "force_body_n"))
+
+
+def test_firing_strengths_are_in_the_order_of_the_rules_in_words(full: Contents):
+    config = yaml.safe_load(full.attachments["config.yaml"])
+    for system in config["controller"]["systems"]:
+        words = json.loads(full.metadata[f"fis.{system['name']}"]["rules"])
+        inputs = full.values(f"/fis/{system['name']}", "inputs")
+        memberships = {}
+        for variable, values in zip(system["inputs"], inputs.T, strict=True):
+            universe = np.linspace(*variable["range"], variable["points"])
+            for term in variable["terms"]:
+                sampled = np.exp(-(((universe - term["mean"]) / term["standard_deviation"]) ** 2) / 2.0)
+                memberships[f"{variable['name']} is {term['name']}"] = np.interp(values, universe, sampled)
+        conditions = [sentence.removeprefix("If ").partition(" then ")[0] for sentence in words]
+        expected = [
+            np.minimum.reduce([memberships[statement] for statement in condition.split(" and ")])
+            for condition in conditions
+        ]
+        recorded = full.values(f"/fis/{system['name']}", "firing_strengths")
+        assert recorded.shape == (360, 25)
+        assert_allclose(recorded, np.array(expected).T, rtol=1e-6, atol=1e-12)
+        conclusions = [sentence.rpartition(" is ")[2] for sentence in words]
+        assert conclusions == system["rules"]
+
+
+def test_inputs_are_recorded_before_they_are_clipped(tmp_path):
+    # faster than the terms of the velocity reach, which end at 0.3 m/s; body axes are Hill's at the start
+    run = cases.composed("duration_s=20.0", "deputy.initial_velocity_m_s=[0.5,-0.75,0.0]")
+    run_stages(run.experiment, run.config, tmp_path)
+    fast = cases.contents(tmp_path / "episodes" / "start.mcap")
+    assert fast.values("/fis/force_x", "inputs")[0, 1] == 0.5
+    assert fast.values("/fis/force_y", "inputs")[0, 1] == -0.75
+
+
+def test_a_review_reads_the_flight(full: Contents):
+    for flown in flights.read_flight(full.path):
+        assert_array_equal(evaluate(pack(flown.system), flown.inputs), flown.output)
+
+
+def test_metadata_comes_before_the_first_message(full: Contents):
+    assert set(full.order) == {Attachment, Chunk, Metadata}
+    assert full.order[:6] == [Metadata] * 4 + [Attachment] * 2
+    assert Message not in full.order
+
+
+def test_metadata_tells_what_the_episode_was(full: Contents):
+    episode = full.metadata["episode"]
+    config = yaml.safe_load(full.attachments["config.yaml"])
+    text = json.dumps({key: config[key] for key in config if key != "hydra"}, sort_keys=True)
+    assert episode.pop("config_hash") == hashlib.sha256(text.encode()).hexdigest()
+    assert episode.pop("scenario_id") == "start"
+    assert episode.pop("product_version") == artifacts.product_version()
+    numbers = {key: json.loads(value) for key, value in episode.items() if key != "crc32"}
+    assert numbers.pop("half_angle_rad") == pytest.approx(math.pi / 12, rel=1e-15)
+    assert numbers == {
+        "seed": 1,
+        "position_m": [43.30127018922194] * 3,
+        "velocity_m_s": [0.0, 0.0, 0.0],
+        "sun_angle_rad": 0.0,
+        "min_distance_m": 15.0,
+        "max_distance_m": 200.0,
+        "max_force_n": 1.0,
+        "max_torque_n_m": 0.01,
+        "boresight": [-1.0, 0.0, 0.0],
+        "inspection_threshold_percent": 95.0,
+        "inspection_radius_m": 10.0,
+        "num_points": 99,
+    }
+
+
+def test_metadata_describes_each_system(full: Contents):
+    assert set(full.metadata) == {"episode", *(f"fis.{name}" for name in SYSTEMS)}
+    described = full.metadata["fis.force_y"]
+    assert json.loads(described["input_names"]) == ["lambda_u", "velocity_body_y"]
+    assert json.loads(described["input_units"]) == ["rad", "m/s"]
+    assert (described["output_name"], described["output_unit"]) == ("force_y", "N")
+    assert json.loads(described["rules"])[0] == (
+        "If lambda_u is negative_large and velocity_body_y is negative_large then force_y is positive_large"
+    )
+
+
+def test_attachments_rebuild_the_run(full: Contents):
+    run = cases.composed()
+    assert yaml.safe_load(full.attachments["config.yaml"]) == run.config
+    rebuilt = serialize.loads(full.attachments["controller.json"].decode(), "json")
+    assert rebuilt == serialize.from_mapping(run.config["controller"])
+
+
+def test_the_same_flight_gives_the_same_bytes(tmp_path):
+    run = cases.composed(*cases.COASTING)
+    for name in ("a", "b"):
+        run_stages(run.experiment, run.config, tmp_path / name)
+    first, second = ((tmp_path / name / "episodes" / "start.mcap").read_bytes() for name in ("a", "b"))
+    assert first == second

@@ -1,0 +1,120 @@
+"""Folders of small runs, made without training: flights of ten minutes, a hand-written logbook."""
+
+import csv
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+from fis_tools.formats import serialize
+from pipeline.command_line.config import compose_experiment
+from pipeline.run import artifacts
+from pipeline.run.runner import run_stages
+from pipeline.settings.experiment import Experiment
+from pipeline.settings.schema import experiment_from
+from pipeline.stages import report
+from tests.places import PROJECT
+
+PAPER_CONTROLLER = PROJECT / "conf" / "controller" / "paper.yaml"
+SMALL = ("monte_carlo.num_cases=30", "duration_s=600", "report.dots_per_inch=40", "optimizer.workers=1")
+HOSTILE = '<script>alert("x")</script> & $\\frac{1}$'
+
+LOGBOOK_COLUMNS = (
+    *("round", "generation", "evaluations", "best", "mean", "std", "step_size"),
+    *("delta_v_m_s", "points", "outside", "outside_m", "short"),
+)
+
+#: names of the sections of the page, in order
+SECTIONS = (
+    "summary",
+    "control",
+    "training",
+    "evaluation",
+    "optimum",
+    "distributions",
+    "convergence",
+    "controller",
+    "recordings",
+    "provenance",
+)
+
+
+def configured(*overrides: str) -> dict:
+    return compose_experiment([*overrides, *SMALL]).config
+
+
+def run_of(folder: Path, stages: tuple[str, ...], *overrides: str) -> Experiment:
+    """Run stages in a folder; return the experiment of its configuration."""
+    config = configured(*overrides)
+    experiment = experiment_from(config)
+    run_stages(experiment, config, folder, stages)
+    return experiment
+
+
+def small_controller(folder: Path) -> Path:
+    """Write a controller that has but the first of the paper's three systems, for fewer pictures."""
+    paper = serialize.load(PAPER_CONTROLLER)
+    one = replace(paper, name="one_axis", systems=paper.systems[:1], provenance=(("seed", "1"),))
+    path = folder / "one_axis.json"
+    path.write_text(serialize.dump_json(one))
+    return path
+
+
+def write_training(folder: Path) -> None:
+    """Write what a training of two rounds of three generations could have left behind."""
+    small_controller(folder).rename(folder / artifacts.CHAMPION)
+    (folder / "train").mkdir(exist_ok=True)
+    with (folder / artifacts.LOGBOOK).open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(LOGBOOK_COLUMNS)
+        for row in range(6):
+            best = 10.0 ** (5 - row)
+            writer.writerow(
+                [row // 3, row % 3, 9 * row, best, 9 * best, best, 0.1, 6.0 - row, 90 + row, 5 - row, 1, 3]
+            )
+
+
+def page_of(experiment: Experiment, folder: Path) -> str:
+    report.run(experiment, folder)
+    return (folder / artifacts.REPORT).read_text(encoding="utf-8")
+
+
+class Page(HTMLParser):
+    """A page taken to pieces: its tags with attributes, its text by section, and whether its tags match."""
+
+    VOID = frozenset(("meta", "link", "br", "img", "hr", "input"))
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.text: dict[str, str] = dict.fromkeys(SECTIONS, "")
+        self.stack: list[str] = []
+        self.sections: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self.stack == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.stack.append(tag)
+        if tag == "section":
+            self.sections.append(dict(attrs).get("id", ""))
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.stack.pop() == tag
+        if tag == "section":
+            self.sections.pop()
+
+    def handle_data(self, data):
+        for name in self.sections:
+            if name in self.text:
+                self.text[name] += data
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    def ids(self) -> list[str]:
+        return [attributes["id"] for _, attributes in self.tags if "id" in attributes]

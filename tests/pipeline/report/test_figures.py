@@ -1,0 +1,226 @@
+"""What the report's figures show, read back from their axes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+
+from fis_tools.formats import serialize
+from pipeline.flight.controller import from_fuzzy
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_logged
+from pipeline.report.figures.control import controls
+from pipeline.report.figures.convergence import convergence
+from pipeline.report.figures.distributions import METRICS, Sample, distributions
+from pipeline.report.figures.front import front_of_training
+from pipeline.report.figures.style import BLUE, PURPLE, save, style
+from pipeline.report.figures.trajectories import FLIGHT_COLOURS, Tracks, trajectories
+from pipeline.report.svg import inline
+from tests.pipeline.flight.missions import PAPER
+from tests.pipeline.report.runs import PAPER_CONTROLLER
+
+MISSION = replace(PAPER, duration_s=600.0)
+START = Scenario(np.array([45.0, -40.0, 35.0]), np.zeros(3), 0.3)
+
+
+@pytest.fixture(autouse=True)
+def _in_style():
+    with style():
+        yield
+
+
+@pytest.fixture(scope="module")
+def log():
+    return fly_logged(MISSION, from_fuzzy(serialize.load(PAPER_CONTROLLER)), START)
+
+
+def test_force_and_torque_are_drawn_as_applied(log):
+    force, turning, following = controls(log, MISSION).axes
+    assert (force.get_xlabel(), force.get_ylabel()) == ("time (s)", "force (N)")
+    for column, line in enumerate(force.lines[:3]):
+        assert line.get_drawstyle() == "steps-post"
+        np.testing.assert_array_equal(line.get_xdata(), 10.0 * np.arange(61))
+        np.testing.assert_array_equal(line.get_ydata()[:-1], log.force_hill_n[:, column])
+    assert turning.get_ylabel() == "torque (mN m)"
+    for column in range(3):
+        drawn = np.concatenate(
+            [turning.lines[column].get_ydata()[:-1], following.lines[column].get_ydata()[:-1]]
+        )
+        np.testing.assert_array_equal(drawn, 1e3 * log.torque_b_n_m.reshape(-1, 3)[:, column])
+    assert turning.lines[0].get_xdata()[-1] == following.lines[0].get_xdata()[0]
+
+
+def test_limits_are_lines_where_they_are_near_and_words_where_they_are_far(log):
+    force, turning, _ = controls(log, MISSION).axes
+    assert [text.get_text() for text in force.texts] == ["limits ± 1 N off scale"]
+    assert [float(line.get_ydata()[0]) for line in turning.lines[3:]] == [-10.0, 10.0]
+
+
+def around(radius: float, count: int = 61) -> np.ndarray:
+    """A circle in the plane through the eye's direction and the vertical."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count)
+    azimuth = np.radians(-52.0)
+    across = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    return radius * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.array([0.0, 0.0, 1.0]))
+
+
+def test_the_chief_hides_what_is_behind_it():
+    track = around(50.0)
+    space = trajectories(Tracks(track[None], [BLUE], {}), MISSION).axes[0]
+    lines = sorted((c for c in space.collections if hasattr(c, "_segments3d")), key=lambda c: c.get_zorder())
+    behind, before = lines
+    (sphere,) = [c for c in space.collections if c.get_zorder() == 3.0]
+    assert behind.get_zorder() < sphere.get_zorder() < before.get_zorder()
+    elevation, azimuth = np.radians(24.0), np.radians(-52.0)
+    eye = np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    )
+    drawn = 0
+    for collection, sign in ((behind, -1.0), (before, 1.0)):
+        for piece in collection._segments3d:
+            drawn += len(piece) - 1
+            # a piece reaches to the first point on the other side
+            assert np.all(sign * (np.asarray(piece)[:-1] @ eye) >= 0.0)
+    assert drawn == len(track) - 1
+
+
+def test_planes_and_distance_show_the_flights():
+    tracks = np.stack([around(30.0), around(80.0)])
+    _, orbit, across, distance = trajectories(Tracks(tracks, FLIGHT_COLOURS[:2], {}), MISSION).axes
+    for ax, axes in ((orbit, (1, 0)), (across, (1, 2))):
+        for path, track in zip(ax.collections[0].get_segments(), tracks, strict=True):
+            np.testing.assert_array_equal(path, track[:, axes])
+    assert (orbit.get_xlabel(), orbit.get_ylabel()) == ("along-track j (m)", "radial i (m)")
+    for path, radius in zip(distance.collections[0].get_segments(), (30.0, 80.0), strict=True):
+        np.testing.assert_allclose(path[:, 1], radius)
+        np.testing.assert_array_equal(path[:, 0], 10.0 * np.arange(61))
+    assert [text.get_text() for text in distance.texts] == ["limit 15 m ", "limit 200 m "]
+
+
+def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
+    tracks = np.stack([around(60.0), around(60.0) * (1.0, 1.0, -1.0), -around(60.0)])
+    tracks[:, 0] += (0.0, 0.0, 5.0), (0.0, 0.0, -5.0), (0.0, 0.0, 0.0)
+    space, orbit, across, _ = trajectories(Tracks(tracks, FLIGHT_COLOURS[:3], {}), MISSION).axes
+    assert [text.get_text() for text in space.texts] == ["0", "1", "2"]
+    assert [text.get_text() for text in orbit.texts] == ["0, 1", "2"]
+    assert [text.get_text() for text in across.texts] == ["0", "1", "2"]
+
+
+def test_a_runaway_does_not_shrink_the_others_and_stands_out_from_the_crowd():
+    generator = np.random.default_rng(1)
+    tracks = np.stack([around(radius) for radius in generator.uniform(50.0, 90.0, 60)])
+    tracks[-1] = np.linspace((60.0, 0.0, 0.0), (5000.0, 0.0, 0.0), 61)
+    strays = np.arange(60) == 59
+    colours = [BLUE] * 59 + [PURPLE]
+    figure = trajectories(Tracks(tracks, colours, {"in": BLUE, "out": PURPLE}, strays), MISSION)
+    _, orbit, _, _ = figure.axes
+    assert orbit.get_xlim()[1] <= 1.1 * MISSION.deputy.max_distance_m
+    lines = orbit.collections[0]
+    assert lines.get_rasterized()
+    assert lines.get_linewidths()[-1] > 1.5 * lines.get_linewidths()[0]
+    assert lines.get_colors()[-1][3] > 1.2 * lines.get_colors()[0][3]
+    np.testing.assert_allclose(lines.get_colors()[-1][:3], to_rgba(PURPLE)[:3])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["in", "out"]
+
+
+def values_of(count: int, delta_v: np.ndarray) -> dict[str, np.ndarray]:
+    points = np.random.default_rng(2).integers(90, 100, count)
+    return dict(
+        zip(METRICS, (delta_v, 100.0 * points / 99.0, np.full(count, 66.0) + 0.1 * delta_v), strict=True)
+    )
+
+
+def test_small_samples_show_each_value_and_large_ones_are_counted():
+    few, many = np.linspace(1.0, 2.0, 8), np.random.default_rng(4).normal(1.5, 0.2, 500)
+    paper = dict.fromkeys(METRICS, 5.0)
+    figure = distributions(
+        [Sample("few", values_of(8, few), paper), Sample("many", values_of(500, many), paper)], 99
+    )
+    rows = np.array(figure.axes).reshape(2, 3)
+    (dots,) = [line for line in rows[0, 0].lines if line.get_marker() == "o"]
+    np.testing.assert_array_equal(dots.get_xdata(), few)
+    for ax in rows[1]:
+        assert sum(bar.get_height() for bar in ax.patches) == 500
+    # a bin for each possible count of points
+    rates = values_of(500, many)["inspection_rate_percent"]
+    counts, heights = np.unique(np.rint(rates * 0.99), return_counts=True)
+    bars = {round((bar.get_x() + bar.get_width() / 2) * 0.99): bar.get_height() for bar in rows[1, 1].patches}
+    assert [bars[int(count)] for count in counts] == heights.tolist()
+    assert "paper 5 →" in [text.get_text() for text in rows[1, 0].texts]
+    assert "← paper 5" in [text.get_text() for text in rows[1, 2].texts]
+    assert [ax.get_xlabel() for ax in rows[1]] == list(METRICS.values())
+
+
+def test_what_stands_far_apart_is_counted_beside_the_histogram():
+    many = np.append(np.random.default_rng(4).normal(1.5, 0.2, 500), [40.0, 50.0])
+    figure = distributions([Sample("many", values_of(502, many), {})], 99)
+    ax = figure.axes[0]
+    assert ax.get_xlim()[1] < 10.0
+    assert "2 more →" in [text.get_text() for text in ax.texts]
+    assert sum(bar.get_height() for bar in ax.patches) == 500
+
+
+def test_equal_values_make_a_picture_all_the_same():
+    figure = distributions([Sample("one", values_of(1, np.zeros(1)), {})], 99)
+    assert save(figure, "one", 40).png
+
+
+def test_convergence_shows_the_logbook_and_the_rounds():
+    history = {
+        "round": np.array([0, 0, 0, 1, 1]),
+        "best": np.array([1e6, 1e3, 5.0, 4.0, 3.0]),
+        "mean": np.array([1e9, 1e7, 1e4, 50.0, 40.0]),
+        "delta_v_m_s": np.array([9.0, 8.0, 5.0, 4.0, 3.0]),
+        "points": np.array([50.0, 80.0, 97.0, 98.0, 99.0]),
+        "outside": np.array([3.0, 1.0, 0.0, 0.0, 0.0]),
+        "short": np.array([8.0, 5.0, 2.0, 0.0, 0.0]),
+    }
+    fitness, delta_v, points, flights = convergence(history, 99, 95).axes
+    assert fitness.get_yscale() == "log"
+    by_label = {line.get_label(): line.get_ydata() for ax in (fitness, flights) for line in ax.lines}
+    np.testing.assert_array_equal(by_label["best"], history["best"])
+    np.testing.assert_array_equal(by_label["mean of the population"], history["mean"])
+    np.testing.assert_array_equal(by_label["outside the distance limits"], history["outside"])
+    np.testing.assert_array_equal(by_label["short of 95 points"], history["short"])
+    np.testing.assert_array_equal(delta_v.lines[0].get_ydata(), history["delta_v_m_s"])
+    np.testing.assert_array_equal(points.lines[0].get_ydata(), history["points"])
+    assert fitness.yaxis.get_major_formatter()(1e-3) == "10⁻³"
+    for ax in (fitness, delta_v, points, flights):
+        assert [2.5, 2.5] in [list(line.get_xdata()) for line in ax.lines]
+
+
+def test_a_front_shows_each_controller_once_and_names_those_apart():
+    spent = np.array([0.1, 0.2, 0.2005, 0.3, 0.5])
+    front = {
+        "controller": np.arange(5),
+        "champion": np.array([False, False, False, True, False]),
+        "stands": np.array([True, True, True, True, False]),
+        "validation_delta_v_m_s": spent,
+        "validation_inspection_rate_percent": np.array([80.0, 90.0, 90.01, 98.0, 97.0]),
+        "validation_success_percent": np.array([10.0, 50.0, 50.0, 97.0, 93.0]),
+        "validation_outside_percent": np.array([0.0, 0.5, 1.0, 0.0, 0.0]),
+    }
+    rate, ends = front_of_training(front, 95.0).axes
+    drawn = {line.get_label(): line.get_xdata() for line in (*rate.lines[:3], *ends.lines)}
+    np.testing.assert_array_equal(drawn["controller of the front"], spent[:3])
+    np.testing.assert_array_equal(drawn["dominated on these starts"], spent[4:])
+    np.testing.assert_array_equal(drawn["champion: 0.300 m/s, 98.00 %"], spent[3:4])
+    np.testing.assert_array_equal(drawn["at least 95 % inspected"], spent)
+    assert [text.get_text() for text in rate.texts] == ["00", "01", "03"]
+    np.testing.assert_array_equal(ends.lines[1].get_ydata(), front["validation_outside_percent"])
+
+
+def test_an_svg_in_a_page_has_ids_of_its_own_and_takes_the_pages_colours():
+    figure = distributions([Sample("id='x' \"fill: #0072b2\" <b>", values_of(8, np.arange(8.0)), {})], 99)
+    picture = save(figure, "one", 40)
+    one, two = inline(picture.svg, "one", 'a "b" <c>'), inline(picture.svg, "two", "d")
+    assert one.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" viewBox=')
+    assert "metadata" not in one
+    assert "<!--" not in one
+    assert "DejaVu" not in one
+    assert "var(--blue)" in one
+    # words stay as they are
+    assert '"fill: #0072b2" &lt;b&gt;' in one
+    assert 'id="one-' in one
+    assert 'id="two-' in two

@@ -1,0 +1,317 @@
+"""The report of runs: one file, complete, true to its sources, honest about what is missing."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from fis_tools.formats import serialize
+from fis_tools.review import page as review
+from fis_tools.words.text import summary
+from pipeline.command_line.cli import main
+from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import training_scenarios
+from pipeline.report import contents
+from pipeline.report.page import write
+from pipeline.report.pictures import draw
+from pipeline.run import artifacts
+from pipeline.run.artifacts import ArtifactError
+from tests.pipeline.report.runs import (
+    HOSTILE,
+    SECTIONS,
+    SMALL,
+    Page,
+    page_of,
+    run_of,
+    small_controller,
+    write_training,
+)
+
+#: with limits that some of the flights keep and others do not
+TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A run with everything but recordings: folder, experiment, page."""
+    folder = tmp_path_factory.mktemp("runs") / "trained"
+    folder.mkdir()
+    write_training(folder)
+    experiment = run_of(folder, ("scenario", "evaluate"), *TRAIN)
+    text = page_of(experiment, folder)
+    return folder, experiment, text, Page(text)
+
+
+def test_the_page_needs_no_other_file_and_leads_only_to_the_review(trained):
+    _, _, text, page = trained
+    for tag, attributes in page.tags:
+        assert tag not in ("script", "link", "iframe", "object", "embed", "base")
+        for name in ("src", "href", "xlink:href", "srcset", "action"):
+            value = attributes.get(name, "#")
+            assert value.startswith(("#", "data:")) or (tag, value) == ("a", artifacts.REVIEW)
+    assert not re.search(r"@import|url\((?!#)", text)
+    # the only addresses are names of XML's vocabularies, and none is left
+    assert "http" not in text
+
+
+def test_every_reference_of_the_page_has_its_target(trained):
+    _, _, text, page = trained
+    ids = page.ids()
+    assert len(ids) == len(set(ids))
+    wanted = set(re.findall(r"url\(#([^)]+)\)", text))
+    for _, attributes in page.tags:
+        wanted |= {attributes[name][1:] for name in ("href",) if attributes.get(name, "").startswith("#")}
+        wanted |= set(attributes.get("aria-labelledby", "").split())
+    assert wanted <= set(ids)
+
+
+def test_all_sections_are_there_with_their_pictures(trained):
+    folder, _, _, page = trained
+    assert [section["id"] for section in page.all("section") if section.get("id")] == list(SECTIONS)
+    names = {
+        "control-training-0",
+        "trajectories-training",
+        "trajectories-evaluation",
+        "distributions",
+        "convergence",
+    }
+    assert {path.stem for path in (folder / artifacts.FIGURES).iterdir()} == names
+    figures = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
+    assert figures == names
+    for svg in page.all("svg"):
+        assert svg["role"] == "img"
+        assert len(svg["aria-label"]) > 10
+    missing = {name for name, words in page.text.items() if "This run has no" in words}
+    assert missing == {"recordings"}
+
+
+def test_pictures_have_the_asked_resolution_and_are_not_blank(trained):
+    folder, experiment, _, _ = trained
+    for path in (folder / artifacts.FIGURES).iterdir():
+        pixels = imread(path)[..., :3]
+        assert pixels.std() > 0.02
+        if path.stem == "trajectories-training":
+            assert pixels.shape[:2] == (8.0 * experiment.report.dots_per_inch, 384)
+
+
+def test_numbers_are_those_of_the_summary(trained):
+    folder, experiment, text, page = trained
+    summary = json.loads((folder / artifacts.SUMMARY).read_text())
+    told = contents.gather(experiment, folder)
+    scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
+    episodes, _ = fly_cases(experiment.mission, told.controller, scenarios)
+    metrics = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m")
+    expected = [float(np.mean(episodes[name])) for name in metrics]
+    expected += [
+        np.mean(episodes["success"]),
+        np.mean(episodes["violated"]),
+        np.mean(episodes["success"] & ~episodes["violated"]),
+    ]
+    expected += [4.799, 99.748, 67.03]
+    expected += [summary[name]["mean"] for name in metrics]
+    expected += [summary[name]["fraction"] for name in ("success", "violated", "success_and_within_limits")]
+    expected += [5.62, 96.667, 66.629]
+    values = [float(value) for value in re.findall(r'<data value="([^"]+)">', text)]
+    np.testing.assert_allclose(values, expected, rtol=1e-12)
+    shares = [summary[name]["fraction"] for name in ("success", "violated", "success_and_within_limits")]
+    assert len({0.0, 1.0, *shares}) == 5, "the shares must differ for this test to see them exchanged"
+    words = " ".join(page.text["summary"].split())
+    assert f"{100 * shares[0]:.1f} % of the flights reach 30 %" in words
+    assert f"{summary['violated']['count']} leave 15 to 120 m" in words
+    for share in shares:
+        assert f"{100 * share:.1f} %" in words
+    told_of_rate = summary["inspection_rate_percent"]
+    assert f"{told_of_rate['mean']:.2f} ± {told_of_rate['standard_deviation']:.2f}" in text
+    assert f"{told_of_rate['low']:.2f} to {told_of_rate['high']:.2f}" in text
+    assert "5.62 ± 0.715" in text
+    assert "4.799 ± 0.458" in text
+
+
+def test_the_controller_is_reviewed_on_a_page_of_its_own(trained):
+    folder, _, _, page = trained
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    assert artifacts.REVIEW in [link.get("href") for link in page.all("a")]
+    for system in champion.systems:
+        assert summary(system) in page.text["controller"]
+    assert (folder / artifacts.REVIEW).read_text() == review.write(champion)
+
+
+def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(tmp_path):
+    overrides = ("+experiment=fly", "controller=file", f"controller.path={small_controller(tmp_path)}")
+    run_of(tmp_path, ("record", "report"), *overrides)
+    path = tmp_path / artifacts.REVIEW
+    recordings = sorted((tmp_path / artifacts.RECORDINGS).glob("*.mcap"))
+    assert "along the flight" in path.read_text()
+    assert path.read_text() == review.write(serialize.load(tmp_path / "one_axis.json"), recordings)
+    (tmp_path / artifacts.CONTROLLER).unlink()
+    run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
+    assert not path.exists()
+
+
+def test_text_stands_out_from_the_page_in_light_and_dark(trained):
+    _, _, text, _ = trained
+    schemes = re.findall(r":root \{(.*?)\}", text, re.DOTALL)[:2]
+    for scheme in schemes:
+        colours = dict(re.findall(r"--(\w+): (#\w{6})", scheme))
+        for name in ("ink", "muted", "accent"):
+            for ground in ("paper", "panel", "band"):
+                if ground in colours:
+                    assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast ratio of two colours (WCAG 2.2)."""
+
+    def luminance(colour: str) -> float:
+        channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+        return float(linear @ (0.2126, 0.7152, 0.0722))
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_the_page_says_where_the_run_comes_from(trained):
+    folder, experiment, _, page = trained
+    manifest = artifacts.read_manifest(folder)
+    words = page.text["provenance"]
+    assert manifest["config_hash"] in words
+    assert manifest["versions"]["numpy"] in words
+    assert manifest["sha256"][artifacts.EPISODES] in words
+    assert f"python -m pipeline stages=[report] hydra.run.dir={folder.as_posix()}" in words
+    assert "command line of this run was not kept" in words
+    assert f"seed\n{experiment.seed}" in re.sub(r"\n+", "\n", words) or f"seed{experiment.seed}" in words
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        {
+            artifacts.TRAJECTORIES: ("evaluation", "trajectories.parquet; the stage evaluate writes it"),
+            artifacts.LOGBOOK: ("convergence", "logbook.csv; the stage train writes it"),
+            artifacts.MANIFEST: ("provenance", "manifest.json; python -m pipeline writes it"),
+        },
+        {
+            artifacts.EPISODES: ("distributions", "episodes.parquet; the stage evaluate writes it"),
+            artifacts.CHAMPION: ("controller", "champion.json; the stage train writes it"),
+        },
+    ],
+)
+def test_what_is_missing_is_left_out_with_a_sentence(trained, missing):
+    folder, experiment, _, full = trained
+    kept = {name: (folder / name).read_bytes() for name in missing}
+    for name in missing:
+        (folder / name).unlink()
+    try:
+        page = Page(page_of(experiment, folder))
+    finally:
+        for name, content in kept.items():
+            (folder / name).write_bytes(content)
+    for section, sentence in missing.values():
+        assert sentence in " ".join(page.text[section].split())
+        assert "This run has no" not in full.text[section]
+    if artifacts.CHAMPION in missing:
+        assert "the stage train the champion" in " ".join(page.text["training"].split())
+    stems = {path.stem for path in (folder / artifacts.FIGURES).iterdir()}
+    shown = {figure["id"].removeprefix("figure-") for figure in page.all("figure")}
+    assert shown == stems
+
+
+def test_a_summary_is_made_from_the_episodes_where_it_is_missing(trained):
+    folder, experiment, text, _ = trained
+    path = folder / artifacts.SUMMARY
+    kept = path.read_text()
+    path.unlink()
+    try:
+        again = page_of(experiment, folder)
+    finally:
+        path.write_text(kept)
+    values = re.findall(r'<data value="([^"]+)">', text)
+    assert re.findall(r'<data value="([^"]+)">', again) == values
+
+
+def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained):
+    folder, experiment, text, _ = trained
+    own, other = (folder / artifacts.FIGURES / name for name in ("control-start.png", "mine.png"))
+    for path in (own, other):
+        path.write_bytes(b"")
+    assert page_of(experiment, folder) == text
+    assert not own.exists()
+    assert other.exists()
+    other.unlink()
+
+
+def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
+    controller = ("controller=file", f"controller.path={small_controller(tmp_path)}")
+    stages = ("scenario", "evaluate", "record", "report")
+    run_of(tmp_path, stages, "+experiment=evaluate", "sun=random", *controller)
+    page = Page((tmp_path / artifacts.REPORT).read_text())
+    (median,) = (path.stem for path in (tmp_path / artifacts.RECORDINGS).glob("median-*.mcap"))
+    assert (tmp_path / artifacts.FIGURES / f"control-{median}.png").exists()
+    assert f"Case {median.split('-')[-1]}, the median" in page.text["control"]
+    assert f"{artifacts.RECORDINGS}/{median}.mcap" in page.text["recordings"]
+    assert "the stage scenario writes the starts" in page.text["training"]
+    assert "logbook.csv" in page.text["convergence"]
+    assert "Sun random" in page.text["summary"]
+
+
+def test_one_flight_is_reported_alone(tmp_path):
+    overrides = ("+experiment=fly", "controller=coast", "stages=[record,report]")
+    experiment = run_of(tmp_path, ("record", "report"), *overrides)
+    page = Page((tmp_path / artifacts.REPORT).read_text())
+    told = contents.gather(experiment, tmp_path)
+    (flight,) = told.shown
+    log = fly_logged(experiment.mission, told.controller, flight.scenario)
+    assert f"inspects {log.is_inspected[-1].sum()} of 99 points for 0.000 m/s" in page.text["summary"]
+    assert "The controller coast has no fuzzy systems." in page.text["controller"]
+    assert {figure["id"] for figure in page.all("figure")} == {
+        "figure-control-start",
+        "figure-trajectories-start",
+    }
+    for section in ("training", "evaluation", "distributions", "convergence"):
+        assert "This run has no" in page.text[section]
+    first = (tmp_path / artifacts.REPORT).read_bytes()
+    run_of(tmp_path, ("report",), *overrides)
+    assert "report" in artifacts.read_manifest(tmp_path)["finished_stages"]
+    assert (tmp_path / artifacts.REPORT).read_bytes() == first
+
+
+def test_names_are_text_and_no_markup(trained):
+    folder, experiment, _, _ = trained
+    told = contents.gather(experiment, folder)
+    (system,) = told.controller.systems
+    hostile = replace(told.controller, name=HOSTILE, systems=(replace(system, name=HOSTILE),))
+    hostile_run = replace(experiment, report=replace(experiment.report, title=HOSTILE))
+    told = replace(told, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE)
+    illustrations = draw(told)
+    assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
+    page = Page(write(told, illustrations))
+    assert page.all("script") == []
+    assert page.text["controller"].count(HOSTILE) >= 2
+    assert HOSTILE in page.text["provenance"]
+    assert HOSTILE in page.text["summary"]
+
+
+def test_a_damaged_file_is_refused_in_words(trained):
+    folder, experiment, _, _ = trained
+    for name in (artifacts.LOGBOOK, artifacts.SUMMARY, artifacts.EPISODES):
+        path = folder / name
+        kept = path.read_bytes()
+        path.write_bytes(b"best\nno number\n")
+        try:
+            with pytest.raises(ArtifactError, match="repeat the stage"):
+                page_of(experiment, folder)
+        finally:
+            path.write_bytes(kept)
+
+
+def test_the_stage_is_repeated_on_the_files_of_a_run(trained, capsys):
+    folder, _, _, _ = trained
+    command = ["stages=[report]", f"hydra.run.dir={folder}"]
+    assert main([*command, *TRAIN, *SMALL, "report.title=Another title"]) == 0
+    assert "<h1>Another title</h1>" in (folder / artifacts.REPORT).read_text()
+    assert "pictures" in capsys.readouterr().err

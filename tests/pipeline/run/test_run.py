@@ -1,0 +1,347 @@
+"""Runs: their folder, resuming, repeating a stage, sweeps, interrupts and faults."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.command_line.cli import main
+from pipeline.command_line.config import conf_folder
+from pipeline.run import artifacts
+from tests.pipeline.command_line.cases import use_stages
+
+FLY = ["+experiment=fly", "controller=coast"]
+EVALUATE = ["+experiment=evaluate", "controller=coast"]
+STAGES = ["scenario", "evaluate", "record", "report"]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run_folder(*parts: str) -> Path:
+    """The only run's folder."""
+    (folder,) = [path for path in Path("outputs", *parts).iterdir() if path.is_dir()]
+    return folder
+
+
+def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, capsys):
+    called = use_stages(monkeypatch)
+    assert main([*EVALUATE, "seed=5", "monte_carlo.num_cases=12"]) == 0
+    folder = run_folder("evaluate")
+    assert not set("=, ") & set(folder.as_posix())
+    assert [name for name, _, _ in called] == STAGES
+    for _, experiment, given in called:
+        assert given.resolve() == folder.resolve()
+        assert (experiment.seed, experiment.monte_carlo.num_cases, experiment.resume) == (5, 12, False)
+    assert capsys.readouterr().out == f"{folder}\n"
+    assert (folder / ".hydra" / "overrides.yaml").exists()
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    assert (config["seed"], config["name"], config["controller"]) == (5, "evaluate", {"kind": "coast"})
+    assert "hydra" not in config
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["finished_stages"] == STAGES
+    assert manifest["seed"] == 5
+    assert set(manifest["sha256"]) == {"config.yaml", *(f"{stage}.txt" for stage in STAGES)}
+    assert manifest["versions"]["deap"]
+    assert "stage report took" in (folder / "pipeline.log").read_text()
+
+
+def test_the_working_directory_stays(monkeypatch, tmp_path):
+    use_stages(monkeypatch, record=lambda _experiment, _folder: Path("here.txt").write_text("x"))
+    assert main(FLY) == 0
+    assert (tmp_path / "here.txt").exists()
+
+
+def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
+    called = use_stages(monkeypatch)
+    assert main(["-m", *EVALUATE, "seed=1,2", "sun=fixed,random"]) == 0
+    sweep = run_folder("evaluate-sweep")
+    assert sorted(path.name for path in sweep.iterdir() if path.is_dir()) == ["0", "1", "2", "3"]
+    seen = {(experiment.seed, experiment.sun.mode) for _, experiment, _ in called}
+    assert seen == {(1, "fixed"), (1, "random"), (2, "fixed"), (2, "random")}
+    assert len(called) == 16
+    for index in range(4):
+        manifest = artifacts.read_manifest(sweep / str(index))
+        assert manifest["finished_stages"] == STAGES
+
+
+def test_options_may_stand_between_overrides(monkeypatch):
+    called = use_stages(monkeypatch)
+    assert main(["+experiment=fly", "-m", "controller=coast", "seed=3,4"]) == 0
+    assert [experiment.seed for _, experiment, _ in called] == [3, 4]
+
+
+@pytest.mark.parametrize("name", ["own.json", "a b.yaml", "x=y,z.json", "it's.yml"])
+def test_a_controller_may_be_a_path(name, monkeypatch):
+    called = use_stages(monkeypatch)
+    monkeypatch.setattr("pipeline.command_line.cli._check_controller", lambda _experiment: None)
+    assert (
+        main(["+experiment=fly", f"controller=folder/{name}" if "," not in name else f"controller='{name}'"])
+        == 0
+    )
+    (_, experiment, _) = called[0]
+    assert experiment.controller == {"path": f"folder/{name}" if "," not in name else name}
+
+
+def test_several_controllers_in_a_sweep(monkeypatch):
+    called = use_stages(monkeypatch)
+    monkeypatch.setattr("pipeline.command_line.cli._check_controller", lambda _experiment: None)
+    assert main(["-m", "+experiment=fly", "controller=a.json,b c.yaml"]) == 0
+    assert [experiment.controller["path"] for _, experiment, _ in called] == ["a.json", "b c.yaml"]
+
+
+def test_experiments_of_the_users(monkeypatch, tmp_path):
+    called = use_stages(monkeypatch)
+    (tmp_path / "mine" / "experiment").mkdir(parents=True)
+    (tmp_path / "mine" / "sun").mkdir()
+    (tmp_path / "mine" / "sun" / "low.yaml").write_text("mode: fixed\nangle_deg: 45.0\n")
+    (tmp_path / "mine" / "experiment" / "own.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - override /sun: low\nname: own\nstages: [record]\n"
+    )
+    assert main(["+experiment=own", "controller=coast", "--config-dir", "mine"]) == 0
+    assert called[0][1].sun.angle_deg == 45.0
+    assert run_folder("own").exists()
+
+
+def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys):
+    def stop(_experiment, folder):
+        artifacts.write_atomically(folder / artifacts.CHECKPOINT, "state")
+        raise KeyboardInterrupt
+
+    use_stages(monkeypatch, evaluate=stop)
+    assert main([*EVALUATE, "seed=9"]) == 130
+    told = capsys.readouterr().err
+    folder = run_folder("evaluate")
+    assert (
+        f"interrupted in the stage evaluate (finished before: scenario); kept in {folder}: scenario.txt"
+        in told
+    )
+    assert f"python -m pipeline resume={folder}" in told
+    assert "Traceback" not in told
+    called = use_stages(monkeypatch)
+    assert main([f"resume={folder}"]) == 0
+    assert [(name, e.seed, e.resume) for name, e, _ in called] == [
+        ("evaluate", 9, True), ("record", 9, True), ("report", 9, True),
+    ]  # fmt: skip
+    assert run_folder("evaluate") == folder
+    called.clear()
+    assert main(["+experiment=evaluate", f"resume={folder}"]) == 0
+    assert called == []
+    assert "nothing is left to do" in capsys.readouterr().err
+
+
+def test_an_interrupted_sweep_stops(monkeypatch):
+    def stop(_experiment, _folder):
+        raise KeyboardInterrupt
+
+    called = use_stages(monkeypatch, record=stop)
+    assert main(["-m", *FLY, "seed=1,2,3"]) == 130
+    assert len(called) == 1
+
+
+@pytest.mark.parametrize("other", ["seed=2", "+experiment=train", "sun=random"])
+def test_resume_takes_no_other_settings(other, monkeypatch, capsys):
+    called = use_stages(monkeypatch)
+    main(FLY)
+    called.clear()
+    assert main([f"resume={run_folder('fly')}", other]) == 2
+    assert f"drop {other}" in capsys.readouterr().err
+    assert called == []
+
+
+def test_resume_refuses_an_edited_configuration(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(FLY)
+    path = run_folder("fly") / "config.yaml"
+    path.write_text(path.read_text().replace("seed: 1", "seed: 2"))
+    assert main([f"resume={run_folder('fly')}"]) == 2
+    assert "is not what the run was made with" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("base", [[], EVALUATE])
+def test_a_stage_is_repeated_on_an_earlier_runs_files(base, monkeypatch):
+    use_stages(monkeypatch)
+    main([*EVALUATE, *(["seed=8"] if not base else [])])
+    folder = run_folder("evaluate")
+    before = (folder / "config.yaml").read_text()
+    called = use_stages(monkeypatch, report=lambda _e, f: (f / "report.txt").write_text("again"))
+    assert main([*base, "stages=[report]", f"hydra.run.dir={folder}"]) == 0
+    assert [name for name, _, _ in called] == ["report"]
+    assert called[0][1].seed == (1 if base else 8)
+    assert not called[0][1].resume
+    assert (folder / "report.txt").read_text() == "again"
+    assert (folder / "config.yaml").read_text() == before
+    manifest = artifacts.read_manifest(folder)
+    assert manifest["finished_stages"] == STAGES
+    assert manifest["sha256"]["report.txt"] == artifacts.file_hash(folder / "report.txt")
+
+
+def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
+    use_stages(monkeypatch)
+    main(EVALUATE)
+    folder = run_folder("evaluate")
+    main(["stages=[evaluate]", f"hydra.run.dir={folder}"])
+    assert artifacts.read_manifest(folder)["finished_stages"] == ["scenario", "evaluate"]
+    called = use_stages(monkeypatch)
+    main([f"resume={folder}"])
+    assert [name for name, _, _ in called] == ["record", "report"]
+
+
+def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(EVALUATE)
+    folder = run_folder("evaluate")
+    called = use_stages(monkeypatch)
+    again = [*EVALUATE, "stages=[report]", f"hydra.run.dir={folder}"]
+    assert main([*again, "report.dots_per_inch=300"]) == 0
+    assert called[0][1].report.dots_per_inch == 300
+    assert artifacts.read_config(folder)["stages"] == STAGES
+    assert main([*again, "report.dots_per_inch=300", "seed=2"]) == 2
+    assert "was made with another seed" in capsys.readouterr().err
+    assert main([*EVALUATE, f"hydra.run.dir={folder}"]) == 2
+    assert "holds a run already" in capsys.readouterr().err
+    assert main(["stages=[reprt]", f"hydra.run.dir={folder}"]) == 2
+    assert "did you mean report?" in capsys.readouterr().err
+
+
+def test_what_differs_from_an_earlier_run_is_told_in_short(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(["+experiment=evaluate", "controller=paper"])
+    folder = run_folder("evaluate")
+    capsys.readouterr()
+    again = ["stages=[evaluate]", f"hydra.run.dir={folder}"]
+    assert main(["+experiment=evaluate", *again, "controller=paper", "seed=9", "deputy.mass_kg=13"]) == 2
+    assert capsys.readouterr().err == (
+        f"error: {folder} was made with another deputy.mass_kg (then 12.0, now 13), seed (then 1, now 9); "
+        "drop what changes that, or start a new run\n"
+    )
+    assert main([*again, "seed=9", "controller=coast"]) == 2
+    told = capsys.readouterr().err
+    assert "controller (then {'schema': " in told
+    assert "..., now {'kind': 'coast'}), name (then evaluate, now pipeline), seed (" in told
+    assert len(told) < 600
+
+
+@pytest.mark.parametrize("is_there", [False, True])
+def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, capsys):
+    called = use_stages(monkeypatch)
+    if is_there:
+        Path("typo").mkdir()
+    assert main(["stages=[report]", "hydra.run.dir=typo"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(
+        "error: typo holds no run; give the folder of a run to repeat stages of it, or add"
+    )
+    assert called == []
+    assert Path("typo").exists() is is_there
+    assert not Path("typo", ".hydra").exists()
+
+
+def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]
+    assert main([*sweep, "seed=1,2"]) == 0
+    before = {path: path.read_bytes() for path in Path("sweep").glob("?/[a-z]*.*")}
+    called = use_stages(monkeypatch)
+    capsys.readouterr()
+    assert main([*sweep, "seed=3,2"]) == 2
+    told = capsys.readouterr().err
+    assert f"{Path('sweep', '0')} holds another run; choose another hydra.run.dir" in told
+    assert f"resume={Path('sweep', '0')}" in told
+    assert [experiment.seed for _, experiment, _ in called] == [2]
+    assert all(path.read_bytes() == before[path] for path in before if path.parent.name == "0")
+
+
+def test_a_run_is_not_put_where_the_files_of_another_lie(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(EVALUATE)
+    folder = run_folder("evaluate")
+    called = use_stages(monkeypatch)
+    (folder / "config.yaml").unlink()
+    assert main([*FLY, f"hydra.run.dir={folder}"]) == 2
+    assert "has no config.yaml; choose the folder of a run" in capsys.readouterr().err
+    assert called == []
+
+
+@pytest.mark.parametrize("key", ["config_hash", "finished_stages"])
+def test_a_damaged_manifest_is_told(key, monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(FLY)
+    folder = run_folder("fly")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    del manifest[key]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    for words in (["stages=[record]", f"hydra.run.dir={folder}"], [f"resume={folder}"]):
+        assert main(words) == 2
+        told = capsys.readouterr().err
+        assert f"manifest.json is damaged, it has no proper {key}; restore it" in told
+        assert "Traceback" not in told
+
+
+def test_a_configuration_that_lacks_a_key_is_told(monkeypatch, capsys):
+    use_stages(monkeypatch)
+    main(FLY)
+    folder = run_folder("fly")
+    config = artifacts.read_config(folder)
+    del config["name"]
+    artifacts.write_config(folder, config)
+    artifacts.write_json(
+        folder / "manifest.json",
+        {**artifacts.read_manifest(folder), "config_hash": artifacts.config_hash(config)},
+    )
+    assert main([f"resume={folder}", "+experiment=fly"]) == 2
+    told = capsys.readouterr().err
+    assert "config.yaml is no configuration of this program's (the key name is missing" in told
+    assert "Traceback" not in told
+
+
+def test_our_own_configurations_are_no_run(capsys):
+    assert main([f"resume={conf_folder()}"]) == 2
+    assert f"{conf_folder()} is no run's folder, it has no manifest.json" in capsys.readouterr().err
+
+
+def test_memory_that_is_not_enough_is_told_in_a_sentence(monkeypatch, capsys):
+    def fail(_experiment, _folder):
+        raise MemoryError
+
+    use_stages(monkeypatch, record=fail)
+    assert main(FLY) == 2
+    told = capsys.readouterr().err
+    assert "error: there is not enough memory for this; lower monte_carlo.num_cases" in told
+    assert "Traceback" not in told
+
+
+@pytest.mark.parametrize("error", [artifacts.ArtifactError("champion.json is missing"), OSError("disk full")])
+def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, capsys):
+    def fail(_experiment, _folder):
+        raise error
+
+    use_stages(monkeypatch, record=fail)
+    assert main(FLY) == 2
+    told = capsys.readouterr().err
+    assert f"error: {error}" in told
+    assert "Traceback" not in told
+    assert "Traceback" in (run_folder("fly") / "pipeline.log").read_text()
+    assert artifacts.read_manifest(run_folder("fly"))["finished_stages"] == []
+
+
+def test_a_fault_of_the_program_shows_its_traceback(monkeypatch, capsys):
+    def fail(_experiment, _folder):
+        raise ZeroDivisionError
+
+    use_stages(monkeypatch, record=fail)
+    with pytest.raises(SystemExit) as ended:
+        main(FLY)
+    assert ended.value.code == 1
+    assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_printing_the_configuration_makes_no_folder(monkeypatch, capsys):
+    called = use_stages(monkeypatch)
+    assert main([*FLY, "--cfg", "job"]) == 0
+    assert "mass_kg: 12.0" in capsys.readouterr().out
+    assert called == []
+    assert not Path("outputs").exists()

@@ -1,0 +1,250 @@
+"""Values that cannot be are refused with the fact, the expectation and the cure."""
+
+import math
+
+import pytest
+
+from pipeline.settings.experiment import SettingError
+from pipeline.settings.schema import experiment_from
+from tests.pipeline.command_line.cases import plain_config
+
+CASES = [
+    ("orbit.mean_motion_rad_s", 0.0, "orbit.mean_motion_rad_s is 0.0; it must be greater than 0 (rad/s)"),
+    ("deputy.mass_kg", -12.0, "deputy.mass_kg is -12.0; it must be greater than 0 (kg)"),
+    ("deputy.mass_kg", 9e-4, "deputy.mass_kg is 0.0009; it must be at least 0.001 (kg)"),
+    ("deputy.mass_kg", math.nan, "deputy.mass_kg is nan; it must be a finite number"),
+    ("deputy.mass_kg", math.inf, "deputy.mass_kg is inf; it must be a finite number"),
+    ("deputy.mass_kg", "heavy", "deputy.mass_kg is 'heavy'; it must be a number"),
+    ("deputy.mass_kg", True, "deputy.mass_kg is True; it must be a number"),
+    ("deputy.mass_kg", None, "deputy.mass_kg is None; it must be a number"),
+    ("deputy.min_distance_m", 250.0, "is 250.0 and deputy.max_distance_m is 200.0; the first must be less"),
+    ("deputy.min_distance_m", 200.0, "the first must be less than the second (m)"),
+    ("deputy.min_distance_m", -1.0, "deputy.min_distance_m is -1.0; it must be at least 0 (m)"),
+    ("deputy.max_force_n", 0.0, "deputy.max_force_n is 0.0; it must be greater than 0 (N)"),
+    ("deputy.initial_position_m", [75.0, 0.0], "has 2 numbers; it must have three, [x, y, z] (m)"),
+    ("deputy.initial_position_m", [0.0, 0.0, 0.0], "the chief's own place"),
+    ("deputy.initial_position_m", 75.0, "deputy.initial_position_m is 75.0; it must be a list"),
+    (
+        "deputy.initial_velocity_m_s",
+        [0.0, math.nan, 0.0],
+        "initial_velocity_m_s[1] is nan; it must be a finite",
+    ),
+    ("deputy.initial_velocity_m_s", [0.0, 800.0, 800.0], "its length must be at most 1000 (m/s)"),
+    ("deputy.inertia_kg_m2", [[1, 0, 0], [0, 1, 0]], "it must be three rows of three numbers in kg m^2"),
+    (
+        "deputy.inertia_kg_m2",
+        [[1, 0.2, 0], [0, 1, 0], [0, 0, 1]],
+        "not symmetric; set [i][j] equal to [j][i]",
+    ),
+    (
+        "deputy.inertia_kg_m2",
+        [[1, 0, 0], [0, 1, 0], [0, 0, 0]],
+        "moments 0, 1, 1 kg m^2; all must be greater",
+    ),
+    ("deputy.inertia_kg_m2", [[1, 1, 0], [1, 1, 0], [0, 0, 1]], "all must be greater than 0"),
+    ("deputy.inertia_kg_m2", [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "moments -1, 1, 1 kg m^2"),
+    ("deputy.inertia_kg_m2", [[1, 0, 0], [0, 1, 0], [0, 0, 3]], "no rigid body has one greater than the sum"),
+    ("chief.inertia_kg_m2", [[1, 0, 0], [0, 1, 0], [0, 0, 0]], "chief.inertia_kg_m2 has the principal"),
+    ("chief.initial_angular_velocity_rad_s", [0.1], "has 1 numbers; it must have three, [x, y, z] (rad/s)"),
+    ("chief.num_points", 0, "chief.num_points is 0; it must be a whole number of at least 1"),
+    ("chief.num_points", 10_001, "chief.num_points is 10001; it must be from 1 to 10000"),
+    ("chief.num_points", 99.5, "chief.num_points is 99.5; it must be a whole number"),
+    ("chief.placement", "deserto", "it must be one of deserno, fibonacci; did you mean deserno?"),
+    ("sensor.half_angle_deg", 0.0, "sensor.half_angle_deg is 0.0; it must be greater than 0 (deg)"),
+    ("sensor.half_angle_deg", 90.0, "sensor.half_angle_deg is 90.0; it must be from 0 to 89.9 (deg)"),
+    ("sensor.boresight", [-1.0, 1.0, 0.0], "has length 1.41421; it must be a unit vector: divide it by its"),
+    (
+        "sun.mode",
+        "randm",
+        "sun.mode is 'randm'; it must be one of fixed, random, mixed; did you mean random?",
+    ),
+    ("attitude.proportional_gain", 0.0, "attitude.proportional_gain is 0.0; it must be greater than 0"),
+    (
+        "attitude.derivative_gain",
+        2.0,
+        "attitude.derivative_gain is 2 and attitude_period_s 1, with the product",
+    ),
+    ("attitude_period_s", 10.0, "an error in rate into one 2.2 times as great: lower one of them"),
+    ("attitude.pole_blending", "maybe", "attitude.pole_blending is 'maybe'; it must be true or false"),
+    ("guidance.kind", "clustr", "did you mean clusters?"),
+    (
+        "attitude_period_s",
+        3.0,
+        "attitude_period_s is 3.0 s and control_period_s is 10.0 s; the first must fit",
+    ),
+    ("attitude_period_s", 3.0, "a whole number of times, as 3.33333 s does"),
+    ("attitude_period_s", 0.0, "attitude_period_s is 0.0; it must be greater than 0 (s)"),
+    ("attitude_period_s", 20.0, "as 10 s does"),
+    ("control_period_s", 7.0, "the first must fit into the second a whole number of times"),
+    ("duration_s", 3605.0, "control_period_s is 10.0 s and duration_s is 3605.0 s"),
+    (
+        "duration_s",
+        1_000_010.0,
+        "makes 100001 control periods; there must be at most 100000: shorten the first",
+    ),
+    ("duration_s", -3600.0, "duration_s is -3600.0; it must be greater than 0 (s)"),
+    (
+        "inspection_threshold_percent",
+        101,
+        "inspection_threshold_percent is 101.0; it must be from 0 to 100 (%)",
+    ),
+    (
+        "starts.num_cases",
+        0,
+        "starts.num_cases is 0; it must be a whole number of at least 1; without scenarios",
+    ),
+    ("starts.num_cases", 9, "octants are eight starts at one distance: set starts.num_cases=8"),
+    (
+        "starts.min_distance_m",
+        80.0,
+        "is 80.0 and starts.max_distance_m is 75.0; the first must not be greater",
+    ),
+    (
+        "monte_carlo.num_cases",
+        0,
+        "monte_carlo.num_cases is 0; it must be a whole number of at least 1; without",
+    ),
+    ("monte_carlo.num_cases", -5, "monte_carlo.num_cases is -5"),
+    (
+        "monte_carlo.min_distance_m",
+        5.0,
+        "monte_carlo.min_distance_m is 5.0, outside the limits of the flight",
+    ),
+    ("monte_carlo.max_distance_m", 300, "from deputy.min_distance_m=15 to deputy.max_distance_m=200 (m)"),
+    ("monte_carlo.workers", 0, "monte_carlo.workers is 0; it must be a whole number of at least 1, or null"),
+    (
+        "optimizer.population_size",
+        1,
+        "optimizer.population_size is 1; it must be a whole number of at least 2",
+    ),
+    ("optimizer.generations", 0, "optimizer.generations is 0; it must be a whole number of at least 1"),
+    ("optimizer.crossover_rate", 1.2, "optimizer.crossover_rate is 1.2; it must be from 0 to 1"),
+    ("optimizer.crossover_rate", 0.95, "together more than the whole population; lower one of them"),
+    ("optimizer.stall_generations", 0, "at least 1, or null for none"),
+    ("optimizer.rounds", 0, "optimizer.rounds is 0; it must be a whole number of at least 1"),
+    ("optimizer.split", "hole", "it must be one of whole, rest; did you mean whole?"),
+    ("optimizer.encoding.output_range_n", [0.3, 0.01], "output_range_n[0] is 0.3 and"),
+    ("optimizer.encoding.output_range_n", [0.0, 0.3], "it must be greater than 0 (N)"),
+    ("optimizer.encoding.output_range_n", [0.3], "it must be a lower and an upper bound, [low, high]"),
+    ("optimizer.encoding.standard_deviation_fraction", [0.0, 0.3], "fraction[0] is 0.0; it must be greater"),
+    (
+        "optimizer.encoding.mean_window",
+        1.0,
+        "optimizer.encoding.mean_window is 1.0; it must be from 0 to 0.99",
+    ),
+    ("optimizer.penalty.c_d", -1.0, "optimizer.penalty.c_d is -1.0; it must be at least 0 (m/s)"),
+    ("report.training_case", 8, "but there are 8 training scenarios; choose one from 0 to 7"),
+    ("seed", -1, "seed is -1; it must be a whole number of at least 0"),
+    ("seed", "one", "seed is 'one'; it must be a whole number"),
+    ("name", "a=b", "name is 'a=b'; it names a folder: use letters, digits"),
+    ("name", "", "name is ''; it names a folder"),
+    (
+        "stages",
+        [],
+        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, compare, report",
+    ),
+    ("stages", ["reprt"], "stages has 'reprt'; did you mean report?"),
+    ("stages", ["report", "evaluate"], "name each once in the order scenario, train"),
+    ("stages", ["train"], "a controller of kind coast has nothing to train"),
+    ("stages", "train", "stages is 'train'; it must be a list"),
+    ("controller", {}, "controller is neither written out (systems) nor a file (path) nor of a kind"),
+    (
+        "controller",
+        {"kind": "cost"},
+        "controller.kind is 'cost'; it must be one of open_loop, coast, natural_motion, lqr, "
+        "receding_horizon; did you mean coast?",
+    ),
+    ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
+    ("controller", {"path": "x", "name": "y"}, "one of kind file has path"),
+    ("deputy", 3, "deputy is 3; it must be a group of keys: mass_kg"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "message"), CASES, ids=[f"{k}={v}" for k, v, _ in CASES])
+def test_impossible_values(key, value, message):
+    config = plain_config()
+    *groups, last = key.split(".")
+    node = config
+    for group in groups:
+        node = node[group]
+    node[last] = value
+    with pytest.raises(SettingError) as refusal:
+        experiment_from(config)
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("attitude_period_s", 0.1),
+        ("attitude_period_s", 10.0 / 3.0),
+        ("sensor.half_angle_deg", 89.9),
+        ("attitude_period_s", 5.0),
+        ("attitude.derivative_gain", 1.99),
+        ("deputy.inertia_kg_m2", [[2.0, 0.1, 0.0], [0.1, 3.0, -0.2], [0.0, -0.2, 4.0]]),
+        ("deputy.min_distance_m", 0.0),
+        ("chief.initial_angular_velocity_rad_s", None),
+        ("optimizer.population_size", 1e3),
+        ("optimizer.elitism_rate", 0.0),
+        ("duration_s", 10),
+        ("duration_s", 1_000_000),
+        ("chief.num_points", 10_000),
+        ("deputy.mass_kg", 1e-3),
+    ],
+)
+def test_unusual_values_that_can_be(key, value):
+    config = plain_config()
+    *groups, last = key.split(".")
+    node = config
+    for group in groups:
+        node = node[group]
+    node[last] = value
+    assert experiment_from(config).name == config["name"]
+
+
+@pytest.mark.parametrize("position", [[10.0, 0.0, 0.0], [0.0, -200.1, 0.0]])
+def test_a_recorded_start_lies_within_the_limits_of_the_flight(position):
+    config = plain_config()
+    config["deputy"]["initial_position_m"] = position
+    experiment_from(config)
+    config["telemetry"]["record_start"] = True
+    distance = f"{math.dist(position, [0.0, 0.0, 0.0]):g}"
+    with pytest.raises(SettingError) as refusal:
+        experiment_from(config)
+    assert f"deputy.initial_position_m is {distance} m from the chief, outside" in str(refusal.value)
+    assert "from deputy.min_distance_m=15 to deputy.max_distance_m=200 (m): move" in str(refusal.value)
+    config["deputy"]["initial_position_m"] = [0.0, 15.0, 0.0]
+    experiment_from(config)
+
+
+def test_gains_do_not_matter_to_an_attitude_that_is_ideal():
+    config = plain_config("attitude=ideal", "attitude_period_s=10.0")
+    assert experiment_from(config).mission.num_attitude_steps == 1
+
+
+def test_missing_and_unknown_keys_of_a_composed_configuration():
+    config = plain_config()
+    del config["deputy"]["mass_kg"]
+    with pytest.raises(
+        SettingError, match=r"the key deputy.mass_kg is missing; give it a value, deputy.mass_kg="
+    ):
+        experiment_from(config)
+    config = plain_config()
+    config["deputy"]["mass"] = 3.0
+    with pytest.raises(SettingError, match=r"there is no key deputy.mass; did you mean deputy.mass_kg\?"):
+        experiment_from(config)
+
+
+def test_the_experiment_is_what_the_configuration_says():
+    config = plain_config("seed=7", "sun=random", "chief=tumbling", "optimizer=champion", "starts=random")
+    experiment = experiment_from(config)
+    assert experiment.seed == 7
+    assert experiment.sun.mode == "random"
+    assert experiment.mission.chief.initial_angular_velocity_rad_s == (0.0005, 0.0, 0.002)
+    assert experiment.mission.deputy.inertia_kg_m2 == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    assert (experiment.mission.num_controls, experiment.mission.num_attitude_steps) == (360, 10)
+    assert (experiment.optimizer.rounds, experiment.optimizer.population_size) == (5, 200)
+    assert experiment.optimizer.crossover_rate == 0.8  # of the group that champion.yaml builds on
+    assert experiment.controller == {"kind": "coast"}
+    assert not experiment.resume

@@ -1,0 +1,28 @@
+"""Runs in miniature, stage by stage."""
+
+from functools import cache
+from pathlib import Path
+
+from pipeline.command_line.config import Composed, compose_experiment
+from pipeline.run import artifacts
+
+MINIATURE = (
+    "optimizer.population_size=6",
+    "optimizer.generations=3",
+    "optimizer.workers=1",
+    "monte_carlo.num_cases=5",
+    "monte_carlo.workers=1",
+    "duration_s=300.0",
+)
+
+
+@cache
+def composed(*overrides: str, experiment: str = "train") -> Composed:
+    return compose_experiment([f"+experiment={experiment}", *MINIATURE, *overrides])
+
+
+def prepared(folder: Path, *overrides: str, experiment: str = "train") -> Composed:
+    """A run's folder as the stages find it, and what they are to do there."""
+    run = composed(*overrides, experiment=experiment)
+    artifacts.write_config(folder, run.config)
+    return run

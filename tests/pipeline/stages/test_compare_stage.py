@@ -1,0 +1,185 @@
+"""Controllers side by side, in miniature: the same cases for all, rows, files, what is said."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.command_line.cli import main
+from pipeline.controllers.source import load, named
+from pipeline.evaluation.comparison import HEADER, row_of
+from pipeline.evaluation.monte_carlo import summarise
+from pipeline.flight.controller import ControllerError
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import SettingError
+from pipeline.stages import compare
+from tests.pipeline.stages.cases import composed, prepared
+
+CONTROLLERS = ["coast", "lqr", "receding_horizon", "paper"]
+SHORT = (f"compare.controllers=[{','.join(CONTROLLERS)}]", "monte_carlo.num_cases=4", "seed=7")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("compared")
+    run = prepared(folder, *SHORT, experiment="baselines")
+    compare.run(run.experiment, folder)
+    return run.experiment, folder
+
+
+def rows_in(folder):
+    return [row_of(told) for told in artifacts.read_json(folder, artifacts.COMPARISON)["rows"]]
+
+
+def test_a_row_for_each_controller_sun_and_layer_and_the_papers(finished):
+    _, folder = finished
+    rows = rows_in(folder)
+    assert (rows[0].controller, rows[0].source, rows[0].sun) == ("the paper", "published", "")
+    assert rows[0].summary["delta_v_m_s"] == {"mean": 5.62, "standard_deviation": 0.715}
+    assert rows[0].summary["inspection_rate_percent"]["mean"] == 96.667
+    expected = [(s, c, g) for s in ("fixed", "random") for c in CONTROLLERS for g in ("none", "filter")]
+    assert [(row.sun, row.controller, row.safety) for row in rows[1:]] == expected
+    assert {row.controller: row.rules for row in rows[1:]} == {
+        "coast": None, "lqr": None, "receding_horizon": None, "paper": 75,
+    }  # fmt: skip
+
+
+def test_all_fly_the_same_cases_and_each_as_alone(finished):
+    experiment, folder = finished
+    episodes = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
+    assert len(episodes["case"]) == 2 * len(CONTROLLERS) * 2 * 4
+    for sun in ("fixed", "random"):
+        under = replace(experiment.sun, mode=sun)
+        scenarios = evaluation_scenarios(experiment.monte_carlo, under, 7)
+        for name in CONTROLLERS:
+            own = (episodes["sun"] == sun) & (episodes["controller"] == name) & (episodes["safety"] == "none")
+            part = {key: column[own] for key, column in episodes.items()}
+            np.testing.assert_array_equal(part["position_x_m"], [s.position_m[0] for s in scenarios])
+            np.testing.assert_array_equal(part["sun_angle_rad"], [s.sun_angle_rad for s in scenarios])
+            source = composed(f"controller={name}", experiment="evaluate").experiment.controller
+            alone = fly_all(experiment.mission, load(source, experiment.mission), scenarios, 2)
+            np.testing.assert_array_equal(part["delta_v_m_s"], alone.delta_v_m_s)
+            np.testing.assert_array_equal(part["inspected_count"], alone.inspected_count)
+            (row,) = [r for r in rows_in(folder) if (r.sun, r.controller, r.safety) == (sun, name, "none")]
+            assert row.summary == json.loads(json.dumps(summarise(part, 95.0)))
+
+
+def test_the_layer_is_on_where_a_row_says_so(finished):
+    _, folder = finished
+    acted = {
+        safety: sum(r.summary["safety_periods"]["mean"] for r in rows_in(folder)[1:] if r.safety == safety)
+        for safety in ("none", "filter")
+    }
+    assert acted["none"] == 0.0
+    assert all(not r.summary["violated"]["count"] for r in rows_in(folder)[1:] if r.safety == "filter")
+
+
+def test_the_table_as_csv(finished):
+    _, folder = finished
+    with (folder / artifacts.COMPARISON_TABLE).open() as stream:
+        lines = list(csv.DictReader(stream))
+    assert tuple(lines[0]) == HEADER
+    assert len(lines) == 1 + 2 * len(CONTROLLERS) * 2
+    episodes = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
+    for line in lines[1:]:
+        own = np.all([episodes[key] == line[key] for key in ("controller", "sun", "safety")], axis=0)
+        spent = episodes["delta_v_m_s"][own]
+        assert float(line["delta_v_m_s_mean"]) == pytest.approx(spent.mean(), abs=1e-12)
+        assert float(line["delta_v_m_s_standard_deviation"]) == pytest.approx(spent.std(ddof=1), abs=1e-12)
+        assert float(line["success_fraction"]) == pytest.approx(episodes["success"][own].mean())
+    assert lines[0]["success_fraction"] == lines[0]["rules"] == ""
+
+
+def test_what_is_said(tmp_path, capsys):
+    run = prepared(tmp_path, *SHORT, "compare.suns=[random]", experiment="baselines").experiment
+    compare.run(run, tmp_path)
+    told = capsys.readouterr().err
+    assert "receding_horizon, Sun random, safety filter: 4 cases in" in told
+    assert "not beside plans of least fuel: duration_s is 300.0 here, and 3600.0 where" in told
+    table = told[told.index("\nSun random\n") :].splitlines()
+    assert table[2].split()[:3] == ["controller", "rules", "delta-v"]
+    assert [line.split()[0] for line in table[4:9]] == ["the", *CONTROLLERS]
+    assert "the paper*" in table[4]
+    assert "5.620 ± 0.715" in table[4]
+    assert "96.67 ± 3.92" in table[4]
+    assert "4 cases of seed 7; mean ± standard deviation; shares with 95 % Wilson intervals" in told
+    assert "Sun fixed" not in told
+
+
+def test_without_the_layer_or_with_it_alone(tmp_path, capsys):
+    for layer in ("none", "filter"):
+        run = prepared(tmp_path, *SHORT, f"compare.safety=[{layer}]", experiment="baselines").experiment
+        compare.run(run, tmp_path)
+        told = capsys.readouterr().err
+        assert ("layer: outside" in told) == (layer == "filter")
+        assert {row.safety for row in rows_in(tmp_path)[1:]} == {layer}
+
+
+def test_beside_the_plans_that_ship(tmp_path):
+    overrides = ("duration_s=3600.0", "compare.controllers=[natural_motion]", "compare.safety=[none]")
+    run = prepared(tmp_path, *overrides, "monte_carlo.num_cases=2", experiment="baselines").experiment
+    compare.run(run, tmp_path)
+    paper, fixed, optimum, *_ = rows_in(tmp_path)
+    assert paper.times is None
+    assert optimum.source == "plans of least fuel"
+    assert optimum.num_cases == 50
+    assert optimum.summary["delta_v_m_s"]["mean"] == pytest.approx(0.13102740264909443, rel=1e-12)
+    assert optimum.summary["success"]["fraction"] == 1.0
+    assert optimum.summary["violated"]["count"] == 0
+    assert fixed.times["num_cases"] == 50
+    # one burn, however well it is chosen, cannot do with less than plans of least fuel where it succeeds
+    assert fixed.times["times_optimum"]["mean"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("compare.controllers=[]", r"compare.controllers is \[\]; name at least one, and each once"),
+        ("compare.controllers=[lqr,coast,lqr]", r"compare.controllers is \[lqr, coast, lqr\]"),
+        (
+            "compare.suns=[fixd]",
+            "compare.suns has 'fixd'; it must be one of fixed, random, mixed; did you mean",
+        ),
+        ("compare.safety=[on]", "compare.safety"),
+    ],
+)
+def test_comparisons_that_cannot_be(setting, message):
+    with pytest.raises(SettingError, match=message):
+        composed(setting, experiment="baselines")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("lqrr", r"there is no controller lqrr; did you mean lqr\? The controllers are champion_any_sun, "),
+        ("qqqq", "there is no controller qqqq; the controllers are champion_any_sun, "),
+        ("open_loop", "there is no controller open_loop"),
+        ("missing.csv", "missing.csv cannot be read"),
+    ],
+)
+def test_controllers_that_are_not_there(name, message, tmp_path, monkeypatch, capsys):
+    mission = composed(experiment="baselines").experiment.mission
+    with pytest.raises(ControllerError, match=message):
+        named(name, mission)
+    monkeypatch.chdir(tmp_path)
+    # refused before a folder is made
+    assert main(["+experiment=baselines", f"compare.controllers=[coast,{name}]"]) == 2
+    assert name in capsys.readouterr().err
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_two_files_of_one_name_are_told_apart():
+    names = ["lqr", "a/mine.yaml", "b/mine.yaml", "c/other.csv"]
+    assert [compare.label_of(name, names) for name in names] == ["lqr", "a/mine.yaml", "b/mine.yaml", "other"]
+
+
+def test_a_table_of_forces_flies_too(tmp_path):
+    path = tmp_path / "burn.csv"
+    path.write_text("time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n")
+    mission = composed(experiment="baselines").experiment.mission
+    assert named(str(path), mission).plan.shape == (1, 3)
+    assert named("conf/controller/paper.yaml", mission).name == "paper"

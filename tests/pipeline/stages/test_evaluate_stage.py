@@ -1,0 +1,172 @@
+"""An evaluation in miniature: its tables, its summary, and whose controller flies."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools.formats import serialize
+from pipeline.command_line.config import Composed
+from pipeline.controllers import source as controller_source
+from pipeline.controllers.of_run import controller_of_run
+from pipeline.evaluation.monte_carlo import summarise
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.run import artifacts, tables
+from pipeline.run.artifacts import ArtifactError
+from pipeline.stages import evaluate
+from tests.pipeline.stages.cases import prepared
+
+SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+    folder = tmp_path_factory.mktemp("evaluated")
+    run = prepared(folder, *SUN, experiment="evaluate")
+    evaluate.run(run.experiment, folder)
+    return run, folder
+
+
+def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Composed, Path]) -> None:
+    _, folder = evaluated
+    table = pq.read_table(folder / artifacts.EPISODES)
+    number = pa.float64()
+    assert {field.name: field.type for field in table.schema} == {
+        "case": pa.int64(),
+        "position_x_m": number,
+        "position_y_m": number,
+        "position_z_m": number,
+        "sun_angle_rad": number,
+        "delta_v_m_s": number,
+        "inspected_count": pa.int64(),
+        "inspection_rate_percent": number,
+        "mean_distance_m": number,
+        "min_distance_m": number,
+        "max_distance_m": number,
+        "success": pa.bool_(),
+        "violated": pa.bool_(),
+        "safety_periods": pa.int64(),
+        "safety_delta_v_m_s": number,
+    }
+    assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
+    assert all(column.null_count == 0 for column in table.columns)
+
+
+def test_trajectories_have_a_row_a_sample_in_single_precision(evaluated: tuple[Composed, Path]) -> None:
+    _, folder = evaluated
+    table = pq.read_table(folder / artifacts.TRAJECTORIES)
+    assert {field.name: field.type for field in table.schema} == {
+        "case": pa.int32(),
+        "sample": pa.int32(),
+        "position_x_m": pa.float32(),
+        "position_y_m": pa.float32(),
+        "position_z_m": pa.float32(),
+    }
+    assert table["case"].to_pylist() == [case for case in range(5) for _ in range(31)]
+    assert table["sample"].to_pylist() == list(range(31)) * 5
+
+
+def test_rows_are_the_flights_from_the_runs_starts(evaluated: tuple[Composed, Path]) -> None:
+    run, folder = evaluated
+    experiment = run.experiment
+    episodes = tables.read_parquet(folder, artifacts.EPISODES)
+    positions = tables.read_parquet(folder, artifacts.TRAJECTORIES)
+    track = np.column_stack([positions[f"position_{axis}_m"] for axis in "xyz"]).reshape(5, 31, 3)
+    controller = controller_source.load(experiment.controller, experiment.mission)
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    for case, start in enumerate(starts):
+        log = fly_logged(experiment.mission, controller, start)
+        assert [episodes[f"position_{axis}_m"][case] for axis in "xyz"] == start.position_m.tolist()
+        assert episodes["sun_angle_rad"][case] == start.sun_angle_rad
+        assert episodes["delta_v_m_s"][case] == log.delta_v_m_s[-1]
+        assert episodes["inspected_count"][case] == log.is_inspected[-1].sum()
+        np.testing.assert_array_equal(track[case], log.position_m.astype(np.float32))
+
+
+def test_the_summary_tells_what_flew_and_how_well(
+    evaluated: tuple[Composed, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, folder = evaluated
+    evaluate.run(run.experiment, folder)
+    summary = artifacts.read_json(folder, artifacts.SUMMARY)
+    assert list(summary) == [
+        "controller", "sun", "num_cases", "seed", "confidence_percent",
+        "delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_periods", "safety_delta_v_m_s",
+        "success", "violated", "success_and_within_limits", "safety_acted", "optimum",
+    ]  # fmt: skip
+    assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
+    assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)
+    episodes = tables.read_parquet(folder, artifacts.EPISODES)
+    assert {name: summary[name] for name in list(summary)[5:-1]} == summarise(episodes, 90.0)
+    delta_v = episodes["delta_v_m_s"]
+    told = capsys.readouterr().err
+    assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in told
+    assert "5 cases in" in told
+    assert "Sun random" in told
+    assert "safety layer" not in told
+
+
+def test_with_the_safety_layer_it_tells_what_that_did(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    away = tmp_path / "away.csv"
+    away.write_text(
+        "time_s,force_x_n,force_y_n,force_z_n\n" + "".join(f"{10 * k},1,1,1\n" for k in range(30))
+    )
+    run = prepared(
+        tmp_path, "safety=filter", "controller=open_loop", f"controller.path={away}", experiment="evaluate"
+    )
+    evaluate.run(run.experiment, tmp_path)
+    episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
+    assert not episodes["violated"].any()
+    assert episodes["safety_periods"].min() > 0
+    periods, changed = episodes["safety_periods"].mean(), episodes["safety_delta_v_m_s"].mean()
+    assert (
+        f"safety layer: acted in 5 of 5 flights, in {periods:.2f} periods a flight, changed the force by "
+        f"{changed:.4f} m/s a flight" in capsys.readouterr().err
+    )
+
+
+def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path: Path) -> None:
+    run = prepared(tmp_path, *SUN, experiment="evaluate").experiment
+    fuzzy = controller_source.load(run.controller, run.mission).fuzzy
+    assert fuzzy is not None
+    assert controller_of_run(run, tmp_path).name == "paper"
+    champion = replace(fuzzy, name="champion", systems=fuzzy.systems[:1])
+    (tmp_path / artifacts.CHAMPION).write_text(serialize.dump_json(champion), encoding="utf-8")
+    assert controller_of_run(run, tmp_path).systems == fuzzy.systems[:1]
+    evaluate.run(run, tmp_path)
+    assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["controller"] == "champion"
+
+
+def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path: Path) -> None:
+    run = prepared(tmp_path).experiment
+    with pytest.raises(
+        ArtifactError, match=r"has no champion.json; the stage train writes it, run that first"
+    ):
+        evaluate.run(run, tmp_path)
+    assert not (tmp_path / artifacts.EPISODES).exists()
+
+
+def test_plans_are_evaluated_too(tmp_path: Path) -> None:
+    run = prepared(tmp_path, "controller=coast", experiment="evaluate").experiment
+    evaluate.run(run, tmp_path)
+    assert not np.any(tables.read_parquet(tmp_path, artifacts.EPISODES)["delta_v_m_s"])
+    assert artifacts.read_json(tmp_path, artifacts.SUMMARY)["delta_v_m_s"]["maximum"] == 0.0
+
+
+def test_a_controller_file_changed_later_does_not_change_the_run(tmp_path: Path) -> None:
+    source = tmp_path / "mine.json"
+    original = serialize.load(Path("conf/controller/paper.yaml"))
+    source.write_text(serialize.dump_json(original), encoding="utf-8")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    overrides = ("controller=file", f"controller.path={source}")
+    run = prepared(folder, *overrides, experiment="evaluate").experiment
+    evaluate.run(run, folder)
+    source.write_text(serialize.dump_json(replace(original, name="changed")), encoding="utf-8")
+    assert controller_of_run(run, folder).name == original.name

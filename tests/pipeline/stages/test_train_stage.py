@@ -1,0 +1,302 @@
+"""Training in miniature: what it leaves behind, going on, stopping, and what it refuses."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools.formats import serialize
+from pipeline.command_line.config import Composed
+from pipeline.controllers import source
+from pipeline.flight.controller import ControllerError, from_fuzzy
+from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.starts import given_start, hard_candidates, training_scenarios, validation_scenarios
+from pipeline.run import artifacts
+from pipeline.stages import train
+from pipeline.training.evolution.checkpoint import CheckpointError, Generation
+from pipeline.training.fitness import costs
+from pipeline.training.genome import genome_of
+from pipeline.training.progress import TrainingProgress
+from tests.pipeline.stages.cases import prepared
+
+COLUMNS = [
+    "round", "generation", "evaluations", "best", "mean", "std", "step_size",
+    "delta_v_m_s", "points", "outside", "outside_m", "short",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+    folder = tmp_path_factory.mktemp("trained")
+    run = prepared(folder)
+    train.run(run.experiment, folder)
+    return run, folder
+
+
+def logbook(folder: Path) -> list[dict[str, float]]:
+    with (folder / artifacts.LOGBOOK).open(newline="", encoding="utf-8") as stream:
+        reader = csv.DictReader(stream)
+        assert reader.fieldnames == COLUMNS
+        return [{name: float(value) for name, value in row.items()} for row in reader]
+
+
+def genomes(folder: Path) -> np.ndarray:
+    return np.array(pq.read_table(folder / artifacts.HISTORY)["genome"].to_pylist())
+
+
+def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(
+    trained: tuple[Composed, Path],
+) -> None:
+    _, folder = trained
+    rows = logbook(folder)
+    assert [(row["round"], row["generation"], row["evaluations"]) for row in rows] == [
+        (0, 0, 6), (0, 1, 11), (0, 2, 16), (0, 3, 21),
+    ]  # fmt: skip
+    table = pq.read_table(folder / artifacts.HISTORY)
+    assert table.column_names == [*COLUMNS, "genome"]
+    # floats are written so that they read back to the same bits
+    assert [{name: float(row[name]) for name in COLUMNS} for row in table.to_pylist()] == rows
+    best = [row["best"] for row in rows]
+    assert best == sorted(best, reverse=True)
+    assert genomes(folder).shape == (4, 150)
+    assert not list(folder.glob("train/.*"))
+
+
+def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    template = source.load(experiment.controller, experiment.mission)
+    evaluate = train.fitness_of_round(experiment, genome_of(template, experiment.optimizer.encoding), 0)
+    found = evaluate(genomes(folder))
+    for index, row in enumerate(logbook(folder)):
+        assert row["best"] == found["fitness"][index]
+        for name in ("delta_v_m_s", "points", "outside", "outside_m", "short"):
+            assert row[name] == found[name][index]
+
+
+def test_the_first_population_holds_the_configured_controller(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    template = source.load(experiment.controller, experiment.mission)
+    encoding = genome_of(template, experiment.optimizer.encoding)
+    evaluate = train.fitness_of_round(experiment, encoding, 0)
+    configured = evaluate(encoding.encode(template.fuzzy)[np.newaxis])["fitness"][0]
+    assert logbook(folder)[0]["best"] <= configured
+
+
+def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    template = source.load(experiment.controller, experiment.mission)
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    assert champion.name == "paper_train"
+    assert (
+        champion.systems
+        == genome_of(template, experiment.optimizer.encoding).decode(genomes(folder)[-1]).systems
+    )
+    assert champion.attributes == (("force_axes", "body"),)
+    provenance = dict(champion.provenance)
+    assert provenance["experiment"] == "train"
+    assert provenance["seed"] == "1"
+    assert provenance["config_hash"] == artifacts.config_hash(run.config)
+    assert float(provenance["training_fitness"]) == logbook(folder)[-1]["best"]
+    assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
+
+
+def test_each_new_champion_is_flown_from_the_given_start(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    mission = run.experiment.mission
+    template = source.load(run.experiment.controller, mission)
+    encoding = genome_of(template, run.experiment.optimizer.encoding)
+    table = pq.read_table(folder / artifacts.CHAMPION_TRAJECTORIES)
+    assert table.column_names == ["round", "generation", "sample", *(f"position_{axis}_m" for axis in "xyz")]
+    assert table.schema.field("position_x_m").type == pa.float32()
+    generations = table["generation"].to_numpy()
+    champions = genomes(folder)
+    is_new = [True, *(not np.array_equal(a, b) for a, b in zip(champions[1:], champions[:-1], strict=True))]
+    assert np.unique(generations).tolist() == np.flatnonzero(is_new).tolist()
+    positions = np.column_stack([table[f"position_{axis}_m"].to_numpy() for axis in "xyz"])
+    start = given_start(mission.deputy, run.experiment.sun, run.experiment.seed)
+    for generation in np.flatnonzero(is_new):
+        controller = replace(template, systems=encoding.decode(champions[generation]).systems)
+        log = fly_logged(mission, controller, start)
+        np.testing.assert_allclose(positions[generations == generation], log.position_m, rtol=1e-6)
+    samples = np.arange(mission.num_controls + 1).tolist()
+    assert table["sample"].to_pylist() == samples * sum(is_new)
+
+
+def same_result(folder: Path, other: Path) -> None:
+    champions = [json.loads((place / artifacts.CHAMPION).read_text()) for place in (folder, other)]
+    assert champions[0]["systems"] == champions[1]["systems"]
+    assert (folder / artifacts.LOGBOOK).read_bytes() == (other / artifacts.LOGBOOK).read_bytes()
+    np.testing.assert_array_equal(genomes(folder), genomes(other))
+    tracks = [(place / artifacts.CHAMPION_TRAJECTORIES).read_bytes() for place in (folder, other)]
+    assert tracks[0] == tracks[1]
+
+
+def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
+    trained: tuple[Composed, Path], tmp_path: Path
+) -> None:
+    short = prepared(tmp_path, "optimizer.generations=1").experiment
+    train.run(short, tmp_path)
+    assert len(logbook(tmp_path)) == 2
+    whole = prepared(tmp_path).experiment
+    train.run(replace(whole, resume=True), tmp_path)
+    same_result(tmp_path, trained[1])
+
+
+def test_an_interrupt_leaves_the_champion_so_far(
+    trained: tuple[Composed, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(_progress: TrainingProgress, generation: Generation) -> None:
+        if generation.generation == 2:
+            raise KeyboardInterrupt
+
+    run = prepared(tmp_path).experiment
+    with monkeypatch.context() as patched:
+        patched.setattr(TrainingProgress, "show", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            train.run(run, tmp_path)
+    provenance = dict(serialize.load(tmp_path / artifacts.CHAMPION).provenance)
+    assert (provenance["interrupted"], provenance["generations"]) == ("true", "3")
+    assert float(provenance["training_fitness"]) == logbook(tmp_path)[-1]["best"]
+    np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1])[:3])
+    train.run(replace(run, resume=True), tmp_path)
+    same_result(tmp_path, trained[1])
+
+
+def test_an_interrupt_before_anything_is_known_leaves_no_champion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(train, "fitness_parts", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        train.run(prepared(tmp_path).experiment, tmp_path)
+    assert not (tmp_path / artifacts.CHAMPION).exists()
+    assert not (tmp_path / artifacts.CHECKPOINT).exists()
+
+
+def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path) -> None:
+    words = ("starts.num_cases=4", "optimizer.rounds=2", "optimizer.generations=1")
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    train.run(run, tmp_path)
+    rows = logbook(tmp_path)
+    assert [(row["round"], row["generation"]) for row in rows] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    template = source.load(run.controller, run.mission)
+    encoding = genome_of(template, run.optimizer.encoding)
+    last = genomes(tmp_path)[1][np.newaxis]
+    judged = [train.fitness_of_round(run, encoding, index)(last)["fitness"][0] for index in (0, 1)]
+    assert judged[0] == rows[1]["best"]
+    assert judged[1] != judged[0]
+    assert rows[2]["best"] <= judged[1]
+
+
+def test_a_checkpoint_of_another_seed_is_refused(trained: tuple[Composed, Path], tmp_path: Path) -> None:
+    run = prepared(tmp_path, "seed=2").experiment
+    artifacts.write_atomically(
+        tmp_path / artifacts.CHECKPOINT, (trained[1] / artifacts.CHECKPOINT).read_bytes()
+    )
+    with pytest.raises(CheckpointError, match="was written with seed = 1, now it is 2"):
+        train.run(replace(run, resume=True), tmp_path)
+
+
+def test_a_controller_without_fuzzy_systems_is_refused(tmp_path: Path) -> None:
+    run = replace(prepared(tmp_path).experiment, stages=("evaluate",), controller={"kind": "coast"})
+    with pytest.raises(ControllerError, match="'coast' has no fuzzy system to train; choose a fuzzy one"):
+        train.run(run, tmp_path)
+
+
+def test_scikit_learns_clusters_are_refused(tmp_path: Path) -> None:
+    run = prepared(tmp_path, "guidance=clusters", "guidance.engine=sklearn").experiment
+    with pytest.raises(
+        ControllerError, match=r"guidance.engine is sklearn.*train with guidance.engine=compiled"
+    ):
+        train.run(run, tmp_path)
+    assert not (tmp_path / artifacts.CHECKPOINT).exists()
+
+
+def test_progress_tells_best_parts_and_time_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train.run(prepared(tmp_path, "optimizer.generations=1").experiment, tmp_path)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  generation ")]
+    assert len(lines) == 2
+    row = logbook(tmp_path)[-1]
+    assert lines[-1].startswith(f"  generation 2/2, round 1, fitness {row['best']:.4g}: ")
+    assert f"delta-v {row['delta_v_m_s']:.3f} m/s, {row['points']:.2f} points, " in lines[-1]
+    assert f"{row['short']:.0f} short, {row['outside']:.0f} outside, 0 s left" in lines[-1]
+
+
+def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(tmp_path: Path) -> None:
+    words = ("starts.num_cases=4", "starts.num_hard=3", "starts.hard_from=40", "duration_s=1200.0")
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    template = source.load(run.controller, run.mission)
+    genome = genome_of(template, run.optimizer.encoding)
+    champion = genome.encode()
+    plain = train.fitness_of_round(run, genome, 1)(champion[np.newaxis])
+    mined = train.fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
+    candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
+    outcomes = fly_all(run.mission, template, candidates)
+    limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
+    each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), limits, 99, 95.0))
+    expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
+    assert mined["fitness"][0] == pytest.approx(expected, rel=1e-9)
+    assert expected > plain["fitness"][0]
+
+
+def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) -> None:
+    words = (
+        "starts.num_cases=4",
+        "optimizer.rounds=3",
+        "optimizer.generations=2",
+        "optimizer.validation_cases=9",
+    )
+    run = prepared(tmp_path, *words, experiment="train_champion").experiment
+    train.run(run, tmp_path)
+    with (tmp_path / artifacts.VALIDATION).open(newline="", encoding="utf-8") as stream:
+        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
+    assert [row["round"] for row in rows] == [0, 1, 2]
+    best = min(rows, key=lambda row: row["validation"])
+    champion = serialize.load(tmp_path / artifacts.CHAMPION)
+    genome = genome_of(source.load(run.controller, run.mission), run.optimizer.encoding)
+    last_of_round = genomes(tmp_path)[[2, 5, 8]]
+    assert champion.systems == genome.decode(last_of_round[int(best["round"])]).systems
+    assert float(dict(champion.provenance)["validation_fitness"]) == best["validation"]
+    starts = validation_scenarios(run.starts, run.sun, run.seed, 9)
+    flown = {
+        tuple(s.position_m)
+        for index in range(3)
+        for s in training_scenarios(run.starts, run.sun, run.seed, index)
+    }
+    assert not flown & {tuple(s.position_m) for s in starts}
+    outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
+    limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
+    found = costs(outcomes, run.optimizer.penalty.of_round(2), limits, 99, 95.0).mean()
+    assert found == pytest.approx(best["validation"], rel=1e-9)
+
+
+def test_a_search_of_planes_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    words = (
+        "starts.num_cases=2",
+        "optimizer.rounds=2",
+        "optimizer.generations=2",
+        "optimizer.population_size=6",
+    )
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    run = prepared(whole, *words, experiment="train_planes").experiment
+    train.run(run, whole)
+
+    prepared(broken, *words, experiment="train_planes")
+    shorter = replace(run, optimizer=replace(run.optimizer, rounds=1))
+    train.run(shorter, broken)
+    train.run(replace(run, resume=True), broken)
+    assert np.array_equal(genomes(whole), genomes(broken))
+    assert (
+        serialize.load(whole / artifacts.CHAMPION).systems
+        == serialize.load(broken / artifacts.CHAMPION).systems
+    )

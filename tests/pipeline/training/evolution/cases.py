@@ -1,0 +1,65 @@
+"""Small evolutions for the tests."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.settings.experiment import Encoding, Optimizer, Penalty
+from pipeline.training.evolution import Evaluate, Evolution, evolve_rounds
+from pipeline.training.evolution.checkpoint import Generation
+
+
+def optimizer(**changes: Any) -> Optimizer:
+    """The paper's rates at a size that runs in a moment."""
+    values: dict[str, Any] = {
+        "population_size": 40,
+        "generations": 30,
+        "tournament_size": 4,
+        "crossover_rate": 0.8,
+        "elitism_rate": 0.1,
+        "split": "whole",
+        "stall_generations": None,
+        "rounds": 1,
+        "encoding": Encoding(
+            mean_window=0.9, standard_deviation_fraction=(0.04, 0.3), output_range_n=(0.01, 0.3)
+        ),
+        "penalty": Penalty(c_d=100.0, c_95=10.0, c_99=0.1),
+        "workers": 1,
+    }
+    return Optimizer(**(values | changes))
+
+
+class Sphere:
+    """Squared distance from a point, with a count of what was asked."""
+
+    def __init__(self, centre: float = 0.3) -> None:
+        self.centre = centre
+        self.batches: list[np.ndarray] = []
+
+    def __call__(self, genomes: np.ndarray) -> dict[str, np.ndarray]:
+        self.batches.append(genomes.copy())
+        squares = (genomes - self.centre) ** 2
+        return {"fitness": squares.sum(axis=1), "first": squares[:, 0], "others": squares[:, 1:].sum(axis=1)}
+
+
+def broken_and_resumed(
+    evaluate_for_round: Callable[[int, np.ndarray | None], Evaluate],
+    settings: Optimizer,
+    begun: np.ndarray,
+    num_generations: int,
+    checkpoint: Path,
+) -> tuple[Evolution, Evolution]:
+    """Interrupt an evolution after so many generations of all rounds, then go on from its checkpoint."""
+
+    def stop(history: Sequence[Generation]) -> None:
+        if len(history) == num_generations:
+            raise KeyboardInterrupt
+
+    def run(**how: Any) -> Evolution:
+        return evolve_rounds(
+            evaluate_for_round, begun.shape[1], settings, 7, initial=begun, checkpoint=checkpoint, **how
+        )
+
+    return run(on_generation=stop), run(resume=True)

@@ -1,0 +1,287 @@
+"""The loop: what is kept, what is evaluated, and that a seed is all that decides."""
+
+import json
+import random
+
+import numpy as np
+import pytest
+
+from pipeline.training.evolution import Evolution, evolve, evolve_rounds
+from pipeline.training.evolution.checkpoint import CheckpointError
+from tests.pipeline.training.evolution.cases import Sphere, optimizer
+
+NUM_GENES = 10
+
+
+def assert_same(one: Evolution, other: Evolution) -> None:
+    """Bit for bit."""
+    np.testing.assert_array_equal(one.champion, other.champion)
+    np.testing.assert_array_equal(one.round_champions, other.round_champions)
+    assert list(one.logbook) == list(other.logbook)
+    for a, b in zip(one.history, other.history, strict=True):
+        np.testing.assert_array_equal(a.champion, b.champion)
+
+
+def test_converges_on_a_sphere():
+    result = evolve(Sphere(), NUM_GENES, optimizer(population_size=100, generations=120), seed=1)
+    assert result.fitness < 1e-4
+    np.testing.assert_allclose(result.champion, 0.3, atol=0.01)
+    assert not result.interrupted
+
+
+def test_elite_is_kept_verbatim_and_never_evaluated_again():
+    sphere = Sphere()
+    result = evolve(sphere, NUM_GENES, optimizer(), seed=2)
+    assert [len(batch) for batch in sphere.batches] == [40] + 30 * [36]
+    assert result.history[-1].evaluations == 40 + 30 * 36
+    best = [generation.best for generation in result.history]
+    assert best == sorted(best, reverse=True)
+    # each generation is the four best of the last one and the new individuals, to the last bit
+    population = sphere.batches[0]
+    for generation, batch in zip(result.history[1:], sphere.batches[1:], strict=True):
+        squares = ((population - 0.3) ** 2).sum(axis=1)
+        population = np.concatenate((population[np.argsort(squares, kind="stable")[:4]], batch))
+        squares = ((population - 0.3) ** 2).sum(axis=1)
+        assert (generation.best, generation.mean) == (squares.min(), squares.mean())
+        np.testing.assert_array_equal(generation.champion, population[squares.argmin()])
+
+
+def test_logbook_has_one_row_a_generation_with_the_parts_of_the_champion():
+    result = evolve(Sphere(), NUM_GENES, optimizer(generations=5), seed=3)
+    assert result.logbook.select("generation") == list(range(6))
+    assert list(result.logbook[0]) == [
+        "round", "generation", "evaluations", "best", "mean", "std", "step_size", "first", "others",
+    ]  # fmt: skip
+    for row in result.logbook:
+        assert row["best"] == pytest.approx(row["first"] + row["others"])
+        assert row["best"] <= row["mean"]
+        assert row["std"] > 0
+    assert result.parts == result.history[-1].parts
+    assert "step_size" in str(result.logbook)
+
+
+def test_step_size_follows_success():
+    result = evolve(Sphere(), NUM_GENES, optimizer(generations=60), seed=4)
+    steps = result.logbook.select("step_size")
+    best = result.logbook.select("best")
+    assert steps[:2] == [1.0, 1.0]
+    for k in range(2, len(steps)):
+        improved = best[k - 1] < best[k - 2]
+        assert steps[k] == (min(1.0, 4 * steps[k - 1]) if improved else max(2.0**-26, steps[k - 1] / 4))
+    assert len(set(steps)) > 2
+
+
+def test_same_seed_same_result_whatever_the_global_generators_hold():
+    random.seed(11)
+    np.random.seed(11)  # noqa: NPY002
+    one = evolve(Sphere(), NUM_GENES, optimizer(), seed=5)
+    random.seed(12)
+    np.random.seed(12)  # noqa: NPY002
+    other = evolve(Sphere(), NUM_GENES, optimizer(), seed=5)
+    assert_same(one, other)
+    assert evolve(Sphere(), NUM_GENES, optimizer(), seed=6).fitness != one.fitness
+
+
+def test_global_generators_are_left_as_they_were():
+    random.seed(13)
+    np.random.seed(13)  # noqa: NPY002
+    before = random.getstate(), np.random.get_state()[1].tolist()  # noqa: NPY002
+    evolve(Sphere(), NUM_GENES, optimizer(generations=3), seed=1)
+    assert (random.getstate(), np.random.get_state()[1].tolist()) == before  # noqa: NPY002
+
+
+def test_a_fitness_function_that_draws_from_the_global_generator_changes_nothing():
+    def restless(genomes):
+        random.random()  # noqa: S311
+        np.random.random()  # noqa: NPY002
+        return Sphere()(genomes)
+
+    one = evolve(restless, NUM_GENES, optimizer(generations=8), seed=5)
+    assert_same(one, evolve(Sphere(), NUM_GENES, optimizer(generations=8), seed=5))
+
+
+def test_initial_genomes_take_part():
+    known = np.full((1, NUM_GENES), 0.3)
+    result = evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, initial=known)
+    assert result.history[0].best == 0.0
+    np.testing.assert_array_equal(result.champion, known[0])
+
+
+@pytest.mark.parametrize(
+    "initial",
+    [np.zeros((1, 3)), np.zeros(NUM_GENES), np.full((1, NUM_GENES), 1.5), np.zeros((41, NUM_GENES))],
+)
+def test_initial_genomes_that_do_not_fit_are_refused(initial):
+    with pytest.raises(ValueError, match=r"at most 40 rows of 10 genes in \[0, 1\]"):
+        evolve(Sphere(), NUM_GENES, optimizer(), seed=1, initial=initial)
+
+
+def test_rounds_start_afresh_from_the_last_champion():
+    spheres = [Sphere(0.3), Sphere(0.6), Sphere(0.6)]
+    result = evolve_rounds(
+        lambda index, _: spheres[index], NUM_GENES, optimizer(rounds=3, generations=10), seed=1
+    )
+    assert result.logbook.select("round") == 11 * [0] + 11 * [1] + 11 * [2]
+    assert result.round_champions.shape == (3, NUM_GENES)
+    np.testing.assert_array_equal(result.round_champions[2], result.champion)
+    for index in (1, 2):
+        np.testing.assert_array_equal(spheres[index].batches[0][0], result.round_champions[index - 1])
+        assert not np.array_equal(spheres[index].batches[0][1:], spheres[index - 1].batches[0][1:])
+        assert result.history[11 * index].step_size == 1.0
+    # the same fitness function: the champion carried over can only be beaten
+    assert result.history[22].best <= result.history[21].best
+
+
+def test_stall_ends_a_round():
+    def plateau(genomes):
+        return {"fitness": np.ones(len(genomes))}
+
+    result = evolve(plateau, NUM_GENES, optimizer(stall_generations=4, rounds=2, generations=50), seed=1)
+    assert result.logbook.select("generation") == [0, 1, 2, 3, 4, 0, 1, 2, 3, 4]
+
+
+class StoppedError(Exception):
+    """The machine goes down."""
+
+
+@pytest.mark.parametrize("calls", [1, 2, 9, 15, 16, 17, 24])
+def test_resumed_run_equals_an_uninterrupted_one(tmp_path, calls):
+    settings = optimizer(rounds=2, generations=14)
+    spheres = [Sphere(0.3), Sphere(0.7)]
+    whole = evolve_rounds(lambda index, _: spheres[index], NUM_GENES, settings, seed=7)
+    countdown = calls
+
+    def failing(index, _):
+        def evaluate(genomes):
+            nonlocal countdown
+            if countdown == 0:
+                raise StoppedError
+            countdown -= 1
+            return spheres[index](genomes)
+
+        return evaluate
+
+    checkpoint = tmp_path / "train" / "checkpoint.npz"
+    with pytest.raises(StoppedError):
+        evolve_rounds(failing, NUM_GENES, settings, seed=7, checkpoint=checkpoint)
+    assert [path.name for path in checkpoint.parent.iterdir()] == ["checkpoint.npz"]
+    lengths: list[int] = []
+    resumed = evolve_rounds(
+        lambda index, _: spheres[index],
+        NUM_GENES,
+        settings,
+        seed=7,
+        checkpoint=checkpoint,
+        resume=True,
+        on_generation=lambda history: lengths.append(len(history)),
+    )
+    assert_same(whole, resumed)
+    assert lengths == list(range(calls + 1, 31))
+
+
+def test_resuming_a_finished_run_evaluates_nothing(tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    whole = evolve(Sphere(), NUM_GENES, optimizer(generations=4), seed=1, checkpoint=checkpoint)
+    sphere = Sphere()
+    again = evolve(sphere, NUM_GENES, optimizer(generations=4), seed=1, checkpoint=checkpoint, resume=True)
+    assert_same(whole, again)
+    assert sphere.batches == []
+
+
+def test_without_resume_a_checkpoint_is_not_read(tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    checkpoint.write_bytes(b"nothing of ours")
+    evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint)
+    assert checkpoint.read_bytes()[:2] == b"PK"
+
+
+def test_checkpoint_of_other_settings_is_refused(tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint)
+    with pytest.raises(CheckpointError, match=r"seed = 1, now it is 2; resume with the configuration"):
+        evolve(Sphere(), NUM_GENES, optimizer(), seed=2, checkpoint=checkpoint, resume=True)
+    with pytest.raises(CheckpointError, match=r"optimizer.population_size = 40, now it is 50"):
+        evolve(Sphere(), NUM_GENES, optimizer(population_size=50), 1, checkpoint=checkpoint, resume=True)
+
+
+@pytest.mark.parametrize("length", [0, 10, 1000])
+def test_cut_checkpoint_is_refused_in_words(tmp_path, length):
+    checkpoint = tmp_path / "checkpoint.npz"
+    evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint)
+    checkpoint.write_bytes(checkpoint.read_bytes()[:length])
+    with pytest.raises(CheckpointError, match=r"checkpoint.npz is not a readable checkpoint .* delete it"):
+        evolve(Sphere(), NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint, resume=True)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"nothing of ours", b"PK\x03\x04 nothing of ours", b"\x80\x04}."],
+)
+def test_other_files_are_refused_in_our_own_words(content, tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    checkpoint.write_bytes(content)
+    with pytest.raises(CheckpointError) as refusal:
+        evolve(Sphere(), NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint, resume=True)
+    assert str(refusal.value) == (
+        f"{checkpoint} is not a readable checkpoint (damaged, or cut short); "
+        "delete it to start the training afresh"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("version", "has checkpoint version None, this program reads 2; delete it"),
+        *((name, "is not a readable checkpoint") for name in ("fingerprint", "round", "parts", "history")),
+        *((name, "is not a readable checkpoint") for name in ("python_state", "numpy_state", "step_size")),
+    ],
+)
+def test_a_checkpoint_that_lacks_something_is_refused(name, message, tmp_path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint)
+    with np.load(checkpoint) as archive:
+        arrays = dict(archive)
+    note = json.loads(arrays.pop("note").tobytes())
+    del note[name]
+    np.savez(checkpoint, note=np.frombuffer(json.dumps(note).encode(), dtype=np.uint8), **arrays)
+    with pytest.raises(CheckpointError, match=message):
+        evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=checkpoint, resume=True)
+
+
+def test_interrupt_keeps_the_champion_so_far(tmp_path):
+    sphere = Sphere()
+
+    def evaluate(genomes):
+        if len(sphere.batches) == 6:
+            raise KeyboardInterrupt
+        return sphere(genomes)
+
+    checkpoint = tmp_path / "checkpoint.npz"
+    kept = evolve(evaluate, NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint)
+    assert kept.interrupted
+    assert len(kept.history) == 6
+    np.testing.assert_array_equal(kept.champion, kept.history[-1].champion)
+    resumed = evolve(Sphere(), NUM_GENES, optimizer(), seed=1, checkpoint=checkpoint, resume=True)
+    assert_same(resumed, evolve(Sphere(), NUM_GENES, optimizer(), seed=1))
+
+
+def test_interrupt_before_the_first_generation_has_nothing_to_keep():
+    def evaluate(genomes):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evolve(evaluate, NUM_GENES, optimizer(), seed=1)
+
+
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        (lambda n: {"fitness": np.full(n, np.nan)}, "a finite number for each genome"),
+        (lambda n: {"other": np.ones(n)}, "must return 'fitness'"),
+        (lambda n: {"fitness": np.ones(n - 1)}, r"shape \(39,\) for 40 genomes"),
+        (lambda n: {"fitness": np.ones(n), f"part_{n}": np.ones(n)}, "after"),
+    ],
+)
+def test_fitness_functions_that_break_the_contract(returned, message):
+    with pytest.raises(ValueError, match=message):
+        evolve(lambda genomes: returned(len(genomes)), NUM_GENES, optimizer(), seed=1)

@@ -1,0 +1,164 @@
+"""Fitness and statistics against numbers worked out by hand, and intervals against scipy's."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pipeline.flight.simulation import Outcomes
+from pipeline.settings.experiment import Penalty
+from pipeline.training.fitness import fitness_parts, fraction, objectives, points_needed, statistic
+
+LIMITS_M = (15.0, 200.0)
+PENALTY = Penalty(c_d=1000.0, c_95=10.0, c_99=0.5)
+
+
+def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> Outcomes:
+    """One controller's flights."""
+    distances = np.full((1, len(points)), 70.0)
+    return Outcomes(
+        delta_v_m_s=np.array([delta_v]),
+        inspected_count=np.array([points], dtype=np.int64),
+        mean_distance_m=distances,
+        min_distance_m=distances,
+        max_distance_m=distances,
+        outside_m=np.array([outside]),
+        safety_periods=np.zeros((1, len(points)), dtype=np.int64),
+        safety_delta_v_m_s=np.zeros((1, len(points))),
+    )
+
+
+@pytest.mark.parametrize(
+    ("num_points", "threshold_percent", "needed"),
+    [
+        (99, 95.0, 95),
+        (100, 95.0, 95),
+        (100, 95.5, 96),
+        (20, 95.0, 19),
+        (99, 100.0, 99),
+        (99, 0.0, 0),
+        (1, 50.0, 1),
+    ],
+)
+def test_the_least_number_of_points_that_reaches_the_threshold(
+    num_points: int, threshold_percent: float, needed: int
+) -> None:
+    assert points_needed(num_points, threshold_percent) == needed
+    assert needed == 0 or 100.0 * (needed - 1) / num_points < threshold_percent <= 100.0 * needed / num_points
+
+
+@pytest.mark.parametrize(
+    ("delta_v", "points", "outside_m", "fitness"),
+    [
+        (2.0, 99, 0.0, 2.0),
+        (2.0, 95, 0.0, 2.0 + 0.5 * 4),
+        (2.0, 94, 0.0, 2.0 + 10.0 + 0.5 * 5),
+        (2.0, 90, 0.0, 2.0 + 50.0 + 0.5 * 9),
+        (2.0, 99, 0.001, 2.0 + 1000.0 * 1.001),
+        (0.0, 0, 3.0, 4000.0 + 950.0 + 49.5),
+    ],
+)
+def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
+    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, LIMITS_M, 99, 95.0)
+    assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
+
+
+@pytest.mark.parametrize(
+    ("delta_v", "points", "outside_m", "spent", "missed"),
+    [
+        (2.0, 99, 0.0, 2.0, 0.0),
+        (2.0, 95, 0.0, 2.0, 0.5 * 4),
+        (2.0, 90, 0.0, 2.0 + 25.0, 25.0 + 0.5 * 9),
+        (2.0, 99, 1.0, 2.0 + 1000.0, 1000.0),
+    ],
+)
+def test_the_objectives_share_the_price_of_faults(
+    delta_v: float, points: int, outside_m: float, spent: float, missed: float
+) -> None:
+    # beside it a flight without fault
+    flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
+    found = objectives(flights, PENALTY, LIMITS_M, 99, 95.0)
+    assert found["spent"] == pytest.approx([spent / 2])
+    assert found["missed"] == pytest.approx([missed / 2])
+    fitness = fitness_parts(flights, PENALTY, LIMITS_M, 99, 95.0)["fitness"]
+    assert fitness == pytest.approx(found["spent"] + found["missed"])
+
+
+def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
+    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, LIMITS_M, 99, 95.0)
+    assert {name: values.tolist() for name, values in parts.items()} == {
+        "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
+        "delta_v_m_s": [2.0],
+        "points": [96.5],
+        "outside": [1.0],
+        "outside_m": [1.0],
+        "short": [1.0],
+    }
+
+
+def test_each_controller_of_a_population_is_judged_for_itself() -> None:
+    flights = [([1.0, 3.0], [99, 94], [0.0, 2.0]), ([0.2, 0.4], [97, 98], [0.0, 0.0])]
+    alone = [outcomes(*one) for one in flights]
+    both = Outcomes(
+        **{name: np.concatenate([getattr(one, name) for one in alone]) for name in vars(alone[0])}
+    )
+    together = fitness_parts(both, PENALTY, LIMITS_M, 99, 95.0)
+    for index, one in enumerate(alone):
+        for name, values in fitness_parts(one, PENALTY, LIMITS_M, 99, 95.0).items():
+            assert together[name][index] == values[0]
+
+
+def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_that_does_not() -> None:
+    """One flight of eight a hair outside at no cost, against all points missed at full thrust for an hour."""
+    paper = Penalty(c_d=1e7, c_95=1e4, c_99=0.05)
+    most = 3 * 1.0 * 3600.0 / 12.0
+    outside = outcomes([0.0] * 8, [99] * 8, [0.0] * 7 + [1e-9])
+    inside = outcomes([most] * 8, [0] * 8, [0.0] * 8)
+    short = outcomes([0.0] * 8, [99] * 7 + [94], [0.0] * 8)
+    dear = outcomes([most] * 8, [95] * 8, [0.0] * 8)
+    fitness = [
+        fitness_parts(one, paper, LIMITS_M, 99, 95.0)["fitness"][0] for one in (dear, short, inside, outside)
+    ]
+    assert fitness == sorted(fitness)
+    assert len(set(fitness)) == 4
+
+
+@pytest.mark.parametrize("confidence_percent", [90.0, 95.0, 99.0])
+@pytest.mark.parametrize(
+    ("count", "number"), [(0, 20), (1, 20), (8, 8), (960, 1000), (1000, 1000), (1, 1), (50, 99)]
+)
+def test_the_interval_of_a_fraction_is_wilsons(count: int, number: int, confidence_percent: float) -> None:
+    is_so = np.arange(number) < count
+    expected = stats.binomtest(count, number).proportion_ci(confidence_percent / 100.0, method="wilson")
+    found = fraction(is_so, confidence_percent)
+    assert (found.count, found.fraction) == (count, count / number)
+    assert found.low == pytest.approx(expected.low, rel=1e-12, abs=1e-15)
+    assert found.high == pytest.approx(expected.high, rel=1e-12)
+    assert 0.0 <= found.low <= found.fraction <= found.high <= 1.0
+
+
+def test_a_published_wilson_interval() -> None:
+    """Newcombe, Statistics in Medicine 17 (1998), table I: 81 of 263 gives 0.2553 to 0.3662."""
+    found = fraction(np.arange(263) < 81, 95.0)
+    assert (round(found.low, 4), round(found.high, 4)) == (0.2553, 0.3662)
+
+
+def test_a_statistic_has_the_spread_of_a_sample() -> None:
+    """Of 1, 2, 3, 6: mean 3, sum of squares 14, divided by 3; the interval is 1.96 spreads of the mean."""
+    found = statistic(np.array([1.0, 2.0, 3.0, 6.0]), 95.0)
+    spread = np.sqrt(14.0 / 3.0)
+    assert (found.mean, found.minimum, found.maximum) == (3.0, 1.0, 6.0)
+    assert found.standard_deviation == pytest.approx(spread, rel=1e-14)
+    assert found.high - 3.0 == pytest.approx(1.959963984540054 * spread / 2.0, rel=1e-12)
+    assert found.low + found.high == pytest.approx(6.0, rel=1e-14)
+
+
+def test_one_case_alone_has_no_spread() -> None:
+    found = statistic(np.array([4.0]), 95.0)
+    assert (found.mean, found.standard_deviation, found.low, found.high) == (4.0, 0.0, 4.0, 4.0)
+
+
+def test_the_price_of_points_grows_from_round_to_round():
+    penalty = Penalty(c_d=1e5, c_95=0.5, c_99=0.1, growth=2.0)
+    assert penalty.of_round(0) == penalty
+    third = penalty.of_round(2)
+    assert (third.c_d, third.c_95, third.c_99) == (1e5, 2.0, 0.4)

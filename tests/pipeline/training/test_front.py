@@ -1,0 +1,109 @@
+"""A front in miniature: a table and controllers that fly as it says, and the champion among them."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools.formats import serialize
+from pipeline.command_line.config import Composed
+from pipeline.flight.controller import from_fuzzy
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.starts import validation_scenarios
+from pipeline.run import artifacts
+from pipeline.stages import train
+from tests.pipeline.stages.cases import prepared
+
+WORDS = (
+    "starts.num_cases=4", "starts.num_hard=2", "starts.hard_from=6", "optimizer.rounds=2",
+    "optimizer.generations=2", "optimizer.validation_cases=7", "duration_s=600.0",
+)  # fmt: skip
+
+
+def prepared_front(folder: Path, *words: str) -> Composed:
+    return prepared(folder, *WORDS, *words, experiment="train_front")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
+    folder = tmp_path_factory.mktemp("front")
+    stale = folder / artifacts.FRONT_CONTROLLERS / "77.json"
+    artifacts.write_atomically(stale, "of an earlier training")
+    run = prepared_front(folder)
+    train.run(run.experiment, folder)
+    return run, folder
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / artifacts.FRONT).open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_each_controller_flies_as_the_table_says(trained: tuple[Composed, Path]) -> None:
+    run, folder = trained
+    experiment = run.experiment
+    table = rows(folder)
+    files = sorted((folder / artifacts.FRONT_CONTROLLERS).iterdir())
+    assert [path.name for path in files] == [f"{int(row['controller']):02d}.json" for row in table]
+    assert len(table) > 1
+    starts = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, 7)
+    for row, path in zip(table, files, strict=True):
+        controller = serialize.load(path)
+        outcomes = fly_all(experiment.mission, from_fuzzy(controller), starts)
+        expected = {
+            "delta_v_m_s": outcomes.delta_v_m_s.mean(),
+            "inspection_rate_percent": 100.0 * outcomes.inspected_count.mean() / 99.0,
+            "success_percent": 100.0 * np.mean(outcomes.inspected_count >= 95),
+            "outside_percent": 100.0 * np.mean(outcomes.is_violated),
+        }
+        provenance = dict(controller.provenance)
+        for name, value in expected.items():
+            assert float(row[f"validation_{name}"]) == pytest.approx(value, rel=1e-9)
+            assert provenance[f"validation_{name}"] == row[f"validation_{name}"]
+        assert provenance["config_hash"] == artifacts.config_hash(run.config)
+        assert provenance["front"] == f"{path.stem} of {len(table)}"
+
+
+def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(
+    trained: tuple[Composed, Path],
+) -> None:
+    table = rows(trained[1])
+    delta_v = [float(row["validation_delta_v_m_s"]) for row in table]
+    assert delta_v == sorted(delta_v)
+    pairs = [(float(row["validation_spent_m_s"]), float(row["validation_missed_m_s"])) for row in table]
+    for pair, row in zip(pairs, table, strict=True):
+        is_dominated = any(other != pair and other[0] <= pair[0] and other[1] <= pair[1] for other in pairs)
+        assert row["stands"] == str(not is_dominated)
+    names = ("training_spent_m_s", "training_missed_m_s")
+    training = np.array([[float(row[name]) for name in names] for row in table])
+    for pair in training:
+        assert not np.any(np.all(training <= pair, axis=1) & np.any(training < pair, axis=1))
+
+
+def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple[Composed, Path]) -> None:
+    _, folder = trained
+    table = rows(folder)
+    best = min(table, key=lambda row: float(row["validation_fitness_m_s"]))
+    assert [row["controller"] for row in table if row["champion"] == "True"] == [best["controller"]]
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    same = serialize.load(folder / artifacts.FRONT_CONTROLLERS / f"{int(best['controller']):02d}.json")
+    assert (champion.systems, champion.attributes) == (same.systems, same.attributes)
+    assert dict(champion.provenance)["validation_fitness"] == best["validation_fitness_m_s"]
+    assert dict(champion.provenance)["training_fitness"] == best["training_fitness_m_s"]
+    assert float(best["validation_fitness_m_s"]) == pytest.approx(
+        float(best["validation_spent_m_s"]) + float(best["validation_missed_m_s"])
+    )
+
+
+def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(
+    trained: tuple[Composed, Path], tmp_path: Path
+) -> None:
+    train.run(prepared_front(tmp_path, "optimizer.rounds=1").experiment, tmp_path)
+    whole = prepared_front(tmp_path, "optimizer.workers=2").experiment
+    train.run(replace(whole, resume=True), tmp_path)
+    assert (tmp_path / artifacts.FRONT).read_bytes() == (trained[1] / artifacts.FRONT).read_bytes()
+    genomes = [pq.read_table(folder / artifacts.FRONT_GENOMES)["genome"] for folder in (tmp_path, trained[1])]
+    assert genomes[0].equals(genomes[1])

@@ -1,0 +1,246 @@
+"""What a recording holds, seen through the mcap library's own readers."""
+
+import dataclasses
+from collections import Counter, defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.records import Attachment, Chunk, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap_protobuf.decoder import DecoderFactory
+from rerun.chunk import McapReader
+
+from telemetry.file.metadata import unsealed
+from tests.telemetry import synthetic_flight
+from tests.telemetry.synthetic_flight import SyntheticFlight
+
+SCHEMA_OF_TOPIC = {
+    "/tf": "foxglove.FrameTransform",
+    "/deputy/pose": "foxglove.PoseInFrame",
+    "/chief/points": "foxglove.PointCloud",
+    "/deputy/state": "inspection.DeputyState",
+    "/deputy/attitude": "inspection.AttitudeHistory",
+    "/deputy/control": "inspection.Control",
+    "/guidance": "inspection.Guidance",
+    "/mission": "inspection.MissionStatus",
+    "/log": "foxglove.Log",
+    "/fis/f_x": "inspection.FisActivation",
+    "/fis/f_y": "inspection.FisActivation",
+    "/fis/f_z": "inspection.FisActivation",
+}
+COUNT_OF_TOPIC = {
+    "/tf": 1 + 2 * 361,
+    "/deputy/pose": 361,
+    "/chief/points": 361,
+    "/deputy/state": 361,
+    "/deputy/attitude": 360,
+    "/deputy/control": 360,
+    "/guidance": 361,
+    "/mission": 361,
+    "/log": 2,
+    "/fis/f_x": 360,
+    "/fis/f_y": 360,
+    "/fis/f_z": 360,
+}
+VIEWER_ARCHETYPES = {"Points3D", "InstancePoses3D", "Transform3D", "TextLog", "CoordinateFrame"}
+#: the first that applies: inspected, in view but dark, lit, dark
+COLOURS = {3: (0, 190, 130, 255), 2: (204, 121, 167, 255), 1: (240, 228, 66, 255), 0: (86, 88, 102, 255)}
+
+
+@pytest.fixture(scope="module")
+def messages(flight_file: Path) -> dict[str, list[tuple[int, Any]]]:
+    """(log time, decoded message) by topic."""
+    found = defaultdict(list)
+    with flight_file.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert schema is not None
+            assert schema.name == SCHEMA_OF_TOPIC[channel.topic]
+            assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+            assert message.publish_time == message.log_time
+            found[channel.topic].append((message.log_time, decoded))
+    return found
+
+
+def test_every_topic_has_its_messages(messages: dict[str, list[Any]]) -> None:
+    assert {topic: len(rows) for topic, rows in messages.items()} == COUNT_OF_TOPIC
+
+
+def test_log_time_is_simulation_time(messages: dict[str, list[Any]]) -> None:
+    samples = [10_000_000_000 * k for k in range(361)]
+    assert [time for time, _ in messages["/deputy/state"]] == samples
+    assert [time for time, _ in messages["/deputy/control"]] == samples[:-1]
+
+
+def test_chunks_are_compressed_and_small_enough_to_lose(flight_file: Path) -> None:
+    with flight_file.open("rb") as stream:
+        chunks = [r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)]
+    assert {chunk.compression for chunk in chunks} == {"zstd"}
+    assert all(chunk.uncompressed_crc for chunk in chunks)
+    spans = [(chunk.message_end_time - chunk.message_start_time) / 1e10 for chunk in chunks]
+    assert max(spans) <= 59
+
+
+def test_metadata_and_attachments_come_before_the_first_message(
+    flight: SyntheticFlight, flight_file: Path
+) -> None:
+    with flight_file.open("rb") as stream:
+        records = list(StreamReader(stream, validate_crcs=True).records)
+    first_message = next(i for i, record in enumerate(records) if isinstance(record, Message))
+    metadata = {r.name: r.metadata for r in records[:first_message] if isinstance(r, Metadata)}
+    attachments = {r.name: r.data for r in records[:first_message] if isinstance(r, Attachment)}
+    # each record carries a checksum besides, which MCAP does not give it
+    assert {name: unsealed(name, entries) for name, entries in metadata.items()} == synthetic_flight.metadata(
+        flight
+    )
+    assert all("crc32" in entries for entries in metadata.values())
+    assert attachments == synthetic_flight.ATTACHMENTS
+    kinds = Counter(type(record) for record in records)
+    assert (kinds[Metadata], kinds[Attachment]) == (4, 2)
+
+
+def test_numbers_come_back_in_full_precision(flight: SyntheticFlight, messages: dict[str, list[Any]]) -> None:
+    def column(topic: str, field: str) -> np.ndarray:
+        return np.array([getattr(message, field) for _, message in messages[topic]])
+
+    expected = {
+        ("/deputy/state", "position_m"): flight.position_m,
+        ("/deputy/state", "velocity_m_s"): flight.velocity_m_s,
+        ("/deputy/state", "quaternion"): flight.quaternion,
+        ("/deputy/state", "angular_velocity_rad_s"): flight.angular_velocity_rad_s,
+        ("/deputy/control", "force_body_n"): flight.force_body_n,
+        ("/deputy/control", "force_hill_n"): flight.force_hill_n,
+        ("/guidance", "num_candidates"): flight.num_candidates,
+        ("/guidance", "target_direction"): flight.target_direction,
+        ("/guidance", "lambda_u_rad"): flight.lambda_u_rad,
+        ("/guidance", "eta_u_rad"): flight.eta_u_rad,
+        ("/fis/f_y", "inputs"): flight.fis_inputs[1],
+        ("/fis/f_y", "output_n"): flight.fis_output_n[1],
+        ("/fis/f_z", "firing_strengths"): flight.firing_strengths[2].astype(np.float32),
+        ("/mission", "sun_angle_rad"): flight.sun_angle_rad,
+        ("/mission", "delta_v_m_s"): flight.delta_v_m_s,
+        ("/mission", "inspected_count"): flight.inspected.sum(axis=1),
+        ("/mission", "inspection_rate_percent"): 100.0 * flight.inspected.sum(axis=1) / 99,
+    }
+    for (topic, field), values in expected.items():
+        np.testing.assert_array_equal(column(topic, field), values, err_msg=f"{topic} {field}")
+
+
+def test_attitude_clock_is_row_by_row(flight: SyntheticFlight, messages: dict[str, list[Any]]) -> None:
+    _, history = messages["/deputy/attitude"][17]
+    assert list(history.time_offset_s) == list(range(10))
+    rows = np.reshape(history.quaternion, (10, 4))
+    np.testing.assert_array_equal(rows, flight.attitude_quaternion[17].astype(np.float32))
+    np.testing.assert_array_equal(
+        np.reshape(history.torque_n_m, (10, 3)), flight.torque_n_m[17].astype(np.float32)
+    )
+
+
+def test_mask_has_a_byte_of_zero_or_one_for_each_point(
+    flight: SyntheticFlight, messages: dict[str, list[Any]]
+) -> None:
+    _, status = messages["/mission"][100]
+    assert status.inspected_mask == bytes(flight.inspected[100].astype(np.uint8).tolist())
+
+
+def test_root_transform_comes_first_and_once(messages: dict[str, list[Any]]) -> None:
+    time, root = messages["/tf"][0]
+    assert (time, root.parent_frame_id, root.child_frame_id) == (0, "tf#/", "hill")
+    assert root.rotation.w == 1.0
+    pairs = [(m.parent_frame_id, m.child_frame_id) for _, m in messages["/tf"][1:]]
+    assert Counter(pairs) == {("hill", "deputy"): 361, ("hill", "chief"): 361}
+
+
+def test_pose_turns_body_axes_into_hill_axes(flight: SyntheticFlight, messages: dict[str, list[Any]]) -> None:
+    """The body's x axis, turned as a viewer turns it, points from the chief to the deputy."""
+    for k in (0, 123, 360):
+        pose = messages["/deputy/pose"][k][1].pose
+        q = pose.orientation
+        x_axis = [
+            1.0 - 2.0 * (q.y**2 + q.z**2),
+            2.0 * (q.x * q.y + q.z * q.w),
+            2.0 * (q.x * q.z - q.y * q.w),
+        ]
+        position = np.array([pose.position.x, pose.position.y, pose.position.z])
+        np.testing.assert_array_equal(position, flight.position_m[k])
+        np.testing.assert_allclose(x_axis, position / np.linalg.norm(position), atol=1e-12)
+
+
+def test_points_keep_their_order_and_wear_the_colour_of_their_state(
+    flight: SyntheticFlight, messages: dict[str, list[Any]]
+) -> None:
+    layout = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
+    for k in (0, 200, 360):
+        cloud = messages["/chief/points"][k][1]
+        assert cloud.frame_id == "chief"
+        assert (cloud.point_stride, cloud.pose.orientation.w) == (16, 1.0)
+        assert cloud.pose.HasField("position")
+        assert [(f.name, f.offset, f.type) for f in cloud.fields] == [
+            *((name, 4 * i, 7) for i, name in enumerate("xyz")),
+            *((name, 12 + i, 1) for i, name in enumerate(("red", "green", "blue", "alpha"))),
+        ]
+        points = np.frombuffer(cloud.data, dtype=layout)
+        np.testing.assert_array_equal(points["position"], flight.points_m.astype(np.float32))
+        expected = [COLOURS[int(state)] for state in flight.states[k]]
+        np.testing.assert_array_equal(points["colour"], expected)
+    assert set(np.unique(flight.states)) == {0, 1, 2, 3}
+
+
+def test_events_are_words_at_their_time(messages: dict[str, list[Any]]) -> None:
+    (_, first), (_, second) = messages["/log"]
+    assert first.message.startswith("50 of 99")
+    assert second.message.startswith("95 of 99")
+    assert second.level == 2  # foxglove.Log.INFO
+
+
+def test_the_same_flight_gives_the_same_bytes(
+    flight: SyntheticFlight, flight_file: Path, tmp_path: Path
+) -> None:
+    again = synthetic_flight.record(flight, tmp_path / "again.mcap")
+    assert again.read_bytes() == flight_file.read_bytes()
+
+
+def test_a_full_flight_stays_small(flight_file: Path) -> None:
+    assert flight_file.stat().st_size < 500 * 1024
+
+
+def test_a_full_flight_of_three_systems_of_125_rules_stays_below_a_mebibyte(
+    flight: SyntheticFlight, tmp_path: Path
+) -> None:
+    # random numbers, which nothing compresses: no flight is larger
+    strengths = np.random.default_rng(5).random((3, 360, 125))
+    many = dataclasses.replace(flight, firing_strengths=strengths)
+    path = synthetic_flight.record(many, tmp_path / "many.mcap")
+    assert strengths.astype(np.float32).nbytes < path.stat().st_size < 1024 * 1024
+
+
+def test_plain_rerun_sees_points_pose_and_transforms(flight: SyntheticFlight, flight_file: Path) -> None:
+    columns: dict[tuple[str, str], list[Any]] = defaultdict(list)
+    for chunk in McapReader(str(flight_file)).stream():
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            if name.split(":")[0] in {
+                "Points3D",
+                "InstancePoses3D",
+                "Transform3D",
+                "TextLog",
+                "CoordinateFrame",
+            }:
+                columns[chunk.entity_path, name] += batch.column(name).to_pylist()
+    assert len(columns["/chief/points", "Points3D:colors"]) == 361
+    positions = np.array(columns["/chief/points", "Points3D:positions"][100])
+    np.testing.assert_array_equal(positions, flight.points_m.astype(np.float32))
+    assert set(map(tuple, columns["/chief/points", "CoordinateFrame:frame"])) == {("chief",)}
+    pose = np.array(columns["/deputy/pose", "InstancePoses3D:translations"])[:, 0]
+    np.testing.assert_allclose(pose, flight.position_m, atol=1e-4)
+    parents = [parent for (parent,) in columns["/tf", "Transform3D:parent_frame"]]
+    children = [child for (child,) in columns["/tf", "Transform3D:child_frame"]]
+    assert Counter(zip(parents, children, strict=True)) == {
+        ("tf#/", "hill"): 1,
+        ("hill", "deputy"): 361,
+        ("hill", "chief"): 361,
+    }
+    assert len(columns["/log", "TextLog:text"]) == 2

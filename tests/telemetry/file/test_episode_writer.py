@@ -1,0 +1,166 @@
+"""When a file appears, what a mistake says, and what survives a crash or a full disk."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import telemetry
+from telemetry import EpisodeWriter, RecordingError
+from telemetry.file.recover import recover
+from tests.telemetry import synthetic_flight
+from tests.telemetry.full_disk import fill_disk
+from tests.telemetry.synthetic_flight import SyntheticFlight
+
+
+def open_writer(flight: SyntheticFlight, path: Path) -> EpisodeWriter:
+    return EpisodeWriter(path, metadata=synthetic_flight.metadata(flight), attachments={})
+
+
+def test_file_has_its_name_only_once_it_is_complete(short_flight: SyntheticFlight, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    with open_writer(short_flight, path) as writer:
+        for k in range(131):
+            synthetic_flight.write_sample(writer, short_flight, k)
+        assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap.partial"]
+    assert [p.name for p in tmp_path.iterdir()] == ["flight.mcap"]
+
+
+def test_a_complete_file_takes_the_place_of_an_earlier_one(
+    short_flight: SyntheticFlight, tmp_path: Path
+) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(b"old")
+    synthetic_flight.record(short_flight, path)
+    assert len(telemetry.read(path)["/deputy/state"]) == 131
+
+
+def test_an_exception_leaves_what_was_flown_to_be_rescued(
+    short_flight: SyntheticFlight, tmp_path: Path
+) -> None:
+    path = tmp_path / "flight.mcap"
+
+    def fly_until_interrupted() -> None:
+        with open_writer(short_flight, path) as writer:
+            for k in range(41):
+                synthetic_flight.write_sample(writer, short_flight, k)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fly_until_interrupted()
+    assert not path.exists()
+    rescued = recover(path.with_name("flight.mcap.partial"))
+    assert rescued.output == tmp_path / "flight.recovered.mcap"
+    state = telemetry.read(rescued.output)["/deputy/state"]
+    np.testing.assert_array_equal(state["position_m"], short_flight.position_m[:41])
+
+
+KILLED = """
+import sys, time
+from collections.abc import Callable
+from pathlib import Path
+from tests.telemetry import synthetic_flight
+from telemetry import EpisodeWriter
+flight = synthetic_flight.fly(130)
+with EpisodeWriter(Path(sys.argv[1]), metadata=synthetic_flight.metadata(flight), attachments={}) as writer:
+    for k in range(int(sys.argv[2])):
+        synthetic_flight.write_sample(writer, flight, k)
+    print("written", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize(("num_written", "num_flushed"), [(60, 0), (61, 60), (131, 120)])
+def test_a_killed_process_loses_at_most_sixty_samples(
+    short_flight: SyntheticFlight, tmp_path: Path, num_written: int, num_flushed: int
+) -> None:
+    path = tmp_path / "flight.mcap"
+    process = subprocess.Popen(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", KILLED, str(path), str(num_written)],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"written\n"
+        process.send_signal(signal.SIGKILL)
+    assert not path.exists()
+    output = tmp_path / "rescued.mcap"
+    recover(tmp_path / "flight.mcap.partial", output)
+    recording = telemetry.read(output)
+    assert recording.metadata["episode"] == synthetic_flight.metadata(short_flight)["episode"]
+    if num_flushed:
+        state = recording["/deputy/state"]
+        np.testing.assert_array_equal(state["position_m"], short_flight.position_m[:num_flushed])
+        np.testing.assert_array_equal(
+            recording["/fis/f_x"]["inputs"], short_flight.fis_inputs[0, :num_flushed]
+        )
+
+
+def test_an_event_brings_everything_before_it_to_the_file(
+    short_flight: SyntheticFlight, tmp_path: Path
+) -> None:
+    path = tmp_path / "flight.mcap"
+    with open_writer(short_flight, path) as writer:
+        for k in range(8):
+            synthetic_flight.write_sample(writer, short_flight, k)
+        writer.log(70.0, "warning", "2 m from a limit")
+        recover(tmp_path / "flight.mcap.partial", tmp_path / "now.mcap")
+    now = telemetry.read(tmp_path / "now.mcap")
+    assert len(now["/deputy/state"]) == 8
+    assert now["/log"]["level"].tolist() == ["warning"]
+
+
+@pytest.mark.parametrize("room", [0, 20_000, 90_000])
+def test_a_full_disk_is_said_and_leaves_nothing_half_written(
+    short_flight: SyntheticFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    fill_disk(monkeypatch, room)
+    path = tmp_path / "flight.mcap"
+    with pytest.raises(RecordingError, match=r"No space left on device.*make room or choose another"):
+        synthetic_flight.record(short_flight, path)
+    assert not path.exists()
+    monkeypatch.undo()
+    if room == 90_000:
+        recover(tmp_path / "flight.mcap.partial", tmp_path / "rescued.mcap")
+        state = telemetry.read(tmp_path / "rescued.mcap")["/deputy/state"]
+        assert len(state) >= 60
+        np.testing.assert_array_equal(state["position_m"], short_flight.position_m[: len(state)])
+
+
+def test_a_missing_folder_is_said(short_flight: SyntheticFlight, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"nowhere/flight\.mcap cannot be written: No such file"):
+        synthetic_flight.record(short_flight, tmp_path / "nowhere" / "flight.mcap")
+
+
+@pytest.mark.parametrize(
+    ("mistake", "text"),
+    [
+        (lambda w: w.control(5.0, np.zeros(3), np.zeros(3)), "goes forward in time"),
+        (lambda w: w.control(20.0, np.zeros(2), np.zeros(3)), "force_body_n has 2 values, but 3"),
+        (lambda w: w.fis(20.0, "f_w", [0.0], [0.0], 0.0), "does not describe the fuzzy system 'f_w'"),
+        (lambda w: w.log(20.0, "loud", "words"), "no log level 'loud'"),
+        (lambda w: w.points(20.0, np.zeros((4, 3)), np.zeros(5)), "one state for each point"),
+        (lambda w: w.points(20.0, np.zeros((4, 3)), np.full(4, 4)), "from 4 to 4, but 0 to 3"),
+        (
+            lambda w: w.attitude_history(20.0, [0, 1], np.zeros((2, 4)), np.zeros((2, 3)), np.zeros(3)),
+            "torque_n_m has 3 values, but 6",
+        ),
+    ],
+)
+def test_a_wrong_record_is_refused(
+    short_flight: SyntheticFlight, tmp_path: Path, mistake: Callable[[EpisodeWriter], None], text: str
+) -> None:
+    def fly_and_err() -> None:
+        with open_writer(short_flight, tmp_path / "flight.mcap") as writer:
+            synthetic_flight.write_sample(writer, short_flight, 1)
+            mistake(writer)
+
+    with pytest.raises(RecordingError, match=re.escape(text)):
+        fly_and_err()

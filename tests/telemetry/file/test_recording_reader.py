@@ -1,0 +1,204 @@
+"""Reading by topic and by time, with units, and what a reader says of a bad file."""
+
+from math import inf, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+import telemetry
+from telemetry import EpisodeWriter, RecordingError
+from tests.telemetry import synthetic_flight
+from tests.telemetry.synthetic_flight import SyntheticFlight
+
+
+def test_columns_are_the_flight(flight: SyntheticFlight, flight_file: Path) -> None:
+    recording = telemetry.read(flight_file)
+    state, history = recording["/deputy/state"], recording["/deputy/attitude"]
+    np.testing.assert_array_equal(state.time_s, flight.time_s)
+    np.testing.assert_array_equal(state["position_m"], flight.position_m)
+    np.testing.assert_array_equal(history["quaternion"], flight.attitude_quaternion.astype(np.float32))
+    np.testing.assert_array_equal(recording["/mission"]["inspected_mask"], flight.inspected)
+    np.testing.assert_array_equal(recording["/chief/points"]["state"], flight.states)
+    np.testing.assert_array_equal(recording["/deputy/pose"]["quaternion"], flight.quaternion)
+    np.testing.assert_array_equal(recording["/guidance"]["num_candidates"], flight.num_candidates)
+    is_deputy = recording["/tf"]["child_frame"] == "deputy"
+    np.testing.assert_array_equal(recording["/tf"]["translation_m"][is_deputy], flight.position_m)
+    assert recording["/log"]["message"].tolist() == ["50 of 99 points inspected", "95 of 99 points inspected"]
+    assert recording.fis_names == ("f_x", "f_y", "f_z")
+    assert recording.attachments == synthetic_flight.ATTACHMENTS
+
+
+def test_columns_keep_their_types(flight_file: Path) -> None:
+    recording = telemetry.read(flight_file)
+    assert recording["/deputy/state"]["position_m"].dtype == np.float64
+    assert recording["/deputy/attitude"]["torque_n_m"].dtype == np.float32
+    assert recording["/fis/f_x"]["firing_strengths"].dtype == np.float32
+    assert recording["/mission"]["inspected_count"].dtype == np.int64
+    assert recording["/mission"]["inspected_mask"].dtype == np.bool_
+
+
+def test_columns_know_their_units(flight_file: Path) -> None:
+    recording = telemetry.read(flight_file)
+    units = {
+        ("/deputy/state", "position_m"): "m",
+        ("/deputy/state", "velocity_m_s"): "m/s",
+        ("/deputy/state", "angular_velocity_rad_s"): "rad/s",
+        ("/deputy/state", "quaternion"): "",
+        ("/deputy/attitude", "torque_n_m"): "N m",
+        ("/deputy/attitude", "time_offset_s"): "s",
+        ("/deputy/control", "force_hill_n"): "N",
+        ("/guidance", "eta_u_rad"): "rad",
+        ("/guidance", "num_candidates"): "",
+        ("/mission", "delta_v_m_s"): "m/s",
+        ("/mission", "inspection_rate_percent"): "%",
+        ("/fis/f_y", "inputs"): "rad, m/s",
+        ("/chief/points", "position_m"): "m",
+    }
+    for (topic, field), unit in units.items():
+        assert recording[topic].units[field] == unit
+
+
+def test_topics_are_chosen_by_name_or_pattern(flight_file: Path) -> None:
+    assert list(telemetry.read(flight_file, "/mission").topics) == ["/mission"]
+    assert list(telemetry.read(flight_file, ["/fis/*", "/log"]).topics) == [
+        "/log",
+        "/fis/f_x",
+        "/fis/f_y",
+        "/fis/f_z",
+    ]
+    nothing = telemetry.read(flight_file, [])
+    assert (len(nothing.topics), len(nothing.metadata)) == (0, 4)
+
+
+def test_time_is_chosen_with_both_ends(flight: SyntheticFlight, flight_file: Path) -> None:
+    state = telemetry.read(flight_file, "/deputy/state", start_s=600.0, end_s=700.0)["/deputy/state"]
+    np.testing.assert_array_equal(state.time_s, np.arange(600.0, 701.0, 10.0))
+    np.testing.assert_array_equal(state["position_m"], flight.position_m[60:71])
+    late = telemetry.read(flight_file, "/deputy/state", start_s=3595.0)["/deputy/state"]
+    assert late.time_s.tolist() == [3600.0]
+
+
+def test_what_is_not_asked_for_is_not_read(flight_file: Path, tmp_path: Path) -> None:
+    """Damage in the last chunk shows only to a reader that goes there."""
+    with flight_file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    content = bytearray(flight_file.read_bytes())
+    content[summary.chunk_indexes[-1].chunk_start_offset + 200] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    assert len(telemetry.read(path, end_s=1000.0)["/deputy/state"]) == 101
+    with pytest.raises(RecordingError, match=r"is damaged.*python -m telemetry recover"):
+        telemetry.read(path)
+
+
+def test_a_wrong_byte_never_gives_a_wrong_number(short_file: Path, tmp_path: Path) -> None:
+    whole = telemetry.read(short_file)
+    content = short_file.read_bytes()
+    generator = np.random.default_rng(11)
+    num_refused = 0
+    for position in generator.integers(0, len(content), 80).tolist():
+        damaged = bytearray(content)
+        damaged[position] ^= 1 << int(generator.integers(8))
+        path = tmp_path / "damaged.mcap"
+        path.write_bytes(damaged)
+        try:
+            recording = telemetry.read(path)
+        except RecordingError:
+            num_refused += 1
+            continue
+        assert recording.topics.keys() == whole.topics.keys()
+        for name, topic in whole.topics.items():
+            np.testing.assert_array_equal(recording[name].time_s, topic.time_s)
+            for field, values in topic.columns.items():
+                np.testing.assert_array_equal(recording[name][field], values)
+    assert num_refused > 40
+
+
+def test_a_wrong_byte_in_the_index_is_noticed(short_file: Path, tmp_path: Path) -> None:
+    """The index at the end repeats the names of the topics."""
+    content = bytearray(short_file.read_bytes())
+    content[content.rindex(b"/deputy/state") + 1] ^= 1
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="index does not agree with its checksum"):
+        telemetry.read(path)
+
+
+def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path: Path) -> None:
+    flight = synthetic_flight.fly(3)
+    recording = telemetry.read(synthetic_flight.record(flight, tmp_path / "flight.mcap"))
+    assert len(recording["/log"]) == 0
+    with EpisodeWriter(tmp_path / "bare.mcap", metadata={"fis.f_x": {}}, attachments={}):
+        pass
+    bare = telemetry.read(tmp_path / "bare.mcap")
+    assert len(bare["/deputy/attitude"]) == len(bare["/chief/points"]) == len(bare["/fis/f_x"]) == 0
+
+
+def test_a_topic_or_field_that_is_not_there_is_named(flight_file: Path) -> None:
+    with pytest.raises(RecordingError, match=r"no topic '/fis/f_w'; choose from /chief/points, "):
+        telemetry.read(flight_file, "/fis/f_w")
+    recording = telemetry.read(flight_file, "/mission")
+    with pytest.raises(KeyError, match="no topic '/log' here"):
+        recording["/log"]
+    with pytest.raises(KeyError, match=r"no field 'distance'; it has sun_angle_rad, "):
+        recording["/mission"]["distance"]
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"", "is empty"),
+        (b"time_s,force_x_n\n", "is not an MCAP file"),
+        (b"\x89MCAP0\r\n", "is cut short"),
+        (b"\x89MCAP0\r\n" * 2, "is damaged"),
+        (b"\x89MCAP0\r\n" + bytes(100) + b"\x89MCAP0\r\n", "is damaged"),
+    ],
+)
+def test_a_bad_file_is_said(tmp_path: Path, content: bytes, text: str) -> None:
+    path = tmp_path / "odd.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=text):
+        telemetry.read(path)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be opened: No such file"):
+        telemetry.read(tmp_path / "none.mcap")
+
+
+def test_metadata_that_does_not_fit_the_inferences_is_refused(tmp_path: Path) -> None:
+    flight = synthetic_flight.fly(2)
+    with EpisodeWriter(
+        tmp_path / "odd.mcap", metadata=synthetic_flight.metadata(flight), attachments={}
+    ) as writer:
+        writer.fis(0.0, "f_x", [1.0, 2.0], [0.5] * 9, 0.1)
+    with pytest.raises(RecordingError, match="2 inputs and 25 rules, but 2 and 9 are recorded"):
+        telemetry.read(tmp_path / "odd.mcap").fis_description("f_x")
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s"), [(500.0, 100.0), (nan, None), (None, nan), (inf, None), (None, -inf)]
+)
+def test_times_that_are_no_span_are_not_taken_for_damage(
+    short_file: Path, start_s: float | None, end_s: float | None
+) -> None:
+    with pytest.raises(RecordingError, match="there is no time"):
+        telemetry.read(short_file, start_s=start_s, end_s=end_s)
+
+
+def test_infinity_is_no_limit(short_file: Path) -> None:
+    everything = telemetry.read(short_file)["/deputy/state"].time_s
+    found = telemetry.read(short_file, start_s=-inf, end_s=inf)["/deputy/state"].time_s
+    np.testing.assert_array_equal(found, everything)
+
+
+def test_a_changed_attachment_is_damage(short_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    content = short_file.read_bytes()
+    assert content.count(b"seed: 7") == 1
+    path.write_bytes(content.replace(b"seed: 7", b"seed: 8"))
+    with pytest.raises(RecordingError, match="an attachment does not agree with its checksum"):
+        telemetry.read(path)

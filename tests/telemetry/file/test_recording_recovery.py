@@ -1,0 +1,248 @@
+"""A cut or damaged file: every flushed step comes back, and never a wrong one."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+import telemetry
+from telemetry import RecordingError
+from telemetry.file.recover import recover
+from tests.telemetry.full_disk import fill_disk
+
+MessageRow = tuple[str, int, int, bytes]
+
+
+def messages_of(path: Path) -> list[MessageRow]:
+    """(topic, sequence, time, bytes) of each message in the order of the file, by the mcap library."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        return [
+            (channel.topic, message.sequence, message.log_time, message.data)
+            for _, channel, message in reader.iter_messages(log_time_order=False)
+        ]
+
+
+@pytest.fixture(scope="module")
+def chunks(short_file: Path) -> list[tuple[int, int]]:
+    """(last byte, messages up to there) of each chunk."""
+    with short_file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    ends = [index.chunk_start_offset + index.chunk_length for index in summary.chunk_indexes]
+    starts = [index.message_start_time for index in summary.chunk_indexes]
+    rows = messages_of(short_file)
+    last = [*starts[1:], rows[-1][2] + 1]
+    return [(end, sum(row[2] < before for row in rows)) for end, before in zip(ends, last, strict=True)]
+
+
+def uncompressed(source: Path, folder: Path) -> Path:
+    """The same messages in one chunk that is not compressed."""
+    path = folder / "plain.mcap"
+    with source.open("rb") as stream, path.open("wb") as output:
+        writer = Writer(output, compression=CompressionType.NONE, chunk_size=2**30)
+        writer.start()
+        channels: dict[str, int] = {}
+        for schema, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.topic not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.add_metadata("episode", {"scenario_id": "plain"})
+        writer.finish()
+    return path
+
+
+def cut(source: Path, num_bytes: int, folder: Path) -> Path:
+    path = folder / f"cut_{num_bytes}.mcap"
+    path.write_bytes(source.read_bytes()[:num_bytes])
+    return path
+
+
+def test_the_short_flight_is_of_three_flushes(chunks: list[tuple[int, int]]) -> None:
+    assert len(chunks) == 3
+
+
+def test_a_file_cut_anywhere_gives_back_every_flushed_step(
+    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    rows = messages_of(short_file)
+    size = short_file.stat().st_size
+    generator = np.random.default_rng(20)
+    edges = [end + step for end, _ in chunks for step in (-1, 0, 1)]
+    cuts = [*edges, size - 1, size - 8, size - 9, *generator.integers(chunks[0][0] // 2, size, 40).tolist()]
+    for num_bytes in sorted(set(cuts)):
+        path = cut(short_file, num_bytes, tmp_path)
+        with pytest.raises(RecordingError, match="python -m telemetry recover"):
+            telemetry.read(path)
+        output = tmp_path / f"rescued_{num_bytes}.mcap"
+        recovery = recover(path, output)
+        num_expected = max((count for end, count in chunks if end <= num_bytes), default=0)
+        assert messages_of(output) == rows[:num_expected], num_bytes
+        assert recovery.num_messages == num_expected
+        assert recovery.num_damaged_records == 0
+
+
+def test_a_file_cut_before_its_first_flush_still_tells_what_it_was(
+    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    path = cut(short_file, chunks[0][0] - 1, tmp_path)
+    recover(path, tmp_path / "rescued.mcap")
+    rescued, whole = telemetry.read(tmp_path / "rescued.mcap"), telemetry.read(short_file)
+    assert rescued.metadata["episode"] == whole.metadata["episode"]
+    assert rescued.attachments == whole.attachments
+    assert rescued.metadata["recovery"] == {"source": path.name, "num_messages": "0"}
+
+
+def test_a_rescued_file_reads_like_the_whole_one_up_to_its_end(
+    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    recovery = recover(cut(short_file, chunks[1][0], tmp_path), tmp_path / "rescued.mcap")
+    assert recovery.end_s == 1190.0
+    rescued = telemetry.read(tmp_path / "rescued.mcap")
+    whole = telemetry.read(short_file, end_s=1190.0)
+    for name, topic in whole.topics.items():
+        for field, values in topic.columns.items():
+            np.testing.assert_array_equal(rescued[name][field], values)
+    assert rescued.metadata["recovery"]["end_s"] == "1190.0"
+
+
+def test_a_wrong_byte_never_gives_a_wrong_message(short_file: Path, tmp_path: Path) -> None:
+    rows = set(messages_of(short_file))
+    content = short_file.read_bytes()
+    generator = np.random.default_rng(3)
+    num_rescued = []
+    for position in generator.integers(8, len(content), 60).tolist():
+        damaged = bytearray(content)
+        damaged[position] ^= 1 << int(generator.integers(8))
+        path = tmp_path / f"damaged_{position}.mcap"
+        path.write_bytes(damaged)
+        output = tmp_path / f"rescued_{position}.mcap"
+        if recover(path, output).output is not None:
+            rescued = messages_of(output)
+            assert set(rescued) <= rows, position
+            num_rescued.append(len(rescued))
+    assert max(num_rescued) > 1000
+
+
+def test_without_compression_the_checksum_alone_tells_a_wrong_byte(short_file: Path, tmp_path: Path) -> None:
+    plain = uncompressed(short_file, tmp_path)
+    content = bytearray(plain.read_bytes())
+    # the number 75.0 of the first sample's distance becomes another one
+    position = content.index(struct.pack("<d", 75.0))
+    content[position + 6] ^= 1
+    plain.write_bytes(content)
+    recovery = recover(plain, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    assert recovery.num_messages == 0
+
+
+def test_a_damaged_attachment_does_not_come_back(short_file: Path, tmp_path: Path) -> None:
+    content = short_file.read_bytes()
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content.replace(b'{"name": "circle"}', b'{"name": "square"}'))
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    assert telemetry.read(tmp_path / "rescued.mcap").attachments == {"config.yaml": b"seed: 7\n"}
+    assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
+
+
+def test_damaged_metadata_does_not_come_back(short_file: Path, tmp_path: Path) -> None:
+    """MCAP gives metadata no checksum, so a record carries one of its own."""
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(short_file.read_bytes().replace(b"circle-0", b"circle-8"))
+    with pytest.raises(RecordingError, match="metadata episode does not agree with its checksum"):
+        telemetry.read(path)
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    rescued = telemetry.read(tmp_path / "rescued.mcap")
+    assert set(rescued.metadata) == {"fis.f_x", "fis.f_y", "fis.f_z", "recovery"}
+    assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)
+
+
+def test_metadata_of_another_writer_is_read_without_a_checksum(short_file: Path, tmp_path: Path) -> None:
+    plain = uncompressed(short_file, tmp_path)
+    assert telemetry.read(plain).metadata == {"episode": {"scenario_id": "plain"}}
+
+
+def test_a_damaged_chunk_costs_that_chunk_alone(
+    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    """The first chunk names the channels, and so does the summary at the end of the file."""
+    content = bytearray(short_file.read_bytes())
+    content[chunks[0][0] - 500] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="is damaged"):
+        telemetry.read(path)
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert recovery.num_damaged_records == 1
+    assert messages_of(tmp_path / "rescued.mcap") == messages_of(short_file)[chunks[0][1] :]
+
+
+def test_messages_that_nothing_explains_stay_behind(
+    short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    """Without its first chunk and its end, nothing in a file says what its channels are."""
+    content = bytearray(short_file.read_bytes()[: chunks[1][0]])
+    content[chunks[0][0] - 500] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    recovery = recover(path, tmp_path / "rescued.mcap")
+    assert (recovery.num_messages, recovery.end_s) == (0, None)
+    assert "episode" in telemetry.read(tmp_path / "rescued.mcap").metadata
+
+
+def test_a_whole_file_needs_no_rescue(short_file: Path, tmp_path: Path) -> None:
+    recovery = recover(short_file, tmp_path / "rescued.mcap")
+    assert recovery.output is None
+    assert recovery.num_messages == len(messages_of(short_file))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("room", [0, 20_000])
+def test_a_rescue_on_a_full_disk_leaves_the_source_alone(
+    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    path = cut(short_file, 90_000, tmp_path)
+    content = path.read_bytes()
+    fill_disk(monkeypatch, room)
+    with pytest.raises(
+        RecordingError, match=r"rescued\.mcap cannot be written: No space left on device; make room"
+    ):
+        recover(path, tmp_path / "rescued.mcap")
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == content
+
+
+def test_a_rescue_overwrites_nothing(short_file: Path, tmp_path: Path) -> None:
+    path = cut(short_file, 60_000, tmp_path)
+    kept = tmp_path / "kept.mcap"
+    kept.write_bytes(b"precious")
+    with pytest.raises(RecordingError, match="exists; remove it or choose another name with -o"):
+        recover(path, kept)
+    assert kept.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"", "nothing in .* is whole"),
+        (b"\x89MCAP0\r\n", "nothing in .* is whole"),
+        (b"time_s,force_x_n\n0,0\n", "is not an MCAP file"),
+    ],
+)
+def test_nothing_to_rescue_is_said(tmp_path: Path, content: bytes, text: str) -> None:
+    path = tmp_path / "odd.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=text):
+        recover(path)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be read: No such file"):
+        recover(tmp_path / "none.mcap")

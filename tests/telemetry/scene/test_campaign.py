@@ -1,0 +1,171 @@
+"""The trajectories of an evaluation as one recording, read back with rerun's own reader."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from telemetry import RecordingError
+from telemetry.scene import campaign, runs, viewer
+from telemetry.scene.campaign import OUTCOME_COLOURS
+from telemetry.scene.runs import Outcome
+from tests.telemetry import synthetic_run
+from tests.telemetry.scene.rrd_content import Content, views
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    return synthetic_run.write_evaluation(tmp_path / "evaluated")
+
+
+def saved(path: Path, output: Path) -> Content:
+    viewer.save(campaign.scene(path), output)
+    return Content(output)
+
+
+def test_cases_are_read_with_their_outcomes(run: Path) -> None:
+    evaluation = runs.read_evaluation(run)
+    assert evaluation.name == "evaluated"
+    assert evaluation.case.tolist() == [3, 5, 8, 13]
+    np.testing.assert_array_equal(evaluation.position_m, synthetic_run.positions())
+    assert evaluation.outcome is not None
+    # 99 and 95 of 99 points are at least 95 %; 96 were inspected outside the limits, which counts more
+    assert evaluation.outcome.tolist() == [Outcome.SUCCESS, Outcome.SUCCESS, Outcome.OUTSIDE, Outcome.SHORT]
+    assert evaluation.time_s.tolist() == [0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0]
+    assert evaluation.distance_m[:, 3].tolist() == [50.0, 60.0, 10.0, 80.0]
+
+
+def test_the_telling_cases_are_named(run: Path) -> None:
+    found = {extreme.label: extreme.sample for extreme in campaign.extremes(runs.read_evaluation(run))}
+    assert found == {
+        "nearest: case 8, 10.0 m": 3,
+        "farthest: case 13, 120.0 m": 5,
+        "most delta-v: case 5, 4.000 m/s": 6,
+        "least inspected: case 13, 70 points": 6,
+    }
+
+
+def test_words_count_the_outcomes(run: Path) -> None:
+    text = campaign.in_words(runs.read_evaluation(run))
+    for row in (
+        "| cases | 4 |",
+        "| green: success, 95 % inspected | 2 (50.0 %) |",
+        "| orange: short of 95 % | 1 (25.0 %) |",
+        "| red: outside 15 to 200 m | 1 (25.0 %) |",
+        # of 1, 2, 3, 4 the standard deviation is the square root of 5/3
+        "| delta-v | 2.500 ± 1.291 m/s, 1.000 to 4.000 |",
+        "| least inspected | case 13, 70 points |",
+    ):
+        assert row in text.splitlines()
+
+
+def test_all_paths_are_there_in_the_colour_of_their_outcome(run: Path, tmp_path: Path) -> None:
+    content = saved(run, tmp_path / "x.rrd")
+    positions = synthetic_run.positions()
+    for kind, rows in ((Outcome.SUCCESS, [0, 1]), (Outcome.SHORT, [3]), (Outcome.OUTSIDE, [2])):
+        entity = f"/scene/paths/{kind.name.lower()}"
+        np.testing.assert_array_equal(content.column(entity, "LineStrips3D:strips")[0], positions[rows])
+        (colour,) = content.column(entity, "LineStrips3D:colors")[0]
+        assert colour >> 8 == int.from_bytes(bytes(OUTCOME_COLOURS[kind]), "big")
+
+
+def test_deputies_fly_together(run: Path, tmp_path: Path) -> None:
+    content = saved(run, tmp_path / "x.rrd")
+    entity = "/scene/deputies"
+    assert content.times(entity, "Points3D:positions").tolist() == [20.0 * k for k in range(7)]
+    flown = content.numbers(entity, "Points3D:positions")
+    np.testing.assert_array_equal(flown.transpose(1, 0, 2), synthetic_run.positions())
+    assert len(set(content.column(entity, "Points3D:colors")[0])) == 3
+
+
+def test_named_cases_are_drawn_with_their_labels(run: Path, tmp_path: Path) -> None:
+    content = saved(run, tmp_path / "x.rrd")
+    assert content.column("/scene/named/nearest/label", "Points3D:labels") == [["nearest: case 8, 10.0 m"]]
+    assert content.column("/scene/named/nearest/label", "Points3D:positions") == [[[0.0, 0.0, 10.0]]]
+    (strip,) = content.column("/scene/named/most_delta_v", "LineStrips3D:strips")[0]
+    np.testing.assert_array_equal(strip, synthetic_run.positions()[1])
+
+
+def test_distance_and_histograms_are_those_of_the_cases(run: Path, tmp_path: Path) -> None:
+    content = saved(run, tmp_path / "x.rrd")
+    spread = content.numbers("/curves/distance/spread", "Scalars:scalars")
+    assert spread[3].tolist() == [80.0, 55.0, 10.0]
+    assert spread[5].tolist() == [120.0, 55.0, 40.0]
+    assert content.column("/curves/distance/limit_15", "Scalars:scalars") == [[15.0], [15.0]]
+    for name, low, high in (
+        ("delta_v", 1.0, 4.0),
+        ("inspected", 70, 99),
+        ("nearest", 10, 80),
+        ("farthest", 40, 120),
+    ):
+        (tensor,) = content.column(f"/charts/{name}", "BarChart:values")[0]
+        counts = np.array(tensor["buffer"])
+        assert counts.sum() == 4
+        assert counts[0] >= 1
+        assert counts[-1] >= 1
+        (axis,) = content.column(f"/charts/{name}", "BarChart:abscissa")[0]
+        middles = np.array(axis["buffer"])
+        half = (middles[1] - middles[0]) / 2
+        np.testing.assert_allclose([middles[0] - half, middles[-1] + half], [low, high])
+
+
+def test_layout_has_scene_summary_curves_and_charts(run: Path, tmp_path: Path) -> None:
+    viewer.save(campaign.scene(run), tmp_path / "x.rrd")
+    kinds = sorted(kind for kind, _ in views(tmp_path / "x.rrd"))
+    assert kinds == ["3D", "BarChart", "BarChart", "BarChart", "BarChart", "TextDocument", "TimeSeries"]
+
+
+def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None:
+    table = tmp_path / "elsewhere" / "some" / "trajectories.parquet"
+    table.parent.mkdir(parents=True)
+    (run / "evaluate/trajectories.parquet").rename(table)
+    evaluation = runs.read_evaluation(table)
+    assert evaluation.outcome is None
+    assert {extreme.key for extreme in campaign.extremes(evaluation)} == {"nearest", "farthest"}
+    assert "outcome | not known" in campaign.in_words(evaluation)
+    content = saved(table, tmp_path / "x.rrd")
+    assert len(content.column("/scene/paths/all", "LineStrips3D:strips")[0]) == 4
+    assert "/scene/limits/nearest" not in content.batches
+
+
+def test_a_folder_without_an_evaluation_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        RecordingError, match=r"evaluate/trajectories.parquet does not exist; give the folder of a run"
+    ):
+        campaign.scene(tmp_path)
+
+
+def test_a_flight_is_sent_to_replay(short_file: Path) -> None:
+    with pytest.raises(RecordingError, match=r"to look at a flight: python -m telemetry replay "):
+        campaign.scene(short_file)
+
+
+def test_a_damaged_table_is_refused(run: Path) -> None:
+    table = run / "evaluate/trajectories.parquet"
+    table.write_bytes(table.read_bytes()[:-20])
+    with pytest.raises(RecordingError, match=r"trajectories.parquet cannot be read .* repeat the stage"):
+        campaign.scene(run)
+
+
+def test_a_table_with_samples_missing_is_refused(run: Path) -> None:
+    cases = np.repeat(np.array(synthetic_run.CASES), synthetic_run.NUM_SAMPLES)
+    columns = {"case": cases, **synthetic_run.track_columns(synthetic_run.positions())}
+    cut = {name: np.delete(np.asarray(values), 9) for name, values in columns.items()}
+    synthetic_run.write_table(run / "evaluate/trajectories.parquet", cut)
+    with pytest.raises(RecordingError, match="does not hold whole trajectories"):
+        campaign.scene(run)
+
+
+def test_a_table_of_something_else_is_refused(tmp_path: Path) -> None:
+    synthetic_run.write_table(tmp_path / "x.parquet", {"case": [1], "sample": [0]})
+    with pytest.raises(RecordingError, match="has no column position_x_m, position_y_m, position_z_m"):
+        campaign.scene(tmp_path / "x.parquet")
+
+
+def test_episodes_of_other_cases_are_refused(run: Path) -> None:
+    columns = {name: [1.0] for name in ("delta_v_m_s", "inspected_count", "inspection_rate_percent")}
+    synthetic_run.write_table(
+        run / "evaluate/episodes.parquet", {"case": [3], **columns, "success": [True], "violated": [False]}
+    )
+    with pytest.raises(RecordingError, match="tells of other cases than the trajectories beside it"):
+        campaign.scene(run)

@@ -1,0 +1,316 @@
+"""Foxglove: its libraries decode every message as we do; the layout asks for nothing that is not there."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+import telemetry
+from telemetry import EpisodeWriter
+from telemetry.file import topics
+from telemetry.file.metadata import unsealed
+from telemetry.file.reader import Recording
+from tests.places import PROJECT
+from tests.programs import missing, program
+from tests.telemetry import synthetic_flight
+from tests.telemetry.synthetic_flight import SyntheticFlight
+
+READER = Path(__file__).parent / "foxglove_reader"
+FOLDER = PROJECT / "docs" / "foxglove"
+LAYOUT = FOLDER / "inspection.json"
+MESSAGE_PATH = re.compile(r"(?P<topic>(?:/\w+)+)\.(?P<field>\w+)(?:\[(?P<index>\d+)\])?")
+
+
+class PaperWriter(EpisodeWriter):
+    """Calls the systems as the paper's controllers do, for whose flights the layout is."""
+
+    def fis(self, time_s: float, name: str, inputs: ArrayLike, strengths: ArrayLike, output_n: float) -> None:
+        super().fis(time_s, name.replace("f_", "force_"), inputs, strengths, output_n)
+
+
+@pytest.fixture(scope="module")
+def flown() -> SyntheticFlight:
+    return synthetic_flight.fly(20)
+
+
+@pytest.fixture(scope="module")
+def recorded(flown: SyntheticFlight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    metadata = {
+        name.replace("fis.f_", "fis.force_"): entries
+        for name, entries in synthetic_flight.metadata(flown).items()
+    }
+    path = tmp_path_factory.mktemp("foxglove") / "flight.mcap"
+    with PaperWriter(path, metadata=metadata, attachments=synthetic_flight.ATTACHMENTS) as writer:
+        for k in range(21):
+            synthetic_flight.write_sample(writer, flown, k)
+        writer.log(200.0, "warning", "the end")
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(recorded: Path) -> Recording:
+    return telemetry.read(recorded)
+
+
+@pytest.fixture(scope="module")
+def layout() -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(LAYOUT.read_text(encoding="utf-8"))
+    return content
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with Foxglove's own libraries for reading, of the versions that the lock names."""
+    program("node", "nodejs")
+    npm = program("npm", "npm")
+    folder = tmp_path_factory.mktemp("npm") / "reader"
+    shutil.copytree(READER, folder, ignore=shutil.ignore_patterns("node_modules"))
+    command = [npm, "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
+    if done.returncode != 0:
+        missing(f"npm cannot install what reads recordings: {done.stderr.strip()[-500:]}")
+    return folder
+
+
+def run_node(folder: Path, *arguments: str | Path) -> Any:
+    command = [program("node", "nodejs"), *map(str, arguments)]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def seen(reader: Path, recorded: Path) -> dict[str, Any]:
+    """The recording as Foxglove's libraries tell it."""
+    told: dict[str, Any] = run_node(reader, "read.mjs", recorded)
+    return told
+
+
+def test_every_channel_is_decoded_in_full(seen: dict[str, Any], recording: Recording) -> None:
+    assert {name: topic["schema"] for name, topic in seen["topics"].items()} == {
+        name: topic.schema for name, topic in recording.topics.items()
+    }
+    for name, topic in recording.topics.items():
+        assert [message["time_s"] for message in seen["topics"][name]["messages"]] == topic.time_s.tolist()
+
+
+def test_our_messages_say_the_same_there(seen: dict[str, Any], recording: Recording) -> None:
+    num_fields = 0
+    for name, topic in recording.topics.items():
+        if topic.schema.startswith("inspection."):
+            for field, values in topic.columns.items():
+                told = [message[field] for message in seen["topics"][name]["messages"]]
+                np.testing.assert_array_equal(np.array(told).reshape(values.shape), values)
+                num_fields += 1
+    assert num_fields == 4 + 4 + 2 + 4 + 6 + 3 * 3
+
+
+def test_foxgloves_messages_say_the_same_there(seen: dict[str, Any], recording: Recording) -> None:
+    def told(topic: str) -> list[dict[str, Any]]:
+        messages: list[dict[str, Any]] = seen["topics"][topic]["messages"]
+        return messages
+
+    def numbers(vectors: list[dict[str, float]], axes: str) -> np.ndarray:
+        return np.array([[vector[axis] for axis in axes] for vector in vectors])
+
+    poses = [message["pose"] for message in told("/deputy/pose")]
+    pose, transforms = recording["/deputy/pose"], recording["/tf"]
+    np.testing.assert_array_equal(numbers([p["position"] for p in poses], "xyz"), pose["position_m"])
+    np.testing.assert_array_equal(numbers([p["orientation"] for p in poses], "xyzw"), pose["quaternion"])
+    frames = [message["child_frame_id"] for message in told("/tf")]
+    assert frames == transforms["child_frame"].tolist()
+    translations = numbers([message["translation"] for message in told("/tf")], "xyz")
+    np.testing.assert_array_equal(translations, transforms["translation_m"])
+    cloud = told("/chief/points")[7]
+    assert [field["name"] for field in cloud["fields"]] == ["x", "y", "z", "red", "green", "blue", "alpha"]
+    data = np.array(cloud["data"], dtype=np.uint8).reshape(-1, cloud["point_stride"])
+    np.testing.assert_array_equal(data[:, 12:], recording["/chief/points"]["colour_rgba"][7])
+    assert [message["message"] for message in told("/log")] == recording["/log"]["message"].tolist()
+
+
+def test_metadata_and_attachments_are_there(seen: dict[str, Any], recording: Recording) -> None:
+    assert {name: unsealed(name, entries) for name, entries in seen["metadata"].items()} == recording.metadata
+    assert {name: text.encode() for name, text in seen["attachments"].items()} == recording.attachments
+
+
+def panels(node: Any) -> Iterator[str]:
+    if isinstance(node, str):
+        yield node
+    else:
+        assert node["direction"] in ("row", "column")
+        yield from panels(node["first"])
+        yield from panels(node["second"])
+
+
+def message_paths(layout: dict[str, Any]) -> Iterator[str]:
+    for config in layout["configById"].values():
+        for series in config.get("paths", ()):
+            yield series["value"]
+
+
+def output_of(source: str) -> str:
+    match = re.search(r'^export const output = "(.+)";$', source, re.MULTILINE)
+    assert match is not None
+    return match.group(1)
+
+
+def test_every_panel_has_a_place_and_a_configuration(layout: dict[str, Any]) -> None:
+    placed = list(panels(layout["layout"]))
+    assert sorted(placed) == sorted(layout["configById"])
+    assert {name.split("!")[0] for name in placed} == {"3D", "Plot", "StateTransitions", "RosOut"}
+
+
+def test_every_field_that_the_layout_plots_is_recorded(layout: dict[str, Any], recording: Recording) -> None:
+    outputs = {output_of(script["sourceCode"]) for script in layout["userNodes"].values()}
+    plotted = set()
+    for path in message_paths(layout):
+        if re.fullmatch(r"\d+", path):
+            continue  # a line at a limit
+        match = MESSAGE_PATH.fullmatch(path)
+        assert match is not None, path
+        if match["topic"] in outputs:
+            continue
+        values = recording[match["topic"]][match["field"]]
+        assert (values.ndim > 1) == (match["index"] is not None), path
+        if match["index"]:
+            assert int(match["index"]) < values[0].size, path
+        plotted.add(f"{match['topic']}.{match['field']}")
+    assert plotted >= {
+        "/deputy/control.force_hill_n",
+        "/deputy/attitude.torque_n_m",
+        "/mission.distance_m",
+        "/mission.inspection_rate_percent",
+        "/mission.delta_v_m_s",
+        *(f"/fis/force_{axis}.inputs" for axis in "xyz"),
+    }
+
+
+def test_every_topic_and_frame_that_the_scene_shows_is_recorded(
+    layout: dict[str, Any], recording: Recording
+) -> None:
+    scene = layout["configById"]["3D!scene"]
+    frames = set(recording["/tf"]["child_frame"]) | set(recording["/tf"]["parent_frame"])
+    assert scene["followTf"] in frames
+    assert {name.removeprefix("frame:") for name in scene["transforms"]} == frames
+    outputs = {output_of(script["sourceCode"]) for script in layout["userNodes"].values()}
+    assert set(scene["topics"]) - outputs == {topics.CHIEF_POINTS, topics.DEPUTY_POSE}
+    assert set(scene["topics"]) & outputs == {"/studio_script/scene"}
+    assert layout["configById"]["RosOut!events"]["topicToRender"] == topics.LOG
+
+
+def test_the_layout_carries_the_scripts_that_lie_beside_it(layout: dict[str, Any]) -> None:
+    """After a change of a script: ``node docs/foxglove/embed.mjs``."""
+    assert set(layout["userNodes"]) == {path.stem for path in FOLDER.glob("*.ts")}
+    for name, script in layout["userNodes"].items():
+        assert script == {"name": name, "sourceCode": (FOLDER / f"{name}.ts").read_text(encoding="utf-8")}
+
+
+def test_the_layouts_variables_and_lines_are_the_papers(layout: dict[str, Any], recording: Recording) -> None:
+    episode, variables = recording.episode, layout["globalVariables"]
+    assert (variables["min_distance_m"], variables["max_distance_m"]) == (
+        episode.min_distance_m,
+        episode.max_distance_m,
+    )
+    assert np.deg2rad(variables["half_angle_deg"]) == pytest.approx(episode.half_angle_rad)
+    assert tuple(variables[f"boresight_{axis}"] for axis in "xyz") == episode.boresight
+    lines = {float(path) for path in message_paths(layout) if re.fullmatch(r"\d+", path)}
+    assert lines == {15.0, 200.0, episode.inspection_threshold_percent}
+
+
+@pytest.fixture(scope="module")
+def made(reader: Path, recorded: Path) -> dict[str, list[dict[str, Any]]]:
+    """What the layout's scripts, compiled strictly, make of the recording."""
+    told: dict[str, list[dict[str, Any]]] = run_node(reader, "run_scripts.mjs", LAYOUT, recorded)
+    return told
+
+
+def turned(quaternion: dict[str, float], vector: ArrayLike) -> np.ndarray:
+    axis = np.array([quaternion[name] for name in "xyz"])
+    twice = 2.0 * np.cross(axis, vector)
+    return np.asarray(vector) + quaternion["w"] * twice + np.cross(axis, twice)
+
+
+def last_scene_of(scenes: list[dict[str, Any]], sample: int) -> dict[str, dict[str, Any]]:
+    message = [scene["message"] for scene in scenes if scene["time_s"] == 10 * sample][-1]
+    return {entity["id"]: entity for entity in message["entities"]}
+
+
+def point(vector: dict[str, float]) -> np.ndarray:
+    return np.array([vector[axis] for axis in "xyz"])
+
+
+@pytest.mark.parametrize("sample", [0, 7, 19])
+def test_arrows_of_the_scene_point_where_the_numbers_say(
+    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight, sample: int
+) -> None:
+    scene = last_scene_of(made["/studio_script/scene"], sample)
+    angle = flown.sun_angle_rad[sample]
+    force = flown.force_hill_n[sample]
+    expected = {
+        "sun": [np.cos(angle), np.sin(angle), 0.0],
+        "target": flown.target_direction[sample],
+        "force": force / np.linalg.norm(force),
+    }
+    for name, direction in expected.items():
+        (arrow,) = scene[name]["arrows"]
+        assert scene[name]["frame_id"] == "hill"
+        np.testing.assert_allclose(
+            turned(arrow["pose"]["orientation"], [1.0, 0.0, 0.0]), direction, atol=1e-9
+        )
+    (arrow,) = scene["force"]["arrows"]
+    np.testing.assert_array_equal(point(arrow["pose"]["position"]), flown.position_m[sample])
+    assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(3000.0 * np.linalg.norm(force))
+
+
+def test_the_field_of_view_is_a_cone_from_the_deputy_onto_the_chief(
+    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight
+) -> None:
+    scene = last_scene_of(made["/studio_script/scene"], 7)
+    (cone,) = scene["field of view"]["cylinders"]
+    assert scene["field of view"]["frame_id"] == "deputy"
+    assert (cone["bottom_scale"], cone["top_scale"]) == (0, 1)
+    depth = cone["size"]["z"]
+    ends = [
+        point(cone["pose"]["position"]) + turned(cone["pose"]["orientation"], [0.0, 0.0, side * depth / 2])
+        for side in (-1.0, 1.0)
+    ]
+    np.testing.assert_allclose(ends[0], 0.0, atol=1e-9)
+    # the camera of this flight looks at the chief's centre
+    deputy = dict(zip("xyzw", flown.quaternion[7], strict=True))
+    base = flown.position_m[7] + turned(deputy, ends[1])
+    np.testing.assert_allclose(base, 0.0, atol=1e-9)
+    assert np.arctan2(cone["size"]["x"] / 2, depth) == pytest.approx(synthetic_flight.HALF_ANGLE)
+
+
+def test_shells_body_and_trail_are_where_they_belong(
+    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight
+) -> None:
+    scene = last_scene_of(made["/studio_script/scene"], 12)
+    for name, radius in (("least distance", 15.0), ("greatest distance", 200.0)):
+        for circle in scene[name]["lines"]:
+            np.testing.assert_allclose([np.linalg.norm(point(p)) for p in circle["points"]], radius)
+        normals = [turned(circle["pose"]["orientation"], [0.0, 0.0, 1.0]) for circle in scene[name]["lines"]]
+        np.testing.assert_allclose(np.abs(normals) @ np.ones(3), 1.0, atol=1e-9)
+        assert np.linalg.matrix_rank(np.array(normals)) == 3
+    (body,) = scene["body"]["spheres"]
+    assert 0.9 * synthetic_flight.POINT_RADIUS < body["size"]["x"] / 2 < synthetic_flight.POINT_RADIUS
+    dots = np.array([point(dot["pose"]["position"]) for dot in scene["trail"]["spheres"]])
+    np.testing.assert_array_equal(dots, flown.position_m[:13])
+
+
+def test_the_strongest_rule_is_named_by_its_number(
+    made: dict[str, list[dict[str, Any]]], flown: SyntheticFlight
+) -> None:
+    last = {event["time_s"]: event["message"] for event in made["/studio_script/rules"]}
+    assert len(last) == 20
+    strengths = flown.firing_strengths.astype(np.float32)
+    for sample in range(20):
+        for index, axis in enumerate("xyz"):
+            assert last[10 * sample][f"force_{axis}"] == 1 + strengths[index, sample].argmax()

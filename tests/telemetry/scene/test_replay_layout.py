@@ -1,0 +1,297 @@
+"""What `replay --save` writes, read back with rerun's own reader; no viewer and no graphics driver needed."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from telemetry import EpisodeWriter, RecordingError
+from telemetry.scene import replay, viewer
+from tests.telemetry import synthetic_flight
+from tests.telemetry.scene.rrd_content import Content, views
+from tests.telemetry.synthetic_flight import SyntheticFlight
+
+
+@pytest.fixture(scope="module")
+def replay_file(flight_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("replay") / "flight.rrd"
+    viewer.save(replay.scene([flight_file]), output)
+    return output
+
+
+@pytest.fixture(scope="module")
+def content(replay_file: Path) -> Content:
+    return Content(replay_file)
+
+
+def test_rerun_finds_the_file_sound(replay_file: Path) -> None:
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(replay_file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own interpreter
+    assert done.returncode == 0, done.stderr
+
+
+def test_layout_holds_every_view(replay_file: Path) -> None:
+    found = sorted(views(replay_file))
+    kinds = [kind for kind, _ in found]
+    assert {kind: kinds.count(kind) for kind in set(kinds)} == {
+        "3D": 2,
+        "2D": 1,
+        "TimeSeries": 9,
+        "TextDocument": 2,
+        "TextLog": 1,
+    }
+    titles = [name for _, name in found]
+    for expected in (
+        "Flight, Hill frame",
+        "As the deputy sees it",
+        "Distance (m; limits 15, 200)",
+        "Inspected (%; goal 95)",
+        "Force, Hill axes (N; limit ±1)",
+        "Torque, body axes (mN m; limit ±10)",
+        "Delta-v (m/s)",
+        "Fuzzy outputs (N)",
+        "Inputs (m)",
+        "Inputs (rad)",
+        "Inputs (m/s)",
+        "Events",
+    ):
+        assert expected in titles
+
+
+def test_layout_plays_the_flight_in_a_minute(replay_file: Path) -> None:
+    reader = RrdReader(str(replay_file))
+    panel: dict[str, Any] = {}
+    for chunk in reader.stream(store=reader.blueprints()[0]):
+        if chunk.entity_path == "/time_panel":
+            batch = chunk.to_record_batch()
+            for name in batch.schema.names:
+                if name.startswith("TimePanelBlueprint:"):
+                    panel[name.split(":")[1]] = batch.column(name).to_pylist()[0]
+    assert panel["timeline"] == ["time"]
+    assert panel["playback_speed"] == [60.0]
+
+
+def test_deputy_flies_where_it_flew(flight: SyntheticFlight, content: Content) -> None:
+    deputy = "/scene/deputy"
+    np.testing.assert_allclose(content.times(deputy, "Transform3D:translation"), flight.time_s)
+    translation = content.numbers(deputy, "Transform3D:translation")[:, 0]
+    np.testing.assert_allclose(translation, flight.position_m, rtol=1e-6, atol=1e-5)
+    quaternion = content.numbers(deputy, "Transform3D:quaternion")[:, 0]
+    np.testing.assert_allclose(quaternion, flight.quaternion, atol=1e-6)
+
+
+def test_field_of_view_reaches_the_chief(flight: SyntheticFlight, content: Content) -> None:
+    """The drawn rim, in Hill axes, lies 15 degrees off the line to the chief and goes around its centre."""
+    strips = content.column("/scene/deputy/camera/view", "LineStrips3D:strips")[0]
+    rim = np.array(strips[-1])
+    scale = content.numbers("/scene/deputy/camera", "Transform3D:scale")[:, 0]
+    k = 90
+    rim_body = scale[k] * rim
+    back = flight.quaternion[k] * [-1.0, -1.0, -1.0, 1.0]
+    rim_hill = flight.position_m[k] + synthetic_flight.rotate_to_body(np.tile(back, (len(rim), 1)), rim_body)
+    np.testing.assert_allclose(rim_hill.mean(axis=0), 0.0, atol=4.0)
+    line, to_chief = rim_hill - flight.position_m[k], -flight.position_m[k]
+    cosine = line @ to_chief / np.linalg.norm(line, axis=1) / np.linalg.norm(to_chief)
+    np.testing.assert_allclose(np.degrees(np.arccos(cosine)), 15.0, atol=1e-3)
+
+
+def test_points_wear_the_colours_of_their_states(flight: SyntheticFlight, content: Content) -> None:
+    colours = content.column("/scene/chief/points", "Points3D:colors")
+    inspected = int.from_bytes(bytes((0, 190, 130, 255)), "big")
+    for k in (0, 180, 360):
+        assert [colour == inspected for colour in colours[k]] == flight.inspected[k].tolist()
+    positions = np.array(content.column("/scene/chief/points", "Points3D:positions")[0])
+    np.testing.assert_allclose(positions, flight.points_m, atol=1e-5)
+
+
+def test_sun_target_and_force_are_arrows(flight: SyntheticFlight, content: Content) -> None:
+    sun = content.numbers("/scene/sun", "Arrows3D:vectors")[:, 0]
+    expected = np.column_stack(
+        (np.cos(flight.sun_angle_rad), np.sin(flight.sun_angle_rad), 0 * flight.time_s)
+    )
+    np.testing.assert_allclose(sun / np.linalg.norm(sun, axis=1, keepdims=True), expected, atol=1e-6)
+    target = content.numbers("/scene/target", "Arrows3D:vectors")[:, 0]
+    np.testing.assert_allclose(target / 16.0, flight.target_direction, atol=1e-6)
+    force = content.numbers("/scene/force", "Arrows3D:vectors")[:, 0]
+    strength = np.linalg.norm(flight.force_hill_n, axis=1).max()
+    np.testing.assert_allclose(force, 25.0 * flight.force_hill_n / strength, atol=1e-5)
+    origin = content.numbers("/scene/force", "Arrows3D:origins")[:, 0]
+    np.testing.assert_allclose(origin, flight.position_m[:-1], atol=1e-4)
+
+
+def test_shells_stand_at_the_limits(content: Content) -> None:
+    half_sizes = [
+        content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")[0][0]
+        for name in ("nearest", "farthest")
+    ]
+    assert half_sizes == [[15.0] * 3, [200.0] * 3]
+
+
+def test_curves_are_the_flight(flight: SyntheticFlight, content: Content) -> None:
+    scalars = "Scalars:scalars"
+    np.testing.assert_allclose(content.numbers("/curves/force/applied", scalars), flight.force_hill_n)
+    torque = content.numbers("/curves/torque/applied", scalars)
+    np.testing.assert_allclose(torque, 1e3 * flight.torque_n_m.reshape(-1, 3), atol=1e-6)
+    instants = content.times("/curves/torque/applied", scalars)
+    np.testing.assert_allclose(instants, np.arange(3600.0))
+    delta_v = content.numbers("/curves/delta_v/flight_0", scalars)[:, 0]
+    np.testing.assert_allclose(delta_v, flight.delta_v_m_s)
+    rate = content.numbers("/curves/rate/flight_0", scalars)[:, 0]
+    np.testing.assert_allclose(rate, 100.0 * flight.inspected.sum(axis=1) / 99)
+    assert content.column("/curves/rate/goal", scalars) == [[95.0], [95.0]]
+    assert content.column("/curves/distance/limit_200", scalars) == [[200.0], [200.0]]
+    output = content.numbers("/curves/fis_outputs/system_1", scalars)[:, 0]
+    np.testing.assert_allclose(output, flight.fis_output_n[1])
+
+
+def test_rules_are_told_in_words_at_each_instant(flight: SyntheticFlight, content: Content) -> None:
+    words = content.column("/rules/words", "TextDocument:text")
+    assert len(words) == 361
+    strongest = int(np.argmax(flight.firing_strengths[0, 50]))
+    strength = flight.firing_strengths[0, 50, strongest]
+    assert f"`{strength:.2f}` rule {strongest + 1}: if distance is " in words[50][0]
+    assert "No inference" in words[360][0]
+
+
+def test_trail_and_events_are_there(content: Content) -> None:
+    assert len(content.column("/scene/flights/0/trail", "LineStrips3D:strips")) == 360
+    events = content.column("/events", "TextLog:text")
+    assert [text for (text,) in events] == [
+        "1190 s: 50 of 99 points inspected",
+        "3290 s: 95 of 99 points inspected",
+    ]
+
+
+def test_flights_are_laid_over_each_other(
+    flight_file: Path, short_flight: SyntheticFlight, short_file: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "two.rrd"
+    viewer.save(replay.scene([flight_file, short_file]), output)
+    content = Content(output)
+    positions = content.numbers("/scene/flights/1/deputy", "Points3D:positions")[:, 0]
+    np.testing.assert_allclose(positions, short_flight.position_m, atol=1e-4)
+    assert content.column("/curves/distance/flight_1", "SeriesLines:names") == [["short"]]
+    for index, name in enumerate(("flight", "short")):
+        assert content.column(f"/scene/flights/{index}/deputy", "Points3D:labels") == [[name]]
+    colours = [content.column(f"/scene/flights/{i}/trail", "LineStrips3D:colors") for i in (0, 1)]
+    assert colours[0] != colours[1]
+    events = [text for (text,) in content.column("/events", "TextLog:text")]
+    assert events == [
+        "1190 s: flight: 50 of 99 points inspected",
+        "1190 s: short: 50 of 99 points inspected",
+        "3290 s: flight: 95 of 99 points inspected",
+    ]
+    ((summary,),) = content.column("/summary", "TextDocument:text")
+    assert "| flight | 97 | 1.069 |" in summary
+    assert len(content.column("/curves/delta_v/flight_1", "Scalars:scalars")) == 131
+
+
+def test_a_flight_without_fuzzy_systems_is_shown(tmp_path: Path) -> None:
+    flight = synthetic_flight.fly(4)
+    path = tmp_path / "coast.mcap"
+    metadata = {"episode": synthetic_flight.metadata(flight)["episode"]}
+    with EpisodeWriter(path, metadata=metadata, attachments={}) as writer:
+        for k in range(5):
+            synthetic_flight.write_state(writer, flight, k)
+    viewer.save(replay.scene([path]), tmp_path / "coast.rrd")
+    assert "/rules/words" not in Content(tmp_path / "coast.rrd").batches
+    assert "2D" not in {kind for kind, _ in views(tmp_path / "coast.rrd")}
+
+
+def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path: Path) -> None:
+    flight = synthetic_flight.fly(2)
+    path = tmp_path / "bare.mcap"
+    with EpisodeWriter(path, metadata={}, attachments={}) as writer:
+        for k in range(3):
+            synthetic_flight.write_state(writer, flight, k)
+    viewer.save(replay.scene([path]), tmp_path / "bare.rrd")
+    entities = Content(tmp_path / "bare.rrd").batches
+    assert "/scene/deputy" in entities
+    assert not any(entity.startswith("/scene/limits") for entity in entities)
+
+
+def test_a_recording_without_a_flight_is_refused(tmp_path: Path) -> None:
+    with EpisodeWriter(tmp_path / "empty.mcap", metadata={}, attachments={}):
+        pass
+    with pytest.raises(RecordingError, match="holds nothing on /deputy/state, /mission"):
+        viewer.save(replay.scene([tmp_path / "empty.mcap"]), tmp_path / "empty.rrd")
+    assert not (tmp_path / "empty.rrd").exists()
+
+
+def test_an_impossible_output_is_said(flight_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"nowhere/x\.rrd cannot be written: No such file"):
+        viewer.save(replay.scene([flight_file]), tmp_path / "nowhere" / "x.rrd")
+
+
+def test_a_full_disk_is_said(short_file: Path, tmp_path: Path) -> None:
+    # a file that takes no byte
+    (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* has room"):
+        viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_fills_up_meanwhile_is_said(
+    short_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flush(_stream: object) -> None:
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    monkeypatch.setattr("rerun.RecordingStream.flush", flush)
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: File-writer .* has room"):
+        viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("in_browser", [False, True])
+def test_viewer_listens_to_this_machine_alone(
+    short_file: Path, monkeypatch: pytest.MonkeyPatch, *, in_browser: bool
+) -> None:
+    commands: list[list[str]] = []
+
+    def call(command: list[str]) -> int:
+        commands.append(command)
+        assert Path(command[-1]).stat().st_size > 10_000
+        return 0
+
+    monkeypatch.setattr("telemetry.scene.viewer.subprocess.call", call)
+    monkeypatch.setenv("DISPLAY", ":0")
+    viewer.show(replay.scene([short_file]), in_browser=in_browser)
+    (command,) = commands
+    assert command[command.index("--bind") + 1] == "127.0.0.1"
+    assert ("--web-viewer" in command) == in_browser
+
+
+def test_a_viewer_that_fails_is_said(short_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("telemetry.scene.viewer.subprocess.call", lambda _command: 1)
+    with pytest.raises(RecordingError, match="ended with exit code 1"):
+        viewer.show(replay.scene([short_file]), in_browser=True)
+
+
+def test_a_machine_without_a_display_is_told_what_else_to_do(
+    short_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("telemetry.scene.viewer.sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(RecordingError, match=r"no display.*--web.*--save FILE\.rrd"):
+        viewer.show(replay.scene([short_file]), in_browser=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("none.mcap", "none.mcap cannot be opened: No such file"), ("a.yaml", "not an MCAP file")],
+)
+def test_a_wrong_path_is_told_before_a_missing_display(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_file: Path, name: str, text: str
+) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    (tmp_path / "a.yaml").write_text("kind: mamdani\n")
+    with pytest.raises(RecordingError, match=text):
+        viewer.show(replay.scene([short_file, tmp_path / name]), in_browser=False)

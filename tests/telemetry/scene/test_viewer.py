@@ -1,0 +1,252 @@
+"""rerun's viewer itself, without a display: that it shows all of each recording, and to whom it listens."""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+from PIL import Image
+from rerun.experimental import ViewerClient
+
+from telemetry import EpisodeWriter, RecordingError
+from telemetry.commands import main
+from telemetry.scene import campaign, replay, screenshot, training, viewer
+from telemetry.scene.lettering import drawable
+from telemetry.scene.viewer import Scene
+from tests.programs import library
+from tests.telemetry import synthetic_flight, synthetic_run
+
+QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+VULKAN = "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = synthetic_run.write_evaluation(tmp_path_factory.mktemp("run") / "both")
+    return synthetic_run.write_training(folder)
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[ViewerClient]:
+    library(VULKAN, "mesa-vulkan-drivers")
+    with screenshot.headless() as client:
+        yield client
+
+
+@pytest.fixture(params=["replay", "several", "campaign", "training"])
+def scene(request: pytest.FixtureRequest, flight_file: Path, short_file: Path, run: Path) -> Scene:
+    makers = {
+        "replay": lambda: replay.scene([flight_file]),
+        "several": lambda: replay.scene([flight_file, short_file]),
+        "campaign": lambda: campaign.scene(run),
+        "training": lambda: training.scene(run),
+    }
+    return makers[request.param]()
+
+
+def test_viewer_shows_every_view_of_a_recording(client: ViewerClient, scene: Scene, tmp_path: Path) -> None:
+    viewer.save(scene, tmp_path / "x.rrd")
+    screenshot.load(client, tmp_path / "x.rrd")
+    client.save_screenshot(str(tmp_path / "x.png"))
+    state = client.get_state()
+    assert len(state.views) > 6
+    assert screenshot.complaints(client) == []
+    client.close("all")
+
+
+def test_the_viewer_can_write_every_sign_that_is_kept(client: ViewerClient, tmp_path: Path) -> None:
+    """In both of its fonts: the viewer ends at a sign for which it has no glyph."""
+    signs = "".join(sign for sign in map(chr, range(0x21, 0x3000)) if drawable(sign) == sign)
+    assert len(signs) > 600
+    lines = [signs[start : start + 60] for start in range(0, len(signs), 60)]
+    plain = "\n\n".join(re.sub(r"([^\w\s])", r"\\\1", line, flags=re.ASCII) for line in lines)
+    code = "\n".join(f"    {line}" for line in lines)
+
+    def send(stream: rr.RecordingStream) -> None:
+        for name, text in (("plain", plain), ("code", code)):
+            stream.log(name, rr.TextDocument(text, media_type="text/markdown"), static=True)
+
+    views = [rrb.TextDocumentView(origin=name, name=name) for name in ("plain", "code")]
+    viewer.save(Scene("signs", "signs", rrb.Blueprint(rrb.Horizontal(*views)), send), tmp_path / "x.rrd")
+    screenshot.load(client, tmp_path / "x.rrd")
+    client.save_screenshot(str(tmp_path / "x.png"))
+    assert screenshot.complaints(client) == []
+    client.close("all")
+
+
+def test_flights_and_rules_are_shown_whatever_they_are_called(
+    client: ViewerClient, flight_file: Path, tmp_path: Path
+) -> None:
+    flight = synthetic_flight.fly(12)
+    words = synthetic_flight.metadata(flight)
+    for name in words:
+        if name.startswith("fis."):
+            words[name] = {key: text.replace("is", "は") for key, text in words[name].items()}
+    words["episode"]["scenario_id"] = "🚀"
+    path = tmp_path / "飛行.mcap"
+    with EpisodeWriter(path, metadata=words, attachments=synthetic_flight.ATTACHMENTS) as writer:
+        for k in range(flight.num_controls + 1):
+            synthetic_flight.write_sample(writer, flight, k)
+    for number, paths in enumerate(([path], [flight_file, path])):
+        file = tmp_path / f"{number}.rrd"
+        viewer.save(replay.scene(paths), file)
+        screenshot.load(client, file)
+        client.save_screenshot(str(tmp_path / "x.png"))
+        assert screenshot.complaints(client) == []
+        client.close("all")
+
+
+def test_a_viewer_that_ends_is_not_taken_for_one_without_a_driver(tmp_path: Path) -> None:
+    library(VULKAN, "mesa-vulkan-drivers")
+
+    def send(stream: rr.RecordingStream) -> None:
+        stream.log("text", rr.TextDocument("🚀"), static=True)
+
+    scene = Scene("text", "text", rrb.Blueprint(rrb.TextDocumentView(origin="text")), send)
+    subject = screenshot.Subject(scene, (screenshot.Picture("x", "time", 0.0),))
+    with pytest.raises(RecordingError, match=r"the viewer ended with exit code -?\d+: .*glyph"):
+        list(screenshot.take([subject], tmp_path))
+
+
+def test_a_view_that_fails_is_noticed(
+    client: ViewerClient, short_file: Path, run: Path, tmp_path: Path
+) -> None:
+    """The layout of a flight over a recording without one: nothing to look from as the deputy does."""
+    layout = replay.scene([short_file]).layout
+    viewer.save(Scene("empty", "empty", layout, campaign.scene(run).send), tmp_path / "x.rrd")
+    screenshot.load(client, tmp_path / "x.rrd")
+    client.save_screenshot(str(tmp_path / "x.png"))
+    assert any(text.startswith("As the deputy sees it: ") for text in screenshot.complaints(client))
+    client.close("all")
+
+
+def test_pictures_show_what_they_are_asked_for(
+    flight_file: Path, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    library(VULKAN, "mesa-vulkan-drivers")
+    at = ["--at", "60", "3000"]
+    assert main(["screenshot", str(flight_file), str(run), *at, "-o", str(tmp_path / "p")]) == 0
+    names = ["replay-60", "replay-3000", "campaign", "training"]
+    assert capsys.readouterr().out.split() == [str(tmp_path / "p" / f"{name}.png") for name in names]
+    pixels = {}
+    for name in names:
+        file = tmp_path / "p" / f"{name}.png"
+        assert file.stat().st_size < 400 * 1024
+        with Image.open(file) as image:
+            assert image.width == 1600
+            pixels[name] = np.asarray(image.convert("RGB")).astype(int)
+        # no colour fills the whole picture, as it does where nothing has been drawn
+        assert len(np.unique(pixels[name].reshape(-1, 3), axis=0)) > 30
+    # the points inspected in between have turned green
+    green = {
+        name: np.sum((p[..., 1] > p[..., 0] + 60) & (p[..., 1] > p[..., 2] + 20))
+        for name, p in pixels.items()
+    }
+    assert green["replay-3000"] > 1.5 * green["replay-60"]
+
+
+def test_nothing_to_draw_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["screenshot", str(tmp_path)]) == 2
+    assert "holds neither an evaluation nor a training" in capsys.readouterr().err
+
+
+def test_a_missing_driver_is_said(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(variable, str(tmp_path / "none.json"))
+    assert main(["screenshot", str(run), "-o", str(tmp_path)]) == 2
+    assert "needs a Vulkan driver" in capsys.readouterr().err
+
+
+def test_a_viewer_that_cannot_start_is_said() -> None:
+    with (
+        tempfile.TemporaryFile() as log,
+        pytest.raises(RecordingError, match=r"ended with exit code \d+ before it was ready"),
+        viewer.started("--no-such-option", log=log),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("arguments", [["replay", "FLIGHT"], ["training", "RUN", "--follow"]])
+def test_web_listens_to_this_machine_alone(arguments: list[str], flight_file: Path, run: Path) -> None:
+    places = {"FLIGHT": str(flight_file), "RUN": str(run)}
+    command = [sys.executable, "-m", "telemetry", *(places.get(word, word) for word in arguments), "--web"]
+    # a browser that opens nothing
+    environment = {**os.environ, "BROWSER": "true"}
+    root = Path(viewer.__file__).parent.parent
+    with subprocess.Popen(command, cwd=root, env=environment, **QUIET) as process:  # noqa: S603
+        try:
+            listening = _await_listeners(process.pid, 2)
+        finally:
+            for child in psutil.Process(process.pid).children():
+                child.terminate()
+            process.wait(60)
+    assert {address for address, _ in listening} == {"127.0.0.1"}
+
+
+def _await_listeners(pid: int, count: int) -> list[tuple[str, int]]:
+    """The addresses at which the children of a process listen, once there are so many."""
+
+    def listeners() -> list[tuple[str, int]]:
+        return [
+            (connection.laddr.ip, connection.laddr.port)
+            for child in psutil.Process(pid).children()
+            for connection in child.net_connections()
+            if connection.status == psutil.CONN_LISTEN
+        ]
+
+    _until(lambda: len(listeners()) >= count)
+    return listeners()
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end, "nothing has come for a minute"
+        time.sleep(0.1)
+
+
+def test_a_training_grows_in_the_viewer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What --follow does, with a viewer that has no window."""
+    library(VULKAN, "mesa-vulkan-drivers")
+    folder = synthetic_run.write_training(tmp_path / "run", 2)
+    started = viewer.started
+    urls: list[str] = []
+
+    @contextmanager
+    def headless(**_options: bool) -> Iterator[viewer.Viewer]:
+        with tempfile.TemporaryFile() as log, started("--headless", log=log) as running:
+            urls.append(running.url)
+            yield running
+
+    monkeypatch.setattr(viewer, "started", headless)
+    monkeypatch.setattr(training, "POLL_S", 0.05)
+
+    def shown(num_rows: int) -> bool:
+        """Whether the newest generation in the viewer is the last of so many."""
+        recordings = ViewerClient.connect(urls[0]).get_state().recordings
+        lines = [line for recording in recordings for line in recording.timelines]
+        return any(line.name == "generation" and line.end == num_rows - 1 for line in lines)
+
+    def tell(text: str) -> None:
+        if text.startswith("round 1, generation 1:"):
+            _until(lambda: shown(2))
+            synthetic_run.write_training(folder)
+        else:
+            _until(lambda: shown(5))
+            assert screenshot.complaints(ViewerClient.connect(urls[0])) == []
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        training.follow(folder, None, in_browser=True, told=tell)
