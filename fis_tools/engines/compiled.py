@@ -1,0 +1,111 @@
+"""The decorator of every compiled function: numba at the first call, with a cache and a notice of our own.
+
+Importing a module with compiled functions does not import numba. The first call makes numba's dispatcher and
+gives it a cache folder of its own (`fis_tools.engines.code_cache`). numba's settings for the process, and the
+compiled functions of other packages, stay as they are.
+"""
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import update_wrapper
+from pathlib import Path
+from typing import Any, TypeVar, cast, overload
+
+from fis_tools.engines import code_cache as cache
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+#: Dispatchers are made one at a time: making one lends numba's setting of the cache folder for a moment.
+_making = threading.RLock()
+
+
+class Compiled:
+    """A function that numba compiles when it is first called, from Python or from another one.
+
+    It has every attribute of numba's dispatcher, which is made when the first of them is asked for.
+    """
+
+    dispatcher: Any
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._options = options
+        cache.register(function)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the compiled function."""
+        return self.dispatcher(*args, **kwargs)
+
+    def __getattr__(self, name: str) -> Any:
+        # Only names that are not set yet get here. Among them is `_numba_type_`, by which numba asks a global
+        # of a function that it compiles for its type: the type is that of the dispatcher.
+        if name.startswith("__") or name in {"py_func", "_options"}:
+            raise AttributeError(name)
+        if name != "dispatcher":
+            return getattr(self.dispatcher, name)
+        with _making:
+            if name not in self.__dict__:
+                self.dispatcher = _dispatcher(self.py_func, self._options)
+        return self.dispatcher
+
+
+@overload
+def compiled(function: F, /) -> F: ...
+@overload
+def compiled(**options: Any) -> Callable[[F], F]: ...
+def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], F]:
+    """Compile a function with numba, in nopython mode, at its first call, and keep the code.
+
+    Parameters
+    ----------
+    function : callable
+        At module level; what it calls in compiled code is decorated likewise.
+    **options
+        Options of ``numba.njit`` but for ``cache``, such as ``error_model="numpy"``.
+
+    Returns
+    -------
+    callable
+        The function as a `Compiled`; typed as the function, so that type checkers see its arguments.
+    """
+
+    def decorate(function: F) -> F:
+        return cast(F, Compiled(function, options))
+
+    return decorate if function is None else decorate(function)
+
+
+def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Make numba's dispatcher, with a cache folder where one can be trusted."""
+    from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
+
+    from fis_tools.engines import notice  # noqa: PLC0415 - imports numba
+
+    place = cache.place_for(function)
+    if isinstance(place, Path):
+        with _numba_caching_in(place):
+            dispatcher = njit(cache=True, **options)(function)
+        stats = getattr(dispatcher, "stats", None)  # a plain function where numba is switched off
+        if stats is not None and not Path(stats.cache_path).is_relative_to(place):
+            place = cache.Refused(f"numba cannot write to {place}")
+    if isinstance(place, cache.Refused):
+        dispatcher = njit(**options)(function)
+    notice.watch(dispatcher, place)
+    return dispatcher
+
+
+@contextmanager
+def _numba_caching_in(folder: Path) -> Iterator[None]:
+    """Let dispatchers made inside cache in a folder; numba notes its setting once, when it makes one."""
+    from numba import config  # noqa: PLC0415 - as above
+
+    settings: Any = config  # numba makes its attributes at run time, out of a type checker's sight
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = os.fspath(folder)
+    try:
+        yield
+    finally:
+        settings.CACHE_DIR = before

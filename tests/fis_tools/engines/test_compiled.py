@@ -1,0 +1,117 @@
+"""Functions compiled by our decorator: in caches of their own, anew where anything they depend on changed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fis_tools
+
+PROJECT = Path(fis_tools.__file__).parents[1]
+
+#: Sources of a package by file; `caller` reaches `callee`, and a number in `constants`, at one more remove.
+SOURCES = {
+    "__init__": "",
+    "constants": "STEP = 1\n",
+    "callee": "from fis_tools.engines.compiled import compiled\nfrom kernels.constants import STEP\n\n\n"
+    "@compiled\ndef step(x):\n    return x + STEP\n",
+    "caller": "from fis_tools.engines.compiled import compiled\nfrom kernels.callee import step\n\n\n"
+    '@compiled(error_model="numpy")\ndef twice(x):\n    """Take two steps."""\n    return step(step(x))\n',
+    "other": "from fis_tools.engines.compiled import compiled\n\n\n"
+    "@compiled\ndef double(x):\n    return 2 * x\n",
+}
+CALL = (
+    "from kernels.caller import twice\nfrom kernels.other import double\n"
+    "print(twice(5), double(4), *(sum(f.stats.cache_hits.values()) for f in (twice, double)))"
+)
+
+
+class Package:
+    """The package `kernels` in a folder, and programs that use it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "kernels").mkdir()
+        for name, text in SOURCES.items():
+            self.write(name, text)
+
+    def write(self, name: str, text: str) -> None:
+        (self.folder / "kernels" / f"{name}.py").write_text(text)
+
+    def run(self, program: str, **variables: str) -> subprocess.CompletedProcess[str]:
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join([str(self.folder), str(PROJECT)]),
+            "NUMBA_CACHE_DIR": str(self.folder / "cache"),
+            "NUMBA_DISABLE_JIT": "0",
+            **variables,
+        }
+        command = [sys.executable, "-c", program]
+        return subprocess.run(  # noqa: S603
+            command, env=environment, check=True, capture_output=True, text=True, cwd=self.folder
+        )
+
+    def call(self) -> str:
+        return self.run(CALL).stdout.strip()
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Package:
+    return Package(tmp_path)
+
+
+def test_compiled_code_is_found_again(package: Package) -> None:
+    assert package.call() == "7 8 0 0"
+    assert package.call() == "7 8 1 1"
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "answer"),
+    [
+        ("callee", "x + STEP", "x * 3", 45),
+        ("constants", "1", "10", 25),
+        ("caller", "step(step(x))", "step(x)", 6),
+    ],
+)
+def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(
+    package: Package, name: str, old: str, new: str, answer: int
+) -> None:
+    package.call()
+    package.write(name, SOURCES[name].replace(old, new))
+    assert package.call() == f"{answer} 8 0 1"
+    package.write(name, SOURCES[name])
+    assert package.call() == "7 8 1 1"
+
+
+def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
+    call = (
+        "from numba import njit\nfrom kernels.caller import twice\n"
+        "@njit\ndef thrice(x):\n    return twice(x) + 1\n\n\nprint(thrice(5))"
+    )
+    assert package.run(call).stdout.strip() == "8"
+
+
+def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) -> None:
+    call = "from kernels.caller import twice; print(twice(5), twice.dispatcher is twice.py_func)"
+    assert package.run(call, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
+
+
+def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Package) -> None:
+    edit_then_call = (
+        "from pathlib import Path\nimport kernels.callee\npath = Path(kernels.callee.__file__)\n"
+        "text = path.read_text()\npath.write_text(text.replace('x + STEP', 'x * 3'))\n"
+        "from kernels.caller import twice\nprint(twice(5))"
+    )
+    done = package.run(edit_then_call)
+    assert done.stdout.strip() == "7"  # of the code that was loaded
+    assert "callee.py has changed since it was loaded" in done.stderr
+    assert package.call() == "45 8 0 0"
+
+
+def test_compilation_tells_the_function_and_the_seconds_and_a_warm_start_is_silent(package: Package) -> None:
+    patient = "from fis_tools.engines import notice\nnotice.SHORTEST_S, notice.REFRESH_S = 0.0, 0.001\n"
+    told = package.run(patient + CALL).stderr
+    assert re.match(r"  compiling kernels\.caller\.twice, \d+ s so far\n", told)
+    assert package.run(patient + CALL).stderr == ""
