@@ -1,6 +1,7 @@
 """Scenes in rerun: as a file, in a window, in a browser, in a notebook, and while they grow."""
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -14,7 +15,6 @@ from typing import IO, Any, Final
 
 import rerun as rr
 import rerun.blueprint as rrb
-import rerun_cli
 
 from telemetry.file.errors import RecordingError
 from telemetry.file.partial_file import PARTIAL_SUFFIX
@@ -25,8 +25,8 @@ ENDING: Final = ".rrd"
 #: by default the viewer would listen on every network interface
 LOOPBACK: Final = "127.0.0.1"
 _START_LIMIT_S: Final = 60.0
-#: where rerun's package has its program: on macOS, on Windows, elsewhere
-_PROGRAMS: Final = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
+#: `-P` keeps a file called rerun.py in the current folder from being run instead
+_RERUN: Final = (sys.executable, "-P", "-m", "rerun")
 
 
 @dataclass(frozen=True)
@@ -198,13 +198,29 @@ def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = Non
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
     command = [*_command(str(port), in_browser=in_browser), *options]
-    process = subprocess.Popen(command, stdout=log, stderr=log)  # noqa: S603 - the viewer, with options of ours
+    process = subprocess.Popen(  # noqa: S603 - the viewer, with options of ours
+        command,
+        stdout=log,
+        stderr=log,
+        # a group of their own, so that the viewer ends together with the launcher that waits for it
+        process_group=0,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+    )
     try:
         _await_port(process, port)
         yield Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy")
     finally:
-        process.terminate()
-        process.wait()
+        _end(process)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End all processes of a viewer's group."""
+    if sys.platform == "win32":
+        process.send_signal(signal.CTRL_BREAK_EVENT)
+    else:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+    process.wait()
 
 
 def in_notebook(scene: Scene) -> Any:
@@ -237,9 +253,7 @@ def _stream(scene: Scene) -> rr.RecordingStream:
 
 
 def _command(port: str, *, in_browser: bool) -> list[str]:
-    # not the command `rerun`: that is a wrapper, and ending it would leave the viewer behind
-    program = next(path for path in map(Path(rerun_cli.__file__).parent.joinpath, _PROGRAMS) if path.exists())
-    command = [str(program), "--bind", LOOPBACK, "--port", port]
+    command = [*_RERUN, "--bind", LOOPBACK, "--port", port]
     return [*command, "--web-viewer", "--web-viewer-port", "0"] if in_browser else command
 
 

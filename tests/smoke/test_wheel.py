@@ -47,7 +47,7 @@ def test_it_holds_the_packages_and_the_configuration_inside_pipeline_and_nothing
         if path.is_file()
     }
     assert names == expected
-    assert "telemetry/schema/inspection.proto" in names
+    assert "telemetry/file/schema/inspection.proto" in names
     assert "pipeline/conf/experiment/train.yaml" in names
 
 

@@ -23,6 +23,7 @@ from telemetry.commands import main
 from telemetry.scene import campaign, replay, screenshot, training, viewer
 from telemetry.scene.lettering import drawable
 from telemetry.scene.viewer import Scene
+from tests.places import PROJECT
 from tests.programs import library
 from tests.telemetry import synthetic_flight, synthetic_run
 
@@ -178,30 +179,38 @@ def test_a_viewer_that_cannot_start_is_said() -> None:
         pass
 
 
+def test_nothing_of_a_viewer_is_left_behind() -> None:
+    with tempfile.TemporaryFile() as log, viewer.started(in_browser=True, log=log) as running:
+        launcher = psutil.Process(running.process.pid)
+        processes = [launcher, *launcher.children(recursive=True)]
+    assert len(processes) > 1
+    _, alive = psutil.wait_procs(processes, 60)
+    assert alive == []
+
+
 @pytest.mark.parametrize("arguments", [["replay", "FLIGHT"], ["training", "RUN", "--follow"]])
 def test_web_listens_to_this_machine_alone(arguments: list[str], flight_file: Path, run: Path) -> None:
     places = {"FLIGHT": str(flight_file), "RUN": str(run)}
     command = [sys.executable, "-m", "telemetry", *(places.get(word, word) for word in arguments), "--web"]
     # a browser that opens nothing
     environment = {**os.environ, "BROWSER": "true"}
-    root = Path(viewer.__file__).parent.parent
-    with subprocess.Popen(command, cwd=root, env=environment, **QUIET) as process:  # noqa: S603
+    with subprocess.Popen(command, cwd=PROJECT, env=environment, **QUIET) as process:  # noqa: S603
         try:
             listening = _await_listeners(process.pid, 2)
         finally:
-            for child in psutil.Process(process.pid).children():
+            for child in psutil.Process(process.pid).children(recursive=True):
                 child.terminate()
             process.wait(60)
     assert {address for address, _ in listening} == {"127.0.0.1"}
 
 
 def _await_listeners(pid: int, count: int) -> list[tuple[str, int]]:
-    """The addresses at which the children of a process listen, once there are so many."""
+    """The addresses at which the descendants of a process listen, once there are so many."""
 
     def listeners() -> list[tuple[str, int]]:
         return [
             (connection.laddr.ip, connection.laddr.port)
-            for child in psutil.Process(pid).children()
+            for child in psutil.Process(pid).children(recursive=True)
             for connection in child.net_connections()
             if connection.status == psutil.CONN_LISTEN
         ]
