@@ -21,7 +21,7 @@ from fis_tools.commands import (
     surface,
 )
 from fis_tools.commands.arguments import UserMistake
-from fis_tools.model.validate import ControllerFileError
+from fis_tools.formats.error import ControllerFileError
 
 COMMANDS = (show, plot, surface, export, import_, audit, explain, firing, bounds, simplify, diff, review)
 

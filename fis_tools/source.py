@@ -4,8 +4,8 @@ from pathlib import Path
 
 from fis_tools.analysis import flights
 from fis_tools.formats import serialize
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController
-from fis_tools.model.validate import ControllerFileError
 
 CHAMPION = "champion.json"
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED, RuleUsage, rule_usage
 from fis_tools.formats import serialize
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.validate import ControllerFileError
 from telemetry.file import reader
 
 Floats = NDArray[np.float64]

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import fis, fll, fml
 from fis_tools.formats.exchange.carried import Reading
 from fis_tools.formats.own import json, yaml
 from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
 from fis_tools.formats.own.plain import MAX_FILE_BYTES, Unreadable
 from fis_tools.model import FuzzyController
-from fis_tools.model.validate import ControllerFileError
 
 __all__ = [
     "ENDINGS",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fis_tools.engines import kernel
 from fis_tools.engines.kernel import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
-from fis_tools.model.membership import gaussian
+from fis_tools.model.shapes import gaussian
 
 Floats = NDArray[np.float64]
 

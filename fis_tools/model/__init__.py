@@ -1,40 +1,25 @@
 """What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
 
-from fis_tools.model.system import (
-    Accumulation,
-    And,
-    AndOperator,
-    Consequent,
-    Defuzzifier,
-    Expression,
-    FuzzyController,
-    FuzzySystem,
+from fis_tools.model.operators import Accumulation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.rule_tables import conjunctions, rule_table, table_antecedents, table_cells, table_rules
+from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
+from fis_tools.model.shape import MembershipFunction
+from fis_tools.model.shapes import (
     Gaussian,
     GeneralizedBell,
-    Is,
-    MembershipFunction,
-    Not,
-    Or,
-    OrOperator,
     PiShape,
-    Rule,
     Sampled,
     Sigmoid,
     SigmoidDifference,
     SigmoidProduct,
     SShape,
-    Term,
     Trapezoidal,
     Triangular,
     TwoSidedGaussian,
-    Variable,
     ZShape,
-    conjunctions,
-    rule_table,
-    table_antecedents,
-    table_cells,
-    table_rules,
 )
+from fis_tools.model.systems import FuzzyController, FuzzySystem
+from fis_tools.model.variables import Term, Variable
 
 __all__ = [
     "Accumulation",

@@ -6,11 +6,31 @@ place: ``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar a
 """
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.model import Accumulation, AndOperator, OrOperator
+Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom"]
+AndOperator = Literal[
+    "min",
+    "product",
+    "bounded_difference",
+    "einstein_product",
+    "hamacher_product",
+    "drastic_product",
+    "nilpotent_minimum",
+]
+OrOperator = Literal[
+    "max",
+    "probabilistic_sum",
+    "bounded_sum",
+    "einstein_sum",
+    "hamacher_sum",
+    "drastic_sum",
+    "nilpotent_maximum",
+]
+Accumulation = Literal[OrOperator, "product"]
 
 Floats = NDArray[np.float64]
 Operator = Callable[[Floats, Floats], Floats]

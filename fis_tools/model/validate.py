@@ -9,34 +9,16 @@ from typing import get_args
 
 import numpy as np
 
-from fis_tools.model import (
-    Accumulation,
-    And,
-    AndOperator,
-    Defuzzifier,
-    Expression,
-    FuzzyController,
-    FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
-    Is,
-    MembershipFunction,
-    Not,
-    Or,
-    OrOperator,
-    PiShape,
-    Rule,
-    Sampled,
-    SShape,
-    Term,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
-    Variable,
-    ZShape,
-)
 from fis_tools.model.membership import shape_values
+from fis_tools.model.operators import Accumulation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.rules import And, Expression, Is, Not, Or, Rule
+from fis_tools.model.shape import SHAPES, MembershipFunction
+from fis_tools.model.shapes import Sampled
+from fis_tools.model.systems import FuzzyController, FuzzySystem
+from fis_tools.model.variables import Term, Variable
 
+#: Kinds of numbers that must be above zero; see `fis_tools.model.shape`.
+POSITIVE = frozenset({"width", "deviation", "exponent"})
 #: The terms of each variable, in order.
 Vocabulary = dict[str, dict[str, None]]
 
@@ -50,10 +32,6 @@ MAX_NESTING = 20
 
 class InvalidSystem(ValueError):  # noqa: N818
     """A fuzzy system or controller that cannot be used; the message lists every problem."""
-
-
-class ControllerFileError(ValueError):
-    """A controller file that cannot be read, told in a sentence."""
 
 
 def validate(system: FuzzySystem) -> None:
@@ -154,20 +132,20 @@ def _variable_problems(variable: Variable) -> Iterator[str]:
 
 def _universe_problems(variable: Variable) -> Iterator[str]:
     low, high = variable.minimum, variable.maximum
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not (_is_finite(low) and _is_finite(high)):
         yield f"the range [{low}, {high}] is not finite; give two finite numbers"
     elif not low < high:
         yield f"the range [{low}, {high}] is empty; the first number must be below the second, so swap them"
     elif not math.isfinite(high - low):
         yield f"the range [{low}, {high}] is too wide for double precision; use another unit"
-    if variable.num_points < 2:
+    if not isinstance(variable.num_points, int | np.integer) or variable.num_points < 2:
         yield f"the universe has {variable.num_points} points; it needs at least 2 (101 is usual)"
     points = variable.points
     if points is None:
         return
     if len(points) != variable.num_points:
         yield f"{len(points)} points are given but num_points is {variable.num_points}; make them equal"
-    if not all(math.isfinite(point) for point in points):
+    if not all(map(_is_finite, points)):
         yield "a point of the universe is not finite; give finite numbers"
     elif any(left >= right for left, right in pairwise(points)):
         yield "the points of the universe do not ascend; sort them and drop repeated ones"
@@ -180,49 +158,47 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
 
 def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
     """Tell what is wrong with the parameters of a membership function, for a universe of `num_points`."""
-    if isinstance(shape, Sampled):
+    if type(shape) not in SHAPES.values():
+        yield f"{type(shape).__name__} is no known shape; choose one of {', '.join(_shape_names())}"
+    elif isinstance(shape, Sampled):
         yield from _value_problems(shape, num_points)
-        return
-    parameters = {name: getattr(shape, name) for name in shape.__slots__}
-    if not all(math.isfinite(value) for value in parameters.values()):
+    else:
+        yield from parameter_problems(shape)
+
+
+def _shape_names() -> Iterator[str]:
+    return (kind.__name__ for kind in SHAPES.values())
+
+
+def parameter_problems(shape: MembershipFunction) -> Iterator[str]:
+    """Tell which parameters of a shape of the registry its entry does not allow."""
+    entry = shape.entry
+    parameters = {name: getattr(shape, name) for name in entry.kinds}
+    if not all(map(_is_finite, parameters.values())):
         yield f"{_listed(parameters)} must be finite numbers"
         return
-    match shape:
-        case Gaussian(_, standard_deviation):
-            yield from _spread_problems("standard deviation", standard_deviation)
-        case TwoSidedGaussian(left_mean, left, right_mean, right):
-            yield from _spread_problems("left standard deviation", left)
-            yield from _spread_problems("right standard deviation", right)
-            if left_mean > right_mean:
-                yield f"left_mean, right_mean = {(left_mean, right_mean)} do not ascend; put them in order"
-        case GeneralizedBell(width, slope, _):
-            for name, value in (("width", width), ("slope", slope)):
-                if not value > 0:
-                    yield f"{name} {value} is not positive; give a number above 0"
-        case Triangular() | Trapezoidal() | SShape() | ZShape() | PiShape():
-            yield from _corner_problems(shape, parameters)
+    for name, kind in entry.kinds.items():
+        words, value = name.replace("_", " "), parameters[name]
+        if kind in POSITIVE and not value > 0:
+            yield f"{words} {value} is not positive; give a number above 0"
+        elif kind == "deviation" and not 0 < 2 * value * value < math.inf:
+            yield f"the square of {words} {value} under- or overflows; change it"
+    places = {name: parameters[name] for name in entry.ascending}
+    if list(places.values()) != sorted(places.values()):
+        yield f"{_listed(places)} do not ascend; put them in order"
+    elif any(parameters[left] == parameters[right] for left, right in entry.flanks):
+        yield f"{_listed(places)} leave a flank no width; make it wider, or use a trapezoidal shape"
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    return bool(-math.inf < value < math.inf)
 
 
 def _listed(parameters: dict[str, float]) -> str:
     values = tuple(parameters.values())
     return f"{', '.join(parameters)} = {values if len(values) > 1 else values[0]}"
-
-
-def _spread_problems(name: str, value: float) -> Iterator[str]:
-    if not value > 0:
-        yield f"{name} {value} is not positive; give a number above 0"
-    elif not 0 < 2 * value * value < math.inf:
-        yield f"the square of {name} {value} under- or overflows; change it"
-
-
-def _corner_problems(shape: MembershipFunction, corners: dict[str, float]) -> Iterator[str]:
-    values = list(corners.values())
-    if values != sorted(values):
-        yield f"{_listed(corners)} do not ascend; put them in order"
-        return
-    flanks = {SShape: [(0, 1)], ZShape: [(0, 1)], PiShape: [(0, 1), (2, 3)]}.get(type(shape), [])
-    if any(values[left] == values[right] for left, right in flanks):
-        yield f"{_listed(corners)} leave a flank no width; make it wider, or use a trapezoidal shape"
 
 
 def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
@@ -231,7 +207,7 @@ def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
             f"{len(shape.values)} membership values are given for a universe of {num_points} points; give "
             "one for each point"
         )
-    if not all(0.0 <= value <= 1.0 for value in shape.values):
+    if not all(_is_finite(value) and 0.0 <= value <= 1.0 for value in shape.values):
         yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
 
 
@@ -250,7 +226,7 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
                 f"output {variable.name!r} has no default; declare default: the output when no rule fires "
                 "(0 is usual for a force)"
             )
-        elif not math.isfinite(variable.default):
+        elif not _is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
         yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
     for variable in system.inputs:
@@ -277,7 +253,7 @@ def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
         for consequent in rule.consequents:
             found = _reference_problems(outputs, "output", consequent.variable, consequent.term)
             yield from (f"{where}: {problem}" for problem in found)
-            if not 0.0 <= consequent.weight <= 1.0:
+            if not (_is_finite(consequent.weight) and 0.0 <= consequent.weight <= 1.0):
                 yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
 
 
@@ -300,6 +276,8 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
                 yield f"an {word!r} joins no statements; give it at least one"
             for operand in operands:
                 yield from _expression_problems(inputs, operand, depth + 1)
+        case _:
+            yield f"{expression!r} is no statement; use Is, Not, And or Or"
 
 
 def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:

@@ -9,8 +9,8 @@ import numpy as np
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.engines.inference import Floats
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.validate import ControllerFileError
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ for a shape that does not give them.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields
 from itertools import product
 from math import floor, log10
 
@@ -29,7 +28,8 @@ from fis_tools.model import (
     TwoSidedGaussian,
     ZShape,
 )
-from fis_tools.model.membership import SMALLEST_MEMBERSHIP, is_unimodal, shape_values
+from fis_tools.model.membership import is_unimodal, shape_values
+from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
 
 Floats = NDArray[np.float64]
@@ -121,7 +121,7 @@ def _settled(
 
 
 def _made(kind: type[MembershipFunction], parameters: tuple[float, ...]) -> MembershipFunction:
-    return kind(*map(float, parameters))  # type: ignore[arg-type]  # only `Sampled` takes no numbers
+    return kind(*map(float, parameters))
 
 
 def _rounded(
@@ -129,9 +129,8 @@ def _rounded(
 ) -> tuple[float, ...]:
     """Round places to digits of the universe's width, spreads and slopes to digits of their own."""
     rounded = []
-    for field, value in zip(fields(kind), parameters, strict=True):
-        is_own = field.name.endswith(("deviation", "slope", "width"))
-        scale = abs(value) if is_own else width
+    for what, value in zip(kind.entry.kinds.values(), parameters, strict=True):
+        scale = width if what == "place" else abs(value)
         rounded.append(round(value, digits - 1 - floor(log10(scale))) if scale > 0 else value)
     return tuple(rounded)
 

@@ -12,24 +12,13 @@ from fis_tools.model import (
     Expression,
     FuzzyController,
     FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
     Is,
     Not,
     Or,
-    PiShape,
     Rule,
     Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
     Term,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
     Variable,
-    ZShape,
     rule_table,
 )
 from fis_tools.words.ranking import Floats, ranked
@@ -100,45 +89,12 @@ def sentences(system: FuzzySystem) -> list[str]:
     return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
 
 
-def shape_words(term: Term) -> str:  # noqa: PLR0911 - one a shape
+def shape_words(term: Term) -> str:
     """Say a term's membership function: ``Gaussian, mean 0, standard deviation 25``."""
-    match term.membership:
-        case Gaussian(mean, standard_deviation):
-            return f"Gaussian, mean {number(mean)}, standard deviation {number(standard_deviation)}"
-        case Triangular(left, peak, right):
-            return f"triangle from {number(left)} over {number(peak)} to {number(right)}"
-        case Trapezoidal(left, left_top, right_top, right):
-            top_words = f"{number(left_top)} to {number(right_top)}"
-            return f"trapezoid from {number(left)} over {top_words} to {number(right)}"
-        case TwoSidedGaussian():
-            return _two_sided_words(term.membership)
-        case GeneralizedBell(width, slope, centre):
-            return f"bell, half width {number(width)}, slope {number(slope)}, centre {number(centre)}"
-        case Sigmoid(inflection, slope):
-            return _sigmoid_words(inflection, slope)
-        case SigmoidDifference(first, first_slope, second, second_slope):
-            return f"{_sigmoid_words(first, first_slope)}, less {_sigmoid_words(second, second_slope)}"
-        case SigmoidProduct(first, first_slope, second, second_slope):
-            return f"{_sigmoid_words(first, first_slope)}, times {_sigmoid_words(second, second_slope)}"
-        case SShape(foot, top):
-            return f"S shape from {number(foot)} up to {number(top)}"
-        case ZShape(top, foot):
-            return f"Z shape from {number(top)} down to {number(foot)}"
-        case PiShape(left, left_top, right_top, right):
-            top_words = f"{number(left_top)} to {number(right_top)}"
-            return f"pi shape from {number(left)} over {top_words} to {number(right)}"
-        case Sampled(values):
-            return f"sampled at {len(values)} points"
-
-
-def _two_sided_words(shape: TwoSidedGaussian) -> str:
-    means = f"{number(shape.left_mean)} to {number(shape.right_mean)}"
-    spreads = f"{number(shape.left_standard_deviation)} and {number(shape.right_standard_deviation)}"
-    return f"two-sided Gaussian, one from {means}, standard deviations {spreads}"
-
-
-def _sigmoid_words(inflection: float, slope: float) -> str:
-    return f"sigmoid, inflection {number(inflection)}, slope {number(slope)}"
+    shape = term.membership
+    if isinstance(shape, Sampled):
+        return f"sampled at {len(shape.values)} points"
+    return shape.entry.phrase.format(**{name: number(getattr(shape, name)) for name in shape.entry.kinds})
 
 
 def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from fis_tools.model.validate import ControllerFileError
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.review import page as review
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write

@@ -2,26 +2,19 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 from fis_tools.analysis.measures import centre
 from fis_tools.model import (
     FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
-    PiShape,
     Sampled,
-    SShape,
     Term,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
     Variable,
-    ZShape,
 )
 from fis_tools.model.membership import shape_values
+from fis_tools.model.validate import parameter_problems
 
 #: What is rounded together: the numbers of a term, by variable and term, or the ends of a range ("").
 Unit = tuple[str, str]
@@ -97,12 +90,12 @@ def _rounded_term(
         return term
     for count in range(digits, MOST_DIGITS + 2):
         numbers: dict[str, Any] = {}
-        for field in fields(term.membership):
-            value = getattr(term.membership, field.name)
-            if "slope" in field.name:
-                numbers[field.name] = float(f"{value:.{count}g}") if count <= MOST_DIGITS else value
+        for name, kind in term.membership.entry.kinds.items():
+            value = getattr(term.membership, name)
+            if kind in {"slope", "exponent"}:
+                numbers[name] = float(f"{value:.{count}g}") if count <= MOST_DIGITS else value
             else:
-                numbers[field.name] = ends.get(value, _to_place(variable, value, count))
+                numbers[name] = ends.get(value, _to_place(variable, value, count))
         candidate = Term(term.name, replace(term.membership, **numbers))
         if _keeps_shape(bare, term, candidate):
             return candidate
@@ -110,19 +103,14 @@ def _rounded_term(
 
 
 def _keeps_shape(variable: Variable, before: Term, after: Term) -> bool:
-    shape, old = after.membership, before.membership
-    match shape:
-        case Gaussian(_, spread):
-            return spread > 0.0
-        case TwoSidedGaussian(left_mean, left, right_mean, right):
-            return left > 0.0 and right > 0.0 and left_mean <= right_mean
-        case GeneralizedBell(width, slope, _):
-            return width > 0.0 and slope > 0.0
-        case Triangular() | Trapezoidal() | SShape() | ZShape() | PiShape():
-            corners = [(getattr(old, f.name), getattr(shape, f.name)) for f in fields(shape)]
-            return all(b[1] > a[1] if b[0] > a[0] else b[1] >= a[1] for a, b in pairwise(corners))
-        case _:
-            return bool(shape_values(variable.universe, shape).min() >= 0.0)
+    """Tell whether a rounded shape is right, has the flanks of the one before, and is nowhere below zero."""
+    old, shape = before.membership, after.membership
+    if any(parameter_problems(shape)):
+        return False
+    for left, right in pairwise(shape.entry.ascending):
+        if getattr(old, left) < getattr(old, right) and getattr(shape, left) == getattr(shape, right):
+            return False
+    return bool(shape_values(variable.universe, shape).min() >= 0.0)
 
 
 def _first_crossed(variable: Variable, bare: Variable, terms: list[Term]) -> int | None:

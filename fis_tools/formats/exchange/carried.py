@@ -10,13 +10,14 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.antecedents import NotExpressible, Statement, mentions, renamed
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, Dialect, Said, middle, say
 from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.own.plain import Unreadable
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
-from fis_tools.model.validate import ControllerFileError, controller_problems
+from fis_tools.model.validate import controller_problems
 from fis_tools.words.text import number
 
 #: What the comment begins with; the number is the version of this way of carrying.

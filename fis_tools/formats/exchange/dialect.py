@@ -36,6 +36,8 @@ from fis_tools.model import (
     Triangular,
     Variable,
 )
+from fis_tools.model.membership import sample
+from fis_tools.model.shape import Format
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
 OUTPUT_POINTS = 101
@@ -52,6 +54,9 @@ class Dialect:
     ----------
     title : str
         What a file of it is called in a sentence.
+    words : {"fis", "fll", "fml"}, optional
+        Whose words for membership shapes it has; a shape without one is said as a table of points. None where
+        every shape can be said.
     holds_units, holds_descriptions, holds_defaults, holds_resolution : bool
         Which facts of a variable it has a place for; the resolution is the number of points of an output.
     is_nested : bool
@@ -74,6 +79,7 @@ class Dialect:
     """
 
     title: str
+    words: Format | None = None
     holds_units: bool = False
     holds_descriptions: bool = False
     holds_defaults: bool = True
@@ -247,8 +253,11 @@ def _consequent_groups(
 
 
 def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
-    has_table = any(isinstance(term.membership, Sampled) for term in variable.terms)
-    if has_table:
+    terms = tuple(
+        Term(names.terms[variable.name, term.name], _said_membership(variable, term, dialect))
+        for term in variable.terms
+    )
+    if any(isinstance(term.membership, Sampled) for term in terms):
         num_points, points = universe_of(variable.minimum, variable.maximum, variable.universe.tolist())
     elif is_output:
         num_points, points = (variable.num_points if dialect.holds_resolution else OUTPUT_POINTS), None
@@ -260,18 +269,19 @@ def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_out
         unit=one_line(variable.unit) if dialect.holds_units else "",
         minimum=float(variable.minimum),
         maximum=float(variable.maximum),
-        terms=tuple(
-            Term(
-                names.terms[variable.name, term.name],
-                term.membership if dialect.has_walls else without_walls(variable, term.membership),
-            )
-            for term in variable.terms
-        ),
+        terms=terms,
         num_points=num_points,
         points=points,
         default=default if is_output else None,
         description=one_line(variable.description) if dialect.holds_descriptions else "",
     )
+
+
+def _said_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
+    shape = term.membership
+    if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, Sampled):
+        return Sampled(tuple(sample(variable, term).tolist()))
+    return shape if dialect.has_walls else without_walls(variable, shape)
 
 
 def without_walls(variable: Variable, membership: MembershipFunction) -> MembershipFunction:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import get_args
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import Reading, Written, comment, understand
@@ -32,31 +33,24 @@ from fis_tools.model import (
     Expression,
     FuzzyController,
     FuzzySystem,
-    Gaussian,
     GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
     OrOperator,
-    PiShape,
     Rule,
     Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
     Term,
     Trapezoidal,
     Triangular,
-    TwoSidedGaussian,
     Variable,
-    ZShape,
 )
-from fis_tools.model.validate import ControllerFileError
+from fis_tools.model.shape import words_of
 
 DIALECT = Dialect(
     title="a .fis file",
+    words="fis",
     holds_defaults=False,
     repeats_inputs=False,
     repeats_outputs=False,
@@ -65,25 +59,7 @@ DIALECT = Dialect(
     has_walls=False,
 )
 
-_SHAPES: foreign.ShapeWords = {
-    "gaussmf": (Gaussian, ("standard_deviation", "mean")),
-    "trimf": (Triangular, ("left", "peak", "right")),
-    "trapmf": (Trapezoidal, ("left", "left_top", "right_top", "right")),
-    "gauss2mf": (
-        TwoSidedGaussian,
-        ("left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
-    ),
-    "gbellmf": (GeneralizedBell, ("width", "slope", "centre")),
-    "sigmf": (Sigmoid, ("slope", "inflection")),
-    "dsigmf": (
-        SigmoidDifference,
-        ("first_slope", "first_inflection", "second_slope", "second_inflection"),
-    ),
-    "psigmf": (SigmoidProduct, ("first_slope", "first_inflection", "second_slope", "second_inflection")),
-    "smf": (SShape, ("foot", "top")),
-    "zmf": (ZShape, ("top", "foot")),
-    "pimf": (PiShape, ("left", "left_top", "right_top", "right")),
-}
+_SHAPES = words_of("fis")
 _FLANKS: foreign.FlankWords = {
     "linsmf": foreign.rising,
     "linzmf": foreign.falling,

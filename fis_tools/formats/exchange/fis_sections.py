@@ -4,8 +4,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.model.validate import ControllerFileError
 
 #: ``key=value`` lines: the line's number and the value, by key.
 Entries = dict[str, tuple[int, str]]

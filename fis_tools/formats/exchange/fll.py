@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
@@ -21,52 +22,23 @@ from fis_tools.model import (
     Defuzzifier,
     FuzzyController,
     FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
     MembershipFunction,
     OrOperator,
-    PiShape,
     Rule,
     Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
     Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
     Variable,
-    ZShape,
 )
-from fis_tools.model.validate import ControllerFileError
+from fis_tools.model.shape import words_of
 
-DIALECT = Dialect(title="an .fll file", holds_descriptions=True, holds_resolution=True, is_nested=True)
+DIALECT = Dialect(
+    title="an .fll file", words="fll", holds_descriptions=True, holds_resolution=True, is_nested=True
+)
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
 END = "end of file"
 
-_SHAPES: foreign.ShapeWords = {
-    "Gaussian": (Gaussian, ("mean", "standard_deviation")),
-    "Triangle": (Triangular, ("left", "peak", "right")),
-    "Trapezoid": (Trapezoidal, ("left", "left_top", "right_top", "right")),
-    "GaussianProduct": (
-        TwoSidedGaussian,
-        ("left_mean", "left_standard_deviation", "right_mean", "right_standard_deviation"),
-    ),
-    "Bell": (GeneralizedBell, ("centre", "width", "slope")),
-    "Sigmoid": (Sigmoid, ("inflection", "slope")),
-    "SigmoidDifference": (
-        SigmoidDifference,
-        ("first_inflection", "first_slope", "second_slope", "second_inflection"),
-    ),
-    "SigmoidProduct": (
-        SigmoidProduct,
-        ("first_inflection", "first_slope", "second_slope", "second_inflection"),
-    ),
-    "SShape": (SShape, ("foot", "top")),
-    "ZShape": (ZShape, ("top", "foot")),
-    "PiShape": (PiShape, ("left", "left_top", "right_top", "right")),
-}
+_SHAPES = words_of("fll")
 
 
 def _ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:

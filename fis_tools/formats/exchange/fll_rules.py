@@ -4,9 +4,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, OrOperator, Rule
-from fis_tools.model.validate import MAX_NESTING, ControllerFileError
+from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
 Operators = tuple[AndOperator | None, OrOperator | None]

@@ -7,9 +7,10 @@ which only `fis_tools` reads.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from html import escape
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
 from fis_tools.formats.exchange.carried import Reading, Written, comment, understand
@@ -25,40 +26,24 @@ from fis_tools.model import (
     Expression,
     FuzzyController,
     FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
     OrOperator,
-    PiShape,
     Rule,
     Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
     Term,
-    Trapezoidal,
-    Triangular,
     TwoSidedGaussian,
     Variable,
-    ZShape,
 )
-from fis_tools.model.validate import ControllerFileError
+from fis_tools.model.shape import SHAPES, words_of
 
 DIALECT = Dialect(title="an FML file", holds_units=True, has_unique_names=True)
 
 NAMESPACE = "http://www.ieee1855.org"
 
-_SHAPES: foreign.ShapeWords = {
-    "gaussianShape": (Gaussian, ("mean", "standard_deviation")),
-    "triangularShape": (Triangular, ("left", "peak", "right")),
-    "trapezoidShape": (Trapezoidal, ("left", "left_top", "right_top", "right")),
-    "sShape": (SShape, ("foot", "top")),
-    "zShape": (ZShape, ("top", "foot")),
-}
+_SHAPES = words_of("fml")
 _FLANKS: foreign.FlankWords = {
     "rightLinearShape": foreign.rising,
     "leftLinearShape": foreign.falling,
@@ -66,15 +51,9 @@ _FLANKS: foreign.FlankWords = {
 }
 #: Shapes beyond the standard, with all their numbers in the order of the model.
 _CUSTOM: foreign.ShapeWords = {
-    word: (kind, tuple(each.name for each in fields(kind)))
-    for word, kind in (
-        ("custom_generalized_bell", GeneralizedBell),
-        ("custom_two_sided_gaussian", TwoSidedGaussian),
-        ("custom_sigmoid", Sigmoid),
-        ("custom_sigmoid_difference", SigmoidDifference),
-        ("custom_sigmoid_product", SigmoidProduct),
-        ("custom_pi_shape", PiShape),
-    )
+    f"custom_{name}": (kind, tuple(kind.entry.kinds))
+    for name, kind in SHAPES.items()
+    if kind.entry.kinds and "fml" not in kind.entry.words
 }
 _AND: dict[str, AndOperator] = {
     "MIN": "min",
@@ -226,7 +205,7 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
         f"{variable.name} {term.name}"
         for variable in (*system.inputs, *system.outputs)
         for term in variable.terms
-        if any(type(term.membership) is kind for kind, _ in _CUSTOM.values())
+        if f"custom_{term.membership.entry.name}" in _CUSTOM
     ]
     if custom:
         names = ", ".join(custom)

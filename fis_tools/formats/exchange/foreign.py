@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, universe_of
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
@@ -23,7 +24,7 @@ from fis_tools.model import (
     Trapezoidal,
     Variable,
 )
-from fis_tools.model.validate import ControllerFileError, nearest
+from fis_tools.model.validate import nearest
 from fis_tools.words.text import antecedent_words
 
 _Choice = TypeVar("_Choice")
@@ -160,7 +161,8 @@ def shape(
 
 def shape_words(membership: MembershipFunction, shapes: ShapeWords) -> tuple[str, list[float]]:
     """Return the word and the numbers of any membership function but a sampled one."""
-    word, order = next((word, order) for word, (kind, order) in shapes.items() if type(membership) is kind)
+    words = {kind: (word, order) for word, (kind, order) in shapes.items()}
+    word, order = words[type(membership)]
     return word, [float(getattr(membership, name)) for name in order]
 
 

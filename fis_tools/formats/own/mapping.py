@@ -13,41 +13,26 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar
 
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import (
     And,
     Consequent,
     Expression,
     FuzzyController,
     FuzzySystem,
-    Gaussian,
-    GeneralizedBell,
     Is,
     MembershipFunction,
     Not,
     Or,
-    PiShape,
     Rule,
     Sampled,
-    Sigmoid,
-    SigmoidDifference,
-    SigmoidProduct,
-    SShape,
     Term,
-    Trapezoidal,
-    Triangular,
-    TwoSidedGaussian,
     Variable,
-    ZShape,
     rule_table,
     table_rules,
 )
-from fis_tools.model.validate import (
-    MAX_NESTING,
-    ControllerFileError,
-    InvalidSystem,
-    controller_problems,
-    nearest,
-)
+from fis_tools.model.shape import SHAPES
+from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, nearest
 
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1
@@ -57,22 +42,8 @@ MOST_POINTS = 10_001
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
 
-_SHAPES: dict[str, type[MembershipFunction]] = {
-    "gaussian": Gaussian,
-    "triangular": Triangular,
-    "trapezoidal": Trapezoidal,
-    "sampled": Sampled,
-    "two_sided_gaussian": TwoSidedGaussian,
-    "generalized_bell": GeneralizedBell,
-    "sigmoid": Sigmoid,
-    "sigmoid_difference": SigmoidDifference,
-    "sigmoid_product": SigmoidProduct,
-    "s_shape": SShape,
-    "z_shape": ZShape,
-    "pi_shape": PiShape,
-}
 #: The keys of each shape, which are the names of its parameters.
-_KEYS = {name: tuple(str(field.name) for field in fields(shape)) for name, shape in _SHAPES.items()}
+_KEYS = {name: tuple(field.name for field in fields(kind)) for name, kind in SHAPES.items()}
 #: Shapes that their keys alone tell.
 _TOLD_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
 _Item = TypeVar("_Item")
@@ -137,7 +108,7 @@ def _variable_mapping(variable: Variable) -> dict[str, Any]:
 def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
     if isinstance(membership, Sampled):
         return {"values": [float(value) for value in membership.values]}
-    name = next(name for name, shape in _SHAPES.items() if isinstance(membership, shape))
+    name = membership.entry.name
     told = {} if name in _TOLD_BY_KEYS else {"shape": name}
     return {**told, **{key: float(getattr(membership, key)) for key in _KEYS[name]}}
 
@@ -340,7 +311,7 @@ def _term(value: Any, where: str) -> Term:
     if shape == "sampled":
         return Term(name, Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
     numbers = {key: _number(value[key], f"{where}.{key}") for key in _KEYS[shape]}
-    return Term(name, _SHAPES[shape](**numbers))  # type: ignore[arg-type]  # only `Sampled` takes no numbers
+    return Term(name, SHAPES[shape](**numbers))
 
 
 def _shape_of(value: Any, where: str) -> str:
@@ -351,8 +322,8 @@ def _shape_of(value: Any, where: str) -> str:
         )
     if "shape" in value:
         shape = _text(value["shape"], f"{where}.shape")
-        if shape not in _SHAPES:
-            raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, _SHAPES)}")
+        if shape not in SHAPES:
+            raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, SHAPES)}")
         return shape
     given = set(value)
     missed = {shape: len(set(_KEYS[shape]) - given) for shape in _TOLD_BY_KEYS}

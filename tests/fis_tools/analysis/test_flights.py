@@ -9,9 +9,9 @@ import pytest
 from fis_tools.analysis.arrays import rule_usage
 from fis_tools.analysis.flights import inputs_along, read_controller, read_flight, usage_along
 from fis_tools.engines.inference import infer
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.model.validate import ControllerFileError
 from fis_tools.words.text import sentences
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import FisDescription

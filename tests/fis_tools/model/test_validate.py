@@ -1,9 +1,15 @@
 """Every way in which a system can be wrong is told, and a right one passes."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from fis_tools.formats.exchange import fcl, fis, fll, fml
+from fis_tools.formats.serialize import dump_json
 from fis_tools.model import (
     And,
     Consequent,
@@ -29,7 +35,15 @@ from fis_tools.model import (
     Variable,
     ZShape,
 )
-from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems, validate
+from fis_tools.model.shape import SHAPES, Width
+from fis_tools.model.validate import (
+    MAX_NESTING,
+    InvalidSystem,
+    controller_problems,
+    problems,
+    shape_problems,
+    validate,
+)
 from tests.fis_tools.sample_controllers import (
     force,
     force_x_system,
@@ -38,6 +52,20 @@ from tests.fis_tools.sample_controllers import (
 )
 
 NAN, INF = float("nan"), float("inf")
+
+
+class _Narrow(Gaussian):
+    """A shape made from one of ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Unregistered(MembershipFunction):
+    """A shape that is not in the registry, so that nothing can tell that its width must be positive."""
+
+    width: Width
+
+    def at(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.exp(-np.abs(x) / self.width)
 
 
 def _with_membership(membership: MembershipFunction) -> FuzzySystem:
@@ -108,6 +136,14 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
             _with_membership(SigmoidDifference(150.0, 1.0, 50.0, 1.0)),
             ["falls to -1", "make the first sigmoid the higher one"],
         ),
+        (_with_membership(Gaussian(0.0, None)), ["mean, standard_deviation", "finite numbers"]),  # type: ignore[arg-type]
+        (_with_membership(Gaussian(0.0, True)), ["mean, standard_deviation", "finite numbers"]),
+        (_with_membership(Triangular("a", 1.0, 2.0)), ["left, peak, right", "finite numbers"]),  # type: ignore[arg-type]
+        (_with_membership(Sigmoid(1j, 1.0)), ["inflection, slope", "finite numbers"]),  # type: ignore[arg-type]
+        (_with_membership(None), ["NoneType is no known shape", "Gaussian, Triangular"]),  # type: ignore[arg-type]
+        (_with_membership(_Narrow(0.0, 1.0)), ["_Narrow is no known shape", "Gaussian, Triangular"]),
+        (_with_membership(_Unregistered(-1.0)), ["_Unregistered is no known shape"]),
+        (_with_membership(Sampled(("x",) * 101)), ["not a number"]),  # type: ignore[arg-type]
         (_with_membership(Sampled((0.0, 1.0))), ["2 membership values", "101 points"]),
         (_with_membership(Sampled((1.5,) * 101)), ["outside [0, 1]"]),
         (_with_membership(Sampled((-0.1,) * 101)), ["outside [0, 1]"]),
@@ -117,6 +153,8 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_distance(minimum=200.0), ["range [200.0, 200.0]", "empty"]),
         (_with_distance(minimum=300.0), ["range [300.0, 200.0]", "swap"]),
         (_with_distance(minimum=-1.7e308, maximum=1.7e308), ["too wide"]),
+        (_with_distance(minimum="0"), ["not finite"]),
+        (_with_distance(num_points=21.5), ["21.5 points", "at least 2"]),
         (_with_distance(num_points=1), ["1 points", "at least 2"]),
         (_with_distance(points=(0.0, 100.0, 200.0)), ["3 points", "num_points is 101"]),
         (_with_distance(points=(0.0, 100.0, 100.0, 200.0), num_points=4), ["do not ascend"]),
@@ -129,6 +167,7 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_distance(name="a\nb"), ["printable"]),
         (_with_output(default=None), ["declare default: the output when no rule fires"]),
         (_with_output(default=NAN), ["default nan"]),
+        (_with_output(default="0"), ["default 0"]),
         (_with_output(terms=force().terms * 2), ["2 terms called 'NL'"]),
         (
             _with_output(terms=force().terms[:4]),
@@ -150,6 +189,8 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_rule(Is("distanse", "near")), ["rule 26", "'distanse'", "did you mean 'distance'?"]),
         (_with_rule(Is("distance", "nearby")), ["rule 26", "no term 'nearby'", "did you mean 'near'?"]),
         (_with_rule(Is("force_x", "ZE")), ["input 'force_x' does not exist"]),
+        (_with_rule(None), ["rule 26: None is no statement", "Is, Not, And or Or"]),  # type: ignore[arg-type]
+        (_with_rule(_nested(1), Consequent("force_x", "ZE", "1")), ["weight 1"]),  # type: ignore[arg-type]
         (_with_rule(And(())), ["'and' joins no statements"]),
         (_with_rule(Not(Or(()))), ["'or' joins no statements"]),
         (_with_rule(_nested(MAX_NESTING + 1)), ["nested more than 20 deep"]),
@@ -201,3 +242,37 @@ def test_a_variable_outside_any_range_is_no_reason_to_stop_looking() -> None:
     broken = Variable("x", "", NAN, NAN, (Term("t", Gaussian(NAN, NAN)),), num_points=0)
     system = FuzzySystem("s", (broken,), (), ())
     assert len(problems(system)) >= 4
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SHAPES.values() if kind is not Sampled])
+def test_every_parameter_of_every_shape_has_its_limits(kind: type[MembershipFunction]) -> None:
+    """A width that is not positive, a place that is no number: none passes, whichever shape has it."""
+    wrong = {
+        "place": (NAN, INF, None),
+        "slope": (NAN, INF, None),
+        "width": (-1.0, 0.0, NAN),
+        "deviation": (-1.0, 0.0, NAN, 1e-170, 1e170),
+        "exponent": (-1.0, 0.0, INF),
+    }
+    right = [1.0 + place for place in range(len(kind.entry.kinds))]
+    assert _shape_faults(kind(*right)) == []
+    for place, what in enumerate(kind.entry.kinds.values()):
+        for value in wrong[what]:
+            numbers = [value if index == place else number for index, number in enumerate(right)]
+            assert len(_shape_faults(kind(*numbers))) == 1
+    for left, following in pairwise(kind.entry.ascending):
+        swapped = replace(kind(*right), **{left: 9.0, following: 0.5})
+        assert any("do not ascend" in fault for fault in _shape_faults(swapped))
+    for foot, top in kind.entry.flanks:
+        assert _shape_faults(replace(kind(*right), **{foot: 1.5, top: 1.5})) != []
+
+
+def _shape_faults(shape: MembershipFunction) -> list[str]:
+    return list(shape_problems(shape, 101))
+
+
+@pytest.mark.parametrize("write", [dump_json, fis.write, fll.write, fml.write, fcl.write])
+def test_writers_refuse_a_shape_that_they_do_not_know(write: Callable[[FuzzyController], object]) -> None:
+    controller = FuzzyController("c", (_with_membership(_Narrow(0.0, 1.0)),))
+    with pytest.raises(InvalidSystem, match="_Narrow is no known shape"):
+        write(controller)

@@ -1,0 +1,107 @@
+"""What a membership shape is, and the registry of those that exist; `fis_tools.model.shapes` fills it.
+
+The entry of a shape holds all that the rest of the toolkit asks for, so that a shape is added in one place:
+its formula, which numbers it takes and how they must relate, how it is worded, and its names in files.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar, Literal, TypeVar, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+#: A file format of other programs that names shapes.
+Format = Literal["fis", "fll", "fml"]
+
+# What the numbers of a shape can be.
+#: A point, in the unit of the variable.
+Place = Annotated[float, "place"]
+#: A positive length, in the unit of the variable.
+Width = Annotated[float, "width"]
+#: A positive length whose square the formula divides by.
+Deviation = Annotated[float, "deviation"]
+#: A steepness of either sign, one over the unit of the variable.
+Slope = Annotated[float, "slope"]
+#: A positive steepness without a unit.
+Exponent = Annotated[float, "exponent"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What there is to know about a shape besides its formula.
+
+    Parameters
+    ----------
+    name : str
+        What our own files call it.
+    phrase : str
+        The shape in words, with its numbers in braces.
+    kinds : mapping of str to str
+        Its numbers by name, and what each can be: ``"place"``, ``"width"`` and so on.
+    ascending : tuple of str
+        Numbers that may not fall from one to the next.
+    flanks : tuple of (str, str)
+        Pairs of these of which the second must be above the first.
+    words : mapping of str to tuple of str
+        For each format that knows the shape, its name there, then its numbers in the format's order, where
+        this is not their own.
+    """
+
+    name: str
+    phrase: str
+    kinds: Mapping[str, str]
+    ascending: tuple[str, ...]
+    flanks: tuple[tuple[str, str], ...]
+    words: Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class MembershipFunction(ABC):
+    """The degree, from 0 to 1, to which a value belongs to a term."""
+
+    entry: ClassVar[Entry]
+
+    @abstractmethod
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula at points of shape (n,), as `fis_tools.model.membership.sample` does."""
+
+
+#: Every shape, by the name that our own files give it.
+SHAPES: dict[str, type[MembershipFunction]] = {}
+_Shape = TypeVar("_Shape", bound=MembershipFunction)
+
+
+def shape(
+    name: str,
+    phrase: str,
+    *,
+    ascending: tuple[str, ...] = (),
+    flanks: tuple[tuple[str, str], ...] = (),
+    **words: tuple[str, ...],
+) -> Callable[[type[_Shape]], type[_Shape]]:
+    """Enter a dataclass into the registry; see `Entry` for the parameters.
+
+    A format that has no word for a shape shows it as a table of points, FML as a custom shape.
+    """
+
+    def enter(kind: type[_Shape]) -> type[_Shape]:
+        marks = {each.name: get_args(each.type)[1] for each in fields(kind)}
+        kinds = {key: mark for key, mark in marks.items() if isinstance(mark, str)}
+        kind.entry = Entry(name, phrase, kinds, ascending, flanks, words)
+        SHAPES[name] = kind
+        return kind
+
+    return enter
+
+
+def words_of(file_format: Format) -> dict[str, tuple[type[MembershipFunction], tuple[str, ...]]]:
+    """Return the words of a format for shapes, each with its shape and the order of the shape's numbers."""
+    found: dict[str, tuple[type[MembershipFunction], tuple[str, ...]]] = {}
+    for kind in SHAPES.values():
+        if file_format in kind.entry.words:
+            word, *order = kind.entry.words[file_format]
+            found[word] = kind, tuple(order or kind.entry.kinds)
+    return found

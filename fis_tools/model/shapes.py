@@ -1,0 +1,315 @@
+"""The membership shapes, an entry each: numbers, formula, words, names in files.
+
+Formulas follow scikit-fuzzy's generators (`gaussmf`, `trimf`, `gbellmf` and so on) to the last bit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fis_tools.model.shape import Deviation, Exponent, Floats, MembershipFunction, Place, Slope, Width, shape
+
+#: Sampled memberships below this are taken as zero: differences of denormal numbers lose all their digits.
+SMALLEST_MEMBERSHIP = 1e-290
+
+
+def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
+    """Evaluate Gaussian membership functions, zero below `SMALLEST_MEMBERSHIP`.
+
+    A population of systems and one system alone go through this same expression, so that a genome flies in
+    training exactly as its controller file does later.
+
+    Parameters
+    ----------
+    x, mean, standard_deviation : arrays
+        Of shapes that broadcast.
+    """
+    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
+        values: Floats = np.exp(-((x - mean) ** 2.0) / (2 * standard_deviation**2.0))
+    values[values < SMALLEST_MEMBERSHIP] = 0.0
+    return values
+
+
+@shape(
+    "gaussian",
+    "Gaussian, mean {mean}, standard deviation {standard_deviation}",
+    fis=("gaussmf", "standard_deviation", "mean"),
+    fll=("Gaussian",),
+    fml=("gaussianShape",),
+)
+@dataclass(frozen=True, slots=True)
+class Gaussian(MembershipFunction):
+    """``exp(-(x - mean)^2 / (2 standard_deviation^2))``, in units of the variable."""
+
+    mean: Place
+    standard_deviation: Deviation
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        return gaussian(x, np.array([self.mean]), np.array([self.standard_deviation]))
+
+
+@shape(
+    "triangular",
+    "triangle from {left} over {peak} to {right}",
+    ascending=("left", "peak", "right"),
+    fis=("trimf",),
+    fll=("Triangle",),
+    fml=("triangularShape",),
+)
+@dataclass(frozen=True, slots=True)
+class Triangular(MembershipFunction):
+    """Zero at `left` and `right`, one at `peak`."""
+
+    left: Place
+    peak: Place
+    right: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula; a flank of no width is a wall."""
+        values = np.zeros(len(x))
+        if self.left != self.peak:
+            rising = (self.left < x) & (x < self.peak)
+            values[rising] = (x[rising] - self.left) / (self.peak - self.left)
+        if self.peak != self.right:
+            falling = (self.peak < x) & (x < self.right)
+            values[falling] = (self.right - x[falling]) / (self.right - self.peak)
+        values[x == self.peak] = 1.0
+        return values
+
+
+@shape(
+    "trapezoidal",
+    "trapezoid from {left} over {left_top} to {right_top} to {right}",
+    ascending=("left", "left_top", "right_top", "right"),
+    fis=("trapmf",),
+    fll=("Trapezoid",),
+    fml=("trapezoidShape",),
+)
+@dataclass(frozen=True, slots=True)
+class Trapezoidal(MembershipFunction):
+    """Zero at `left` and `right`, one from `left_top` to `right_top`."""
+
+    left: Place
+    left_top: Place
+    right_top: Place
+    right: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula; a flank of no width is a wall."""
+        values = np.ones(len(x))
+        rising, falling = x <= self.left_top, x >= self.right_top
+        values[rising] = Triangular(self.left, self.left_top, self.left_top).at(x[rising])
+        values[falling] = Triangular(self.right_top, self.right_top, self.right).at(x[falling])
+        values[(x < self.left) | (x > self.right)] = 0.0
+        return values
+
+
+@shape(
+    "two_sided_gaussian",
+    "two-sided Gaussian, one from {left_mean} to {right_mean}, standard deviations "
+    "{left_standard_deviation} and {right_standard_deviation}",
+    ascending=("left_mean", "right_mean"),
+    fis=("gauss2mf", "left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
+    fll=("GaussianProduct",),
+)
+@dataclass(frozen=True, slots=True)
+class TwoSidedGaussian(MembershipFunction):
+    """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond."""
+
+    left_mean: Place
+    left_standard_deviation: Deviation
+    right_mean: Place
+    right_standard_deviation: Deviation
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        values = np.ones(len(x))
+        left, right = x <= self.left_mean, x > self.right_mean
+        values[left] = Gaussian(self.left_mean, self.left_standard_deviation).at(x[left])
+        values[right] = Gaussian(self.right_mean, self.right_standard_deviation).at(x[right])
+        return values
+
+
+@shape(
+    "generalized_bell",
+    "bell, half width {width}, slope {slope}, centre {centre}",
+    fis=("gbellmf",),
+    fll=("Bell", "centre", "width", "slope"),
+)
+@dataclass(frozen=True, slots=True)
+class GeneralizedBell(MembershipFunction):
+    """``1 / (1 + |(x - centre) / width|^(2 slope))``: one half at `width` from the `centre`."""
+
+    width: Width
+    slope: Exponent
+    centre: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        values: Floats = 1.0 / (1.0 + np.abs((x - self.centre) / self.width) ** (2 * self.slope))
+        return values
+
+
+@shape(
+    "sigmoid",
+    "sigmoid, inflection {inflection}, slope {slope}",
+    fis=("sigmf", "slope", "inflection"),
+    fll=("Sigmoid",),
+)
+@dataclass(frozen=True, slots=True)
+class Sigmoid(MembershipFunction):
+    """``1 / (1 + exp(-slope (x - inflection)))``: 1/2 at the `inflection`; a negative `slope` falls."""
+
+    inflection: Place
+    slope: Slope
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        values: Floats = 1.0 / (1.0 + np.exp(-self.slope * (x - self.inflection)))
+        return values
+
+
+@dataclass(frozen=True, slots=True)
+class _TwoSigmoids(MembershipFunction):
+    first_inflection: Place
+    first_slope: Slope
+    second_inflection: Place
+    second_slope: Slope
+
+    @property
+    def _sigmoids(self) -> tuple[Sigmoid, Sigmoid]:
+        first = Sigmoid(self.first_inflection, self.first_slope)
+        return first, Sigmoid(self.second_inflection, self.second_slope)
+
+
+@shape(
+    "sigmoid_difference",
+    "sigmoid, inflection {first_inflection}, slope {first_slope}, less sigmoid, inflection "
+    "{second_inflection}, slope {second_slope}",
+    fis=("dsigmf", "first_slope", "first_inflection", "second_slope", "second_inflection"),
+    fll=("SigmoidDifference", "first_inflection", "first_slope", "second_slope", "second_inflection"),
+)
+@dataclass(frozen=True, slots=True)
+class SigmoidDifference(_TwoSigmoids):
+    """The first sigmoid less the second, each as in `Sigmoid`; the first must be the higher one."""
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        first, second = self._sigmoids
+        return first.at(x) - second.at(x)
+
+
+@shape(
+    "sigmoid_product",
+    "sigmoid, inflection {first_inflection}, slope {first_slope}, times sigmoid, inflection "
+    "{second_inflection}, slope {second_slope}",
+    fis=("psigmf", "first_slope", "first_inflection", "second_slope", "second_inflection"),
+    fll=("SigmoidProduct", "first_inflection", "first_slope", "second_slope", "second_inflection"),
+)
+@dataclass(frozen=True, slots=True)
+class SigmoidProduct(_TwoSigmoids):
+    """The product of two sigmoids, each as in `Sigmoid`."""
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        first, second = self._sigmoids
+        return first.at(x) * second.at(x)
+
+
+@shape(
+    "s_shape",
+    "S shape from {foot} up to {top}",
+    ascending=("foot", "top"),
+    flanks=(("foot", "top"),),
+    fis=("smf",),
+    fll=("SShape",),
+    fml=("sShape",),
+)
+@dataclass(frozen=True, slots=True)
+class SShape(MembershipFunction):
+    """Two parabolas that rise from zero at `foot` over one half in the middle to one at `top`."""
+
+    foot: Place
+    top: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        return np.where(x <= self.top, _rising(x, self.foot, self.top, is_open=False), 1.0)
+
+
+@shape(
+    "z_shape",
+    "Z shape from {top} down to {foot}",
+    ascending=("top", "foot"),
+    flanks=(("top", "foot"),),
+    fis=("zmf",),
+    fll=("ZShape",),
+    fml=("zShape",),
+)
+@dataclass(frozen=True, slots=True)
+class ZShape(MembershipFunction):
+    """Two parabolas that fall from one at `top` over one half in the middle to zero at `foot`."""
+
+    top: Place
+    foot: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        return np.where(x >= self.top, _falling(x, self.top, self.foot), 1.0)
+
+
+@shape(
+    "pi_shape",
+    "pi shape from {left} over {left_top} to {right_top} to {right}",
+    ascending=("left", "left_top", "right_top", "right"),
+    flanks=(("left", "left_top"), ("right_top", "right")),
+    fis=("pimf",),
+    fll=("PiShape",),
+)
+@dataclass(frozen=True, slots=True)
+class PiShape(MembershipFunction):
+    """An S from `left` to `left_top`, one to `right_top`, a Z from there to `right`."""
+
+    left: Place
+    left_top: Place
+    right_top: Place
+    right: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        values = _rising(x, self.left, self.left_top, is_open=True)
+        values = np.where(x <= self.left_top, values, 1.0)
+        return np.where(x >= self.right_top, _falling(x, self.right_top, self.right), values)
+
+
+@shape("sampled", "sampled")
+@dataclass(frozen=True, slots=True)
+class Sampled(MembershipFunction):
+    """Any shape: one membership value in [0, 1] for each point of the variable's universe."""
+
+    values: tuple[float, ...]
+
+    def at(self, x: Floats) -> Floats:
+        """Return the values; `x` must be the universe that they belong to."""
+        return np.array(self.values, dtype=np.float64)
+
+
+def _rising(x: Floats, foot: float, top: float, *, is_open: bool) -> Floats:
+    """Two parabolas from zero up to one, for points up to `top`.
+
+    In the middle the upper one counts, or the lower one if `is_open`: scikit-fuzzy's `smf` and `pimf` differ
+    in this, and the two parabolas in the last bit there.
+    """
+    middle = (foot + top) / 2.0
+    lower = 2.0 * ((x - foot) / (top - foot)) ** 2.0
+    upper = 1.0 - 2.0 * ((x - top) / (top - foot)) ** 2.0
+    values = np.where(x > middle if is_open else x >= middle, upper, lower)
+    return np.where(x <= foot, 0.0, values)
+
+
+def _falling(x: Floats, top: float, foot: float) -> Floats:
+    """Two parabolas from one down to zero, for points from `top` on."""
+    upper = 1.0 - 2.0 * ((x - top) / (foot - top)) ** 2.0
+    lower = 2.0 * ((x - foot) / (foot - top)) ** 2.0
+    return np.where(x >= foot, 0.0, np.where(x < (top + foot) / 2.0, upper, lower))
