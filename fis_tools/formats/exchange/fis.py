@@ -59,7 +59,6 @@ DIALECT = Dialect(
     has_walls=False,
 )
 
-_SHAPES = words_of("fis")
 _FLANKS: foreign.FlankWords = {
     "linsmf": foreign.rising,
     "linzmf": foreign.falling,
@@ -132,7 +131,7 @@ def _variable_lines(variable: Variable) -> list[str]:
             points = foreign.sampled_points(variable, term.membership)
             word, values = "discretemf", [number for point in points for number in point]
         else:
-            word, values = foreign.shape_words(term.membership, _SHAPES)
+            word, values = foreign.shape_words(term.membership, "fis")
         lines.append(f"MF{place}='{term.name}':'{word}',[{' '.join(map(repr, values))}]")
     return lines
 
@@ -305,7 +304,7 @@ def _term(line: int, value: str, extent: Extent) -> tuple[str, MembershipFunctio
     values = numbers_in(parts["numbers"], where)
     if parts["shape"] == "discretemf":
         return parts["name"], foreign.table(values, where)
-    return parts["name"], foreign.shape(parts["shape"], values, extent, _SHAPES, _FLANKS, where)
+    return parts["name"], foreign.shape(parts["shape"], values, extent, words_of("fis"), _FLANKS, where)
 
 
 _RULE = re.compile(

@@ -38,8 +38,6 @@ DIALECT = Dialect(
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
 END = "end of file"
 
-_SHAPES = words_of("fll")
-
 
 def _ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
     """Return a ramp, which falls where its first number is the greater one."""
@@ -112,7 +110,7 @@ def _term_lines(variable: Variable) -> Iterator[str]:
             points = foreign.sampled_points(variable, term.membership)
             word, values = "Discrete", [number for point in points for number in point]
         else:
-            word, values = foreign.shape_words(term.membership, _SHAPES)
+            word, values = foreign.shape_words(term.membership, "fll")
         yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
 
 
@@ -328,11 +326,12 @@ def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunctio
             f"{where}: {words[:40]!r} is no term; expected a name, a shape and its numbers"
         )
     values = foreign.numbers(rest, where)
-    known_count = len(_SHAPES[shape][1]) if shape in _SHAPES else 2
+    shapes = words_of("fll")
+    known_count = len(shapes[shape][1]) if shape in shapes else 2
     if shape == "Discrete":
         return name, foreign.table(values, where)
     if len(values) == known_count + 1:
         height = values.pop()
         if height != 1.0:
             raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
-    return name, foreign.shape(shape, values, extent, _SHAPES, _FLANKS, where)
+    return name, foreign.shape(shape, values, extent, shapes, _FLANKS, where)

@@ -43,17 +43,12 @@ DIALECT = Dialect(title="an FML file", holds_units=True, has_unique_names=True)
 
 NAMESPACE = "http://www.ieee1855.org"
 
-_SHAPES = words_of("fml")
+#: What the names of shapes beyond the standard begin with; the rest is our own name.
+CUSTOM = "custom_"
 _FLANKS: foreign.FlankWords = {
     "rightLinearShape": foreign.rising,
     "leftLinearShape": foreign.falling,
     "rectangularShape": foreign.level,
-}
-#: Shapes beyond the standard, with all their numbers in the order of the model.
-_CUSTOM: foreign.ShapeWords = {
-    f"custom_{name}": (kind, tuple(kind.entry.kinds))
-    for name, kind in SHAPES.items()
-    if kind.entry.kinds and "fml" not in kind.entry.words
 }
 _AND: dict[str, AndOperator] = {
     "MIN": "min",
@@ -154,14 +149,29 @@ def _shape_lines(variable: Variable, term: Term) -> Iterator[str]:
             yield f"  <point{_attributes(x=repr(x), y=repr(y))}/>"
         yield "</pointSetShape>"
         return
-    word, values = foreign.shape_words(term.membership, {**_SHAPES, **_CUSTOM})
-    if word in _SHAPES:
+    if _is_standard(term):
+        word, values = foreign.shape_words(term.membership, "fml")
         numbers = {f"param{place}": repr(value) for place, value in enumerate(values, start=1)}
         yield f"<{word}{_attributes(**numbers)}/>"
         return
-    yield f'<customShape name="{word}">'
-    yield from (f"  <parameter{_attributes(value=repr(value))}/>" for value in values)
+    entry = term.membership.entry
+    yield f'<customShape name="{CUSTOM}{entry.name}">'
+    for name in entry.kinds:
+        yield f"  <parameter{_attributes(value=repr(float(getattr(term.membership, name))))}/>"
     yield "</customShape>"
+
+
+def _is_standard(term: Term) -> bool:
+    return "fml" in term.membership.entry.words
+
+
+def _custom_shapes() -> foreign.ShapeWords:
+    """Return the shapes beyond the standard, with all their numbers in the order of the model."""
+    return {
+        f"{CUSTOM}{name}": (kind, tuple(kind.entry.kinds))
+        for name, kind in SHAPES.items()
+        if kind.entry.kinds and "fml" not in kind.entry.words
+    }
 
 
 def _operator_words(and_operator: AndOperator, or_operator: OrOperator) -> tuple[str, str]:
@@ -205,7 +215,7 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
         f"{variable.name} {term.name}"
         for variable in (*system.inputs, *system.outputs)
         for term in variable.terms
-        if f"custom_{term.membership.entry.name}" in _CUSTOM
+        if not _is_standard(term) and not isinstance(term.membership, Sampled)
     ]
     if custom:
         names = ", ".join(custom)
@@ -330,13 +340,13 @@ def _term(element: Element, extent: Extent) -> tuple[str, MembershipFunction | T
     if shape.name == "customShape":
         values = [_number(parameter, "value") for parameter in shape.all("parameter")]
         return name, foreign.shape(
-            _attribute(shape, "name"), values, extent, _CUSTOM, {}, f"line {shape.line}"
+            _attribute(shape, "name"), values, extent, _custom_shapes(), {}, f"line {shape.line}"
         )
     numbers = sorted(key for key in shape.attributes if key.startswith("param"))
     values = [_number(shape, key) for key in numbers]
     if shape.name in {"leftGaussianShape", "rightGaussianShape"}:
         return name, _half_gaussian(shape, values, extent)
-    return name, foreign.shape(shape.name, values, extent, _SHAPES, _FLANKS, f"line {shape.line}")
+    return name, foreign.shape(shape.name, values, extent, words_of("fml"), _FLANKS, f"line {shape.line}")
 
 
 def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> TwoSidedGaussian:

@@ -24,6 +24,7 @@ from fis_tools.model import (
     Trapezoidal,
     Variable,
 )
+from fis_tools.model.shape import Format
 from fis_tools.model.validate import nearest
 from fis_tools.words.text import antecedent_words
 
@@ -159,11 +160,10 @@ def shape(
     return build(**dict(zip(order, values, strict=True)))
 
 
-def shape_words(membership: MembershipFunction, shapes: ShapeWords) -> tuple[str, list[float]]:
-    """Return the word and the numbers of any membership function but a sampled one."""
-    words = {kind: (word, order) for word, (kind, order) in shapes.items()}
-    word, order = words[type(membership)]
-    return word, [float(getattr(membership, name)) for name in order]
+def shape_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[float]]:
+    """Return the word and the numbers of a membership function that a format has a word for."""
+    word, *order = membership.entry.words[file_format]
+    return word, [float(getattr(membership, name)) for name in order or membership.entry.kinds]
 
 
 def sampled_points(variable: Variable, membership: Sampled) -> list[tuple[float, float]]:

@@ -42,8 +42,6 @@ MOST_POINTS = 10_001
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
 
-#: The keys of each shape, which are the names of its parameters.
-_KEYS = {name: tuple(field.name for field in fields(kind)) for name, kind in SHAPES.items()}
 #: Shapes that their keys alone tell.
 _TOLD_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
 _Item = TypeVar("_Item")
@@ -110,7 +108,7 @@ def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
         return {"values": [float(value) for value in membership.values]}
     name = membership.entry.name
     told = {} if name in _TOLD_BY_KEYS else {"shape": name}
-    return {**told, **{key: float(getattr(membership, key)) for key in _KEYS[name]}}
+    return {**told, **{key: float(getattr(membership, key)) for key in _keys(name)}}
 
 
 def _rules_list(system: FuzzySystem) -> list[Any]:
@@ -306,11 +304,11 @@ def _chosen(value: Any, where: str, keys: Sequence[str]) -> dict[str, Any]:
 
 def _term(value: Any, where: str) -> Term:
     shape = _shape_of(value, where)
-    _check_keys(value, where, ("name", *_KEYS[shape]), ("shape",))
+    _check_keys(value, where, ("name", *_keys(shape)), ("shape",))
     name = _text(value["name"], f"{where}.name")
     if shape == "sampled":
         return Term(name, Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
-    numbers = {key: _number(value[key], f"{where}.{key}") for key in _KEYS[shape]}
+    numbers = {key: _number(value[key], f"{where}.{key}") for key in _keys(shape)}
     return Term(name, SHAPES[shape](**numbers))
 
 
@@ -326,8 +324,13 @@ def _shape_of(value: Any, where: str) -> str:
             raise ControllerFileError(f"{where}: unknown shape {shape!r}; {nearest(shape, SHAPES)}")
         return shape
     given = set(value)
-    missed = {shape: len(set(_KEYS[shape]) - given) for shape in _TOLD_BY_KEYS}
-    return max(_TOLD_BY_KEYS, key=lambda shape: (len(_KEYS[shape]) - missed[shape], -missed[shape]))
+    missed = {shape: len(set(_keys(shape)) - given) for shape in _TOLD_BY_KEYS}
+    return max(_TOLD_BY_KEYS, key=lambda shape: (len(_keys(shape)) - missed[shape], -missed[shape]))
+
+
+def _keys(shape: str) -> tuple[str, ...]:
+    """Return the keys of a shape, which are the names of its parameters."""
+    return tuple(field.name for field in fields(SHAPES[shape]))
 
 
 def _rules(
