@@ -5,7 +5,7 @@ cover the region: both are proofs about the numbers that `fis_tools.engines.infe
 proved, and how, stands in docs/decisions/bounds.md.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,7 +16,6 @@ from fis_tools.analysis.condition import Region, read_conditions, read_region
 from fis_tools.analysis.subdivision import Progress, Subdivision, subdivide
 from fis_tools.engines import interpreter, interval
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.validate import nearest
 from fis_tools.words.text import number, quantity
 
 Floats = NDArray[np.float64]
@@ -146,46 +145,6 @@ class Range:
 
     def _repr_markdown_(self) -> str:
         return self.sentence
-
-
-def output_bounds(
-    system: FuzzySystem, box: Mapping[str, tuple[float, float]] | None = None
-) -> dict[str, Interval]:
-    """Bound every output of a system over a box of inputs, in one step.
-
-    Parameters
-    ----------
-    system : FuzzySystem
-        A system without problems.
-    box : mapping, optional
-        From the names of inputs to their least and greatest value; others range over their universe.
-
-    Returns
-    -------
-    dict of Interval
-        By the output's name.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown or an interval is empty.
-    fis_tools.engines.interval.NotBounded
-        If the system's outputs cannot be bounded.
-    """
-    low = np.array([[variable.minimum for variable in system.inputs]])
-    high = np.array([[variable.maximum for variable in system.inputs]])
-    names = [variable.name for variable in system.inputs]
-    for name, (least, greatest) in (box or {}).items():
-        if name not in names:
-            raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, names)}")
-        if not least <= greatest:
-            raise ValueError(f"[{least}, {greatest}] of input {name!r} is empty; give the lower end first")
-        low[0, names.index(name)], high[0, names.index(name)] = least, greatest
-    least_outputs, greatest_outputs, _ = interval.bound(interval.pack(system), low, high)
-    return {
-        output.name: Interval(float(least), float(greatest))
-        for output, least, greatest in zip(system.outputs, least_outputs[0], greatest_outputs[0], strict=True)
-    }
 
 
 def ask(

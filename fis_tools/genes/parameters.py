@@ -61,7 +61,7 @@ class Places:
 
 
 @dataclass(frozen=True)
-class Encoding:
+class SystemEncoding:
     """Which gene tunes what in the systems of one controller.
 
     Genes run system by system; inside a system input by input (inner means, then standard deviations), then

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from fis_tools.genes.parameters import Encoding
+from fis_tools.genes.parameters import SystemEncoding
 from fis_tools.model import FuzzySystem
 
 Floats = NDArray[np.float64]
@@ -26,11 +26,11 @@ class Planes:
 
     Parameters
     ----------
-    encoding : Encoding
+    encoding : SystemEncoding
         Of the whole genomes.
     """
 
-    encoding: Encoding
+    encoding: SystemEncoding
 
     @property
     def num_genes(self) -> int:
@@ -83,13 +83,13 @@ class KeptRules:
 
     Parameters
     ----------
-    encoding : Encoding
+    encoding : SystemEncoding
         Of the whole genomes.
     genome : (encoding.num_genes,) array
         Whose rules are kept.
     """
 
-    encoding: Encoding
+    encoding: SystemEncoding
     genome: Floats
 
     @property

@@ -1,14 +1,15 @@
 """Colours whose brightness tells an order, so that it survives grey scale and colour blindness."""
 
-from collections.abc import Sequence
-
-#: cividis (J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13, 2018) from its lowest to its highest
+#: cividis (J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13, 2018) from its lowest to its highest,
+#: stated here so that a page is made without matplotlib
 BRIGHTNESS = (
     *("#00224e", "#00285b", "#002e6a", "#053371", "#1a386f", "#273e6e", "#32436d", "#3b496c", "#434e6c"),
     *("#4b546c", "#535a6d", "#5a5f6e", "#61656f", "#686a71", "#6f7073", "#767676", "#7d7c78", "#848279"),
     *("#8c8878", "#938e78", "#9b9476", "#a39a74", "#aba072", "#b4a76f", "#bcae6c", "#c4b468", "#cdbb63"),
     *("#d5c25e", "#dec958", "#e7d150", "#f0d846", "#f9e03a", "#fee838"),
 )
+#: The first of them on which black letters stand out more than white ones.
+FIRST_BRIGHT = 15
 
 
 def level(place: int, count: int) -> int:
@@ -19,20 +20,9 @@ def level(place: int, count: int) -> int:
 
 def level_styles() -> str:
     """Return the rules of a style sheet that give each level its ground and a readable ink."""
+    inks = ["#ffffff"] * FIRST_BRIGHT + ["#000000"] * (len(BRIGHTNESS) - FIRST_BRIGHT)
     rules = [
-        f".level-{place} {{ background: {colour}; color: {_ink(colour)}; }}"
-        for place, colour in enumerate(BRIGHTNESS)
+        f".level-{place} {{ background: {colour}; color: {ink}; }}"
+        for place, (colour, ink) in enumerate(zip(BRIGHTNESS, inks, strict=True))
     ]
     return "\n".join(rules) + "\n"
-
-
-def _ink(colour: str) -> str:
-    """Return the one of black and white that stands out more (relative luminance of WCAG 2.2)."""
-    channels = [int(colour[place : place + 2], 16) / 255.0 for place in (1, 3, 5)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-    luminance = _weighted(linear, (0.2126, 0.7152, 0.0722))
-    return "#ffffff" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "#000000"
-
-
-def _weighted(values: Sequence[float], weights: Sequence[float]) -> float:
-    return sum(value * weight for value, weight in zip(values, weights, strict=True))

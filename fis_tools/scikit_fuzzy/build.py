@@ -1,4 +1,8 @@
-"""Build scikit-fuzzy control systems: the reference engine, and the form other scikit-fuzzy users expect.
+"""Build scikit-fuzzy control systems from fuzzy systems.
+
+For code that expects scikit-fuzzy's own objects, and for the proof that the engines agree with it:
+`ReferenceEngine` runs scikit-fuzzy's ``compute()``, the definition that the parity tests and the benchmarks
+compare with. Nothing else in the toolkit calls it.
 
 Every call builds fresh variables. scikit-fuzzy keeps state on classes, keyed by objects and by ``id``, so two
 control systems on the same variables can read each other's cached memberships.

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import Packed
-from fis_tools.genes.parameters import Bounds
-from fis_tools.genes.parameters import Encoding as SystemEncoding
+from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import KeptRules, Planes
 from fis_tools.model import FuzzyController
 from pipeline.flight.controller import (
@@ -27,7 +26,7 @@ Floats = NDArray[np.float64]
 class Genome:
     """Which gene tunes what in a controller; every vector in [0, 1] is a controller.
 
-    First come the genes of the systems (`fis_tools.genes.parameters.Encoding`, or fewer,
+    First come the genes of the systems (`fis_tools.genes.parameters.SystemEncoding`, or fewer,
     `fis_tools.genes.reduction`), then one for each constant that is tuned, linear between its bounds, in the
     order of `pipeline.flight.controller.CONSTANTS`.
 
@@ -35,7 +34,7 @@ class Genome:
     ----------
     template : Controller
         Whose structure is tuned, with an attribute for each constant that is.
-    systems : fis_tools.genes.parameters.Encoding
+    systems : fis_tools.genes.parameters.SystemEncoding
     reduction : Planes or KeptRules, optional
         What the genes of the systems are where they are fewer than the encoding's.
     constants : tuple of (str, float, float)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fis_tools.engines.kernel import Packed, pack
 from fis_tools.formats import serialize
-from fis_tools.genes.parameters import Bounds, Encoding
+from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzySystem, Gaussian, Term, Triangular, Variable, rule_table, table_rules
 from fis_tools.model.validate import problems
 from tests.places import PROJECT
@@ -43,12 +43,12 @@ UNEVEN = (
         variable("y", -2.0, 2.0, 7, 101, default=0.05),
     ),
 )
-SMALL = Encoding(UNEVEN, BOUNDS)
+SMALL = SystemEncoding(UNEVEN, BOUNDS)
 
 
 def test_the_papers_structure_has_150_genes_each_with_a_name() -> None:
     """Of each system: 2 x (3 means + 5 standard deviations), 3 + 5 + 1 of the output, 25 rules."""
-    encoding = Encoding(PAPER, BOUNDS)
+    encoding = SystemEncoding(PAPER, BOUNDS)
     assert encoding.num_genes == 150
     names = encoding.gene_names()
     assert len(set(names)) == 150
@@ -70,7 +70,7 @@ def assert_same(ours: Packed, theirs: Packed, row: int) -> None:
 def test_a_population_is_packed_as_its_decoded_systems_are_bit_for_bit(
     systems: tuple[FuzzySystem, ...],
 ) -> None:
-    encoding = Encoding(systems, BOUNDS)
+    encoding = SystemEncoding(systems, BOUNDS)
     genomes = np.random.default_rng(1).random((6, encoding.num_genes))
     genomes[1], genomes[2] = 0.0, 1.0
     genomes[3] = np.round(genomes[3])
@@ -124,7 +124,7 @@ def test_decoded_genomes_are_encoded_back_up_to_the_cells_of_rules(genome: np.nd
 
 def test_genes_by_hand() -> None:
     """One input from -3 to 5 m with two terms; an output with three, of which the middle one moves."""
-    encoding = Encoding(UNEVEN[:1], BOUNDS)
+    encoding = SystemEncoding(UNEVEN[:1], BOUNDS)
     assert encoding.gene_names() == [
         "one.a.t0.standard_deviation",
         "one.a.t1.standard_deviation",
@@ -154,7 +154,7 @@ def test_genes_by_hand() -> None:
     [(0.0, 0), (0.199999, 0), (0.2, 1), (0.4, 2), (0.6, 3), (0.8, 4), (0.999999, 4), (1.0, 4)],
 )
 def test_a_rule_is_the_term_of_its_cell(gene: float, term: int) -> None:
-    encoding = Encoding(PAPER[:1], BOUNDS)
+    encoding = SystemEncoding(PAPER[:1], BOUNDS)
     genome = np.full(encoding.num_genes, 0.5)
     genome[-1] = gene
     table_of_terms = rule_table(encoding.decode(genome)[0])
@@ -168,7 +168,7 @@ def test_what_lies_outside_the_bounds_is_brought_to_them() -> None:
     wide = replace(
         system.inputs[0], terms=(Term("t0", Gaussian(-3.0, 40.0)), Term("t1", Gaussian(5.0, 1e-3)))
     )
-    genome = Encoding(UNEVEN[:1], BOUNDS).encode((replace(system, inputs=(wide,)),))
+    genome = SystemEncoding(UNEVEN[:1], BOUNDS).encode((replace(system, inputs=(wide,)),))
     np.testing.assert_array_equal(genome[:2], [1.0, 0.0])
 
 
@@ -207,11 +207,11 @@ GAUSSIANS = UNEVEN[0].inputs[0].terms
 )
 def test_systems_without_such_genes_are_refused(system: FuzzySystem, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Encoding((system,), BOUNDS)
+        SystemEncoding((system,), BOUNDS)
 
 
 def test_systems_and_genomes_of_another_structure_are_refused() -> None:
-    encoding = Encoding(PAPER, BOUNDS)
+    encoding = SystemEncoding(PAPER, BOUNDS)
     with pytest.raises(
         ValueError, match=r"have 100 tunable numbers, this encoding has 150; encode systems of the same"
     ):

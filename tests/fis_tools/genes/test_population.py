@@ -8,7 +8,7 @@ import pytest
 
 from fis_tools.engines.kernel import LANES, NotCompilable, Packed, evaluate, firing_strengths, pack
 from fis_tools.formats import serialize
-from fis_tools.genes.parameters import Bounds, Encoding
+from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzySystem, Gaussian, Not, Sampled, Term, Triangular, Variable, table_rules
 from fis_tools.model.validate import InvalidSystem, problems
 from fis_tools.scikit_fuzzy.build import ReferenceEngine
@@ -148,7 +148,7 @@ def test_each_of_a_controllers_systems_is_evaluated_as_if_alone() -> None:
 
 
 def test_every_controller_of_a_population_answers_as_its_decoded_systems() -> None:
-    encoding = Encoding(PAPER[1:2], Bounds())
+    encoding = SystemEncoding(PAPER[1:2], Bounds())
     genomes = np.random.default_rng(3).random((3, encoding.num_genes))
     population = encoding.pack(genomes)
     rows = np.random.default_rng(4).uniform(-1.0, 1.0, (5, 2)) * [np.pi, 0.25]

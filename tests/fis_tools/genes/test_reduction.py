@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fis_tools.genes.parameters import Encoding
+from fis_tools.genes.parameters import SystemEncoding
 from fis_tools.genes.reduction import GREATEST_GAIN, KeptRules, Planes
 from fis_tools.model import rule_table, table_rules
 from tests.fis_tools.genes.test_parameters import BOUNDS, PAPER, UNEVEN
 
-WHOLE = Encoding(PAPER, BOUNDS)
+WHOLE = SystemEncoding(PAPER, BOUNDS)
 FOURTH = "positive_small"
 
 
@@ -58,7 +58,7 @@ def test_planes_are_found_again_in_their_tables() -> None:
 
 
 def test_any_short_vector_is_a_controller_of_any_structure() -> None:
-    encoding = Encoding(UNEVEN, BOUNDS)
+    encoding = SystemEncoding(UNEVEN, BOUNDS)
     planes = Planes(encoding)
     genomes = planes.expand(np.random.default_rng(4).random((20, planes.num_genes)))
     assert genomes.min() >= 0.0

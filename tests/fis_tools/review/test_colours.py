@@ -3,9 +3,12 @@
 import re
 from importlib.resources import files
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
+from fis_tools.render import BRIGHTNESS_MAP, readable_on
 from fis_tools.review.colours import BRIGHTNESS, level, level_styles
 
 
@@ -19,6 +22,13 @@ def luminance(colour: str) -> float:
 def contrast(one: str, other: str) -> float:
     low, high = sorted((luminance(one), luminance(other)))
     return (high + 0.05) / (low + 0.05)
+
+
+def test_the_colours_are_those_of_pictures():
+    assert (
+        tuple(map(to_hex, mpl.colormaps[BRIGHTNESS_MAP](np.linspace(0.0, 1.0, len(BRIGHTNESS)))))
+        == BRIGHTNESS
+    )
 
 
 def test_brighter_is_greater():
@@ -35,6 +45,8 @@ def test_words_stand_out_from_every_level():
     pairs = re.findall(r"background: (#\w{6}); color: (#\w{6})", level_styles())
     assert [ground for ground, _ in pairs] == list(BRIGHTNESS)
     assert min(contrast(ground, ink) for ground, ink in pairs) >= 4.5
+    for ground, ink in pairs:
+        assert ink == to_hex(readable_on(ground))
 
 
 @pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fis_tools.formats import serialize
-from fis_tools.genes.parameters import Bounds, Encoding
+from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzyController
 from pipeline.flight.controller import from_fuzzy, law_of
 from pipeline.flight.simulation import fly_all, fly_population, pack_world, stack_starts
@@ -20,7 +20,7 @@ FLIGHTS = [*STARTS, *OVER_POLES, COMPLETED]
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_a_genome_its_json_and_its_yaml_fly_the_same_bit_for_bit(workers: int, tmp_path: Path) -> None:
-    encoding = Encoding(PAPER.systems, Bounds())
+    encoding = SystemEncoding(PAPER.systems, Bounds())
     genomes = np.random.default_rng(8).random((5, encoding.num_genes))
     genomes[0] = encoding.encode(PAPER.systems)
     law = law_of(from_fuzzy(PAPER), MISSION.num_controls)
@@ -43,7 +43,7 @@ def test_a_genome_its_json_and_its_yaml_fly_the_same_bit_for_bit(workers: int, t
 
 
 def test_a_template_of_which_nothing_is_clipped_survives_its_genome() -> None:
-    encoding = Encoding(PAPER.systems, Bounds())
+    encoding = SystemEncoding(PAPER.systems, Bounds())
     again = FuzzyController("again", encoding.decode(encoding.encode(PAPER.systems)), PAPER.attributes)
     one, other = (fly_all(MISSION, from_fuzzy(fuzzy), FLIGHTS) for fuzzy in (PAPER, again))
     np.testing.assert_array_equal(one.inspected_count, other.inspected_count)
