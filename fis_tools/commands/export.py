@@ -23,11 +23,10 @@ from fis_tools.formats.c import source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import Written
-from fis_tools.formats.printed import csv, html, latex, markdown
+from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.source import read_controller
-from fis_tools.words import text
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import argparse
 
 from fis_tools.commands.arguments import Commands, add_command, add_order, chosen, importance_asked
+from fis_tools.formats.printed import text
 from fis_tools.source import read_controller
-from fis_tools.words import text
 
 EPILOG = """\
 examples:

@@ -1,6 +1,6 @@
-"""Fuzzy systems in words: If-Then sentences, tables for a terminal, and an inference told step by step."""
+"""Fuzzy systems in words: If-Then sentences, rule tables, and an inference told step by step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -10,7 +10,6 @@ from fis_tools.model import (
     And,
     Consequent,
     Expression,
-    FuzzyController,
     FuzzySystem,
     Is,
     Not,
@@ -21,7 +20,6 @@ from fis_tools.model import (
     Variable,
     rule_table,
 )
-from fis_tools.words.ranking import Floats, ranked
 
 BAR_LENGTH = 20
 #: Memberships and strengths below this are not worth a line.
@@ -138,22 +136,6 @@ def aligned(rows: Sequence[Sequence[str]], indent: int = 0) -> list[str]:
     ]
 
 
-def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
-    """Say every rule of every system of a controller, for reading aloud or for a review.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        A controller without problems.
-    importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.ranking.ranked`: a column and the order.
-    """
-    lines: list[str] = []
-    for system in controller.systems:
-        lines += [f"{system.name}: {summary(system)}", "", *_ranked_lines(system, importance), ""]
-    return "\n".join(lines[:-1]) + "\n"
-
-
 def summary(system: FuzzySystem) -> str:
     """Say in one line what a system is made of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
@@ -164,62 +146,6 @@ def summary(system: FuzzySystem) -> str:
         f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "
         f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(own)}"
     )
-
-
-def _ranked_lines(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[str]:
-    told = sentences(system)
-    return [
-        f"{entry.importance_words:>8}  " * (entry.importance is not None)
-        + f"{entry.number:3d}. {told[entry.number - 1]}."
-        for entry in ranked(system, importance)
-    ]
-
-
-def describe(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
-    """Show a controller in a terminal: variables, terms and rule tables of every system.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        A controller without problems.
-    importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.ranking.ranked`: adds the rules in this order.
-    """
-    lines = [controller.name]
-    facts = [*controller.attributes, *controller.provenance]
-    lines += aligned([[key, " ".join(value.split())] for key, value in facts], 2) if facts else []
-    for system in controller.systems:
-        lines += ["", f"{system.name}: {summary(system)}"]
-        for kind, variables in (("input", system.inputs), ("output", system.outputs)):
-            for variable in variables:
-                lines += ["", *_variable_lines(kind, variable)]
-        lines += ["", *_rule_lines(system)]
-        if importance is not None and system.name in importance:
-            head = "  rules by importance: how far an output moves on average without the rule, of its range"
-            lines += ["", head, *(f"    {line}" for line in _ranked_lines(system, importance))]
-    return "\n".join(lines) + "\n"
-
-
-def _variable_lines(kind: str, variable: Variable) -> list[str]:
-    extent = extent_words(variable)
-    default = f", {number(variable.default)} when no rule fires" if variable.default is not None else ""
-    about = f". {' '.join(variable.description.split())}" if variable.description else ""
-    head = f"  {kind} {with_unit(variable)}: {extent}{default}{about}"
-    return [head, *aligned([[term.name, shape_words(term)] for term in variable.terms], 4)]
-
-
-def _rule_lines(system: FuzzySystem) -> list[str]:
-    tables = rule_tables(system)
-    if tables is None:
-        return [
-            "  rules",
-            *(f"    {number}. {words}" for number, words in enumerate(sentences(system), start=1)),
-        ]
-    lines = [f"  rules for {system.outputs[0].name}"]
-    for title, rows in tables:
-        lines += [f"    where {title}"] if title else []
-        lines += aligned(rows, 6 if title else 4)
-    return lines
 
 
 def explain(inference: Inference, most_rules: int = 8) -> str:
@@ -254,7 +180,7 @@ def quantity(variable: Variable, value: float) -> str:
 def _bars(entries: Sequence[tuple[str, float]]) -> list[str]:
     shown = [(name, value) for name, value in entries if value >= SHOWN_FROM]
     rows = [[name, f"{value:.2f}", "█" * max(1, round(value * BAR_LENGTH))] for name, value in shown]
-    return aligned(rows, 6) if rows else ["      to none of them"]
+    return aligned(rows, 6) or ["      to none of them"]
 
 
 def _firing_lines(inference: Inference, most_rules: int) -> list[str]:

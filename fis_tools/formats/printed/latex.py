@@ -3,17 +3,9 @@ r"""Fuzzy systems as LaTeX: terms and rule tables with booktabs, to be put into 
 import re
 from collections.abc import Mapping, Sequence
 
-from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.words.ranking import Floats, ranked
-from fis_tools.words.text import (
-    extent_words,
-    number,
-    rule_tables,
-    sentences,
-    shape_words,
-    summary,
-    with_unit,
-)
+from fis_tools.model import FuzzyController
+from fis_tools.words.outline import SystemOutline, VariableOutline, outline
+from fis_tools.words.ranking import Floats
 
 #: A table with more rows than this may break across pages.
 LONG = 30
@@ -44,75 +36,52 @@ _TO_ESCAPE = re.compile("[" + re.escape("".join(_SPECIAL)) + "]")
 
 
 def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
-    """Write a controller as sections and tables of a LaTeX document.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        A controller without problems.
-    importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.ranking.ranked`: adds the rules in this order.
-    """
-    lines = [_PREAMBLE, rf"\section*{{{_escaped(controller.name)}}}"]
-    facts = [*controller.attributes, *controller.provenance]
-    if facts:
-        lines += _table("ll", [], [[key, " ".join(value.split())] for key, value in facts])
-    for system in controller.systems:
-        lines += _system_lines(system, importance)
+    """Write a controller as LaTeX; see `fis_tools.words.outline.outline` for the parameters."""
+    told = outline(controller, importance)
+    lines = [_PREAMBLE, rf"\section*{{{_escaped(told.name)}}}"]
+    if told.facts:
+        lines += _table("ll", [], told.facts)
+    for system in told.systems:
+        lines += _system_lines(system)
     return "\n".join(lines) + "\n"
 
 
-def _system_lines(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[str]:
-    lines = ["", rf"\subsection*{{{_escaped(system.name)}}}", f"{_escaped(summary(system))}."]
-    for kind, variables in (("Input", system.inputs), ("Output", system.outputs)):
-        for variable in variables:
-            lines += _variable_lines(kind, variable)
+def _system_lines(system: SystemOutline) -> list[str]:
+    lines = ["", rf"\subsection*{{{_escaped(system.name)}}}", f"{_escaped(system.summary)}."]
+    for variable in system.variables:
+        lines += _variable_lines(variable)
     lines += ["", r"\subsubsection*{Rules}"]
-    tables = rule_tables(system)
-    for title, rows in tables or []:
+    for title, rows in system.tables:
         lines += [f"Where {_escaped(title)}:"] if title else []
         lines += _rule_table(system, rows)
-    is_ranked = importance is not None and system.name in importance
-    if tables is None or is_ranked:
-        lines += _rule_list(system, importance if is_ranked else None)
+    if system.lists_rules:
+        heads, *rows = system.listed
+        columns = r"rrp{.7\linewidth}" if system.is_ranked else r"rp{.85\linewidth}"
+        lines += _table(columns, [_row(heads)], rows)
     return lines
 
 
-def _variable_lines(kind: str, variable: Variable) -> list[str]:
-    about = f" {' '.join(variable.description.split())}" if variable.description else ""
-    extent = f"From {extent_words(variable)}"
-    default = f"; {number(variable.default)} when no rule fires" if variable.default is not None else ""
-    rows = [[term.name, shape_words(term)] for term in variable.terms]
+def _variable_lines(variable: VariableOutline) -> list[str]:
+    about = f" {_escaped(variable.description)}" if variable.description else ""
     return [
         "",
-        rf"\subsubsection*{{{kind} {_escaped(with_unit(variable))}}}",
-        f"{_escaped(extent + default)}.{_escaped(about)}",
-        *_table(r"lp{.6\linewidth}", [_row(["term", "membership function"])], rows),
+        rf"\subsubsection*{{{variable.kind.capitalize()} {_escaped(variable.title)}}}",
+        f"From {_escaped(variable.reach)}.{about}",
+        *_table(r"lp{.6\linewidth}", [_row(["term", "membership function"])], variable.terms),
     ]
 
 
-def _rule_table(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> list[str]:
+def _rule_table(system: SystemOutline, rows: Sequence[Sequence[str]]) -> list[str]:
     """Set a rule table, the name of the input that runs across above its terms."""
-    *outer, across = system.inputs
-    num_terms = len(across.terms)
     first, *rest = rows
+    num_terms = len(first) - 1
     head = [
-        rf" & \multicolumn{{{num_terms}}}{{c}}{{{_escaped(across.name)}}} \\",
+        rf" & \multicolumn{{{num_terms}}}{{c}}{{{_escaped(system.across)}}} \\",
         rf"\cmidrule(l){{2-{num_terms + 1}}}",
-        _row([outer[-1].name if outer else "", *first[1:]]),
+        _row([system.down, *first[1:]]),
     ]
     width = sum(max(len(cell) for cell in column) for column in list(zip(*rows, strict=True))[1:])
     return _table("l" * (num_terms + 1), head, rest, "small" if width <= WIDE else "scriptsize")
-
-
-def _rule_list(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[str]:
-    told = sentences(system)
-    entries = ranked(system, importance)
-    if importance is None:
-        rows = [[str(entry.number), told[entry.number - 1]] for entry in entries]
-        return _table(r"rp{.85\linewidth}", [_row(["rule", ""])], rows)
-    rows = [[entry.importance_words, str(entry.number), told[entry.number - 1]] for entry in entries]
-    return _table(r"rrp{.7\linewidth}", [_row(["importance", "rule", ""])], rows)
 
 
 def _table(

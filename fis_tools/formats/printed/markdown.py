@@ -3,77 +3,42 @@
 import re
 from collections.abc import Mapping, Sequence
 
-from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.words.ranking import Floats, ranked
-from fis_tools.words.text import (
-    extent_words,
-    number,
-    rule_tables,
-    sentences,
-    shape_words,
-    summary,
-    with_unit,
-)
+from fis_tools.model import FuzzyController
+from fis_tools.words.outline import SystemOutline, VariableOutline, outline
+from fis_tools.words.ranking import Floats
 
 
 def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
-    """Write a controller as a Markdown document.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        A controller without problems.
-    importance : mapping, optional
-        How much each rule matters, as for `fis_tools.words.ranking.ranked`: adds the rules in this order.
-    """
-    lines = [f"# {_escaped(controller.name)}", ""]
-    facts = [*controller.attributes, *controller.provenance]
-    if facts:
-        lines += [*_table([["", ""], *([key, " ".join(value.split())] for key, value in facts)]), ""]
-    for system in controller.systems:
-        lines += _system_lines(system, importance)
+    """Write a controller as Markdown; see `fis_tools.words.outline.outline` for the parameters."""
+    told = outline(controller, importance)
+    lines = [f"# {_escaped(told.name)}", ""]
+    if told.facts:
+        lines += [*_table([["", ""], *told.facts]), ""]
+    for system in told.systems:
+        lines += _system_lines(system)
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _system_lines(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[str]:
-    lines = [f"## {_escaped(system.name)}", "", f"{_escaped(summary(system))}.", ""]
-    for kind, variables in (("Input", system.inputs), ("Output", system.outputs)):
-        for variable in variables:
-            lines += _variable_lines(kind, variable)
+def _system_lines(system: SystemOutline) -> list[str]:
+    lines = [f"## {_escaped(system.name)}", "", f"{_escaped(system.summary)}.", ""]
+    for variable in system.variables:
+        lines += _variable_lines(variable)
     lines += ["### Rules", ""]
-    tables = rule_tables(system)
-    for title, rows in tables or []:
+    for title, rows in system.tables:
         lines += [f"Where {_escaped(title)}:", ""] if title else []
         lines += [*_table(rows), ""]
-    if importance is not None and system.name in importance:
-        return [*lines, "Those that matter most first:", "", *_table(_ranked_rows(system, importance)), ""]
-    if tables is None:
-        told = [f"{place}. {_escaped(words)}." for place, words in enumerate(sentences(system), 1)]
-        return [*lines, *told, ""]
+    if system.is_ranked:
+        lines += ["Those that matter most first:", "", *_table(system.listed), ""]
+    elif system.lists_rules:
+        lines += [*(f"{place}. {_escaped(sentence)}." for place, _, sentence in system.rules), ""]
     return lines
 
 
-def _ranked_rows(system: FuzzySystem, importance: Mapping[str, Floats]) -> list[list[str]]:
-    told = sentences(system)
-    return [
-        ["importance", "rule", ""],
-        *([r.importance_words, str(r.number), told[r.number - 1]] for r in ranked(system, importance)),
-    ]
-
-
-def _variable_lines(kind: str, variable: Variable) -> list[str]:
-    about = f" {' '.join(variable.description.split())}" if variable.description else ""
-    extent = f"From {extent_words(variable)}"
-    default = f"; {number(variable.default)} when no rule fires" if variable.default is not None else ""
-    rows = [["term", "membership function"], *([term.name, shape_words(term)] for term in variable.terms)]
-    return [
-        f"### {kind} {_escaped(with_unit(variable))}",
-        "",
-        f"{extent}{default}.{_escaped(about)}",
-        "",
-        *_table(rows),
-        "",
-    ]
+def _variable_lines(variable: VariableOutline) -> list[str]:
+    about = f" {_escaped(variable.description)}" if variable.description else ""
+    rows = [["term", "membership function"], *variable.terms]
+    head = f"### {variable.kind.capitalize()} {_escaped(variable.title)}"
+    return [head, "", f"From {variable.reach}.{about}", "", *_table(rows), ""]
 
 
 def _table(rows: Sequence[Sequence[str]]) -> list[str]:

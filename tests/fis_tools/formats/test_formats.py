@@ -10,6 +10,7 @@ import pytest
 from fis_tools.engines.inference import infer
 from fis_tools.formats.printed import csv as csv_format
 from fis_tools.formats.printed import markdown
+from fis_tools.formats.printed import text as printed_text
 from fis_tools.model import (
     And,
     Expression,
@@ -132,13 +133,13 @@ def test_rule_tables_of_one_two_and_three_inputs() -> None:
 
 
 def test_a_description_shows_terms_tables_and_defaults() -> None:
-    shown = text.describe(paper_like_controller())
+    shown = printed_text.describe(paper_like_controller())
     assert "    very near  Gaussian, mean 0, standard deviation 25\n" in shown
     assert "  output force_x (N): -0.1 to 0.1, 101 points, 0 when no rule fires\n" in shown
     assert "    far                         PL         PS    PS     ZE       NS\n" in shown
     assert "  force_axes  body\n" in shown
     assert not any(line.endswith(" ") for line in shown.splitlines())
-    general = text.describe(general_controller())
+    general = printed_text.describe(general_controller())
     assert "trapezoid from 0 over 0 to 10 to 20" in general
     assert "sampled at 5 points" in general
     assert "    2. If temperature is hot then heat is low (weight 0.75) and vent is open\n" in general
@@ -205,6 +206,6 @@ def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
 
 
 def test_text_numbers_every_sentence() -> None:
-    written = text.write(paper_like_controller())
+    written = printed_text.write(paper_like_controller())
     assert written.count(".\n") == 25 + 45
     assert " 25. If distance is very far and velocity_body_x is towards fast then force_x is ZE.\n" in written
