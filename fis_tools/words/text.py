@@ -125,15 +125,15 @@ def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None
     ]
 
 
+def padded(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Pad the cells of rows with blanks, so that each column is as wide as its widest cell."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [[cell.ljust(width) for cell, width in zip(row, widths, strict=True)] for row in rows]
+
+
 def aligned(rows: Sequence[Sequence[str]], indent: int = 0) -> list[str]:
     """Set rows of words in columns, as lines."""
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    return [
-        (
-            " " * indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    return [(" " * indent + "  ".join(row)).rstrip() for row in padded(rows)]
 
 
 def summary(system: FuzzySystem) -> str:

@@ -55,7 +55,7 @@ def write(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]
 
 def _fact_lines(facts: Sequence[Fact], indent: int) -> list[str]:
     rows = [[f"{fact.what}:", f" {TO} ".join(fact_words(fact))] for fact in facts]
-    return aligned(rows, indent) if rows else []
+    return aligned(rows, indent)
 
 
 def fact_words(fact: Fact) -> tuple[str, str]:
@@ -157,7 +157,7 @@ def _variable_lines(change: VariableChange) -> list[str]:
         return [f"{head}: {'added' if change.before is None else 'removed'}, with the terms {terms}"]
     lines = [head, *_fact_lines(change.facts, 4)]
     rows = [[term_name(term), *term_words(change, term)] for term in change.terms]
-    return [*lines, *aligned(rows, 4)] if rows else lines
+    return [*lines, *aligned(rows, 4)]
 
 
 def term_name(change: TermChange) -> str:

@@ -90,7 +90,7 @@ class Explanation:
         for output in self.outputs:
             told, rest = self._moves(output, everything)
             lines += ["", _value(output)]
-            lines += aligned([list(cells) for cells in told], 2) if told else []
+            lines += aligned(told, 2)
             lines += [f"  {rest}"] if rest else []
             lines += ["", f"{_question(output)}:", *(f"  {words}" for words in _flip_words(output))]
         return "\n".join(lines) + "\n"

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from fis_tools.model import FuzzyController
 from fis_tools.words.outline import SystemOutline, VariableOutline, outline
 from fis_tools.words.ranking import Floats
+from fis_tools.words.text import padded
 
 
 def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
@@ -42,13 +43,9 @@ def _variable_lines(variable: VariableOutline) -> list[str]:
 
 
 def _table(rows: Sequence[Sequence[str]]) -> list[str]:
-    cells = [[_escaped(cell) for cell in row] for row in rows]
-    widths = [max(3, *(len(cell) for cell in column)) for column in zip(*cells, strict=True)]
-    head, *body = (
-        "| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) + " |"
-        for row in cells
-    )
-    return [head, "|" + "|".join("-" * (width + 2) for width in widths) + "|", *body]
+    cells = padded([[_escaped(cell).ljust(3) for cell in row] for row in rows])
+    head, *body = (f"| {' | '.join(row)} |" for row in cells)
+    return [head, "|" + "|".join("-" * (len(cell) + 2) for cell in cells[0]) + "|", *body]
 
 
 # What Markdown would take for markup; an underscore inside a word is none.
