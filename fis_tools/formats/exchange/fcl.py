@@ -12,14 +12,11 @@ from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say
 from fis_tools.formats.exchange.foreign import rule_words
 from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR
 from fis_tools.formats.own.mapping import to_mapping
 from fis_tools.model import (
-    AndOperator,
-    Defuzzifier,
     FuzzyController,
     FuzzySystem,
-    OrOperator,
-    Rule,
     Term,
     Trapezoidal,
     Triangular,
@@ -29,32 +26,7 @@ from fis_tools.model.membership import sample
 
 DIALECT = Dialect(title="an FCL file", is_nested=True, is_read=False)
 
-#: The standard's words, and fuzzylite's for what the standard does not know.
-_AND: dict[AndOperator, str] = {
-    "min": "MIN",
-    "product": "PROD",
-    "bounded_difference": "BDIF",
-    "einstein_product": "EPROD",
-    "hamacher_product": "HPROD",
-    "drastic_product": "DPROD",
-    "nilpotent_minimum": "NMIN",
-}
-_OR: dict[OrOperator, str] = {
-    "max": "MAX",
-    "probabilistic_sum": "ASUM",
-    "bounded_sum": "BSUM",
-    "einstein_sum": "ESUM",
-    "hamacher_sum": "HSUM",
-    "drastic_sum": "DSUM",
-    "nilpotent_maximum": "NMAX",
-}
-_METHODS: dict[Defuzzifier, str] = {
-    "centroid": "COG",
-    "bisector": "COA",
-    "mom": "MM",
-    "som": "LM",
-    "lom": "RM",
-}
+#: The words of IEC 61131-7 itself.
 _STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COA", "LM", "RM"}
 
 
@@ -79,7 +51,7 @@ def write(controller: FuzzyController) -> Written:
         lines += [f"FUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable), "END_FUZZIFY", ""]
     for shown, variable in zip(system.outputs, original.outputs, strict=True):
         lines += [f"DEFUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable)]
-        method = _METHODS[system.defuzzifier_of(shown)]
+        method = DEFUZZIFIERS[system.defuzzifier_of(shown)].fcl
         lines += [f"  METHOD : {method};", "  ACCU : MAX;", f"  DEFAULT := {shown.default!r};"]
         lines += ["END_DEFUZZIFY", ""]
     place = 0
@@ -89,8 +61,8 @@ def write(controller: FuzzyController) -> Written:
     for number, (operators, rules) in enumerate(blocks, start=1):
         lines += [
             f"RULEBLOCK rules_{number}",
-            f"  AND : {_AND[operators[0]]};",
-            f"  OR : {_OR[operators[1]]};",
+            f"  AND : {AND[operators[0]].fcl};",
+            f"  OR : {OR[operators[1]].fcl};",
         ]
         lines += ["  ACT : MIN;"]
         for rule in rules:
@@ -141,12 +113,8 @@ def _without_walls_at_the_ends(
 
 def _strangers(system: FuzzySystem) -> Iterator[str]:
     """Tell what the standard does not know."""
-    words = {_METHODS[system.defuzzifier_of(output)] for output in system.outputs}
+    words = {DEFUZZIFIERS[system.defuzzifier_of(output)].fcl for output in system.outputs}
     for rule in system.rules:
-        words |= _operator_words(system, rule)
+        words |= {AND[system.and_operator_of(rule)].fcl, OR[system.or_operator_of(rule)].fcl}
     for word in sorted(words - _STANDARD):
         yield f"{word} is not in IEC 61131-7; fuzzylite knows it"
-
-
-def _operator_words(system: FuzzySystem, rule: Rule) -> set[str]:
-    return {_AND[system.and_operator_of(rule)], _OR[system.or_operator_of(rule)]}

@@ -8,7 +8,6 @@ Gaussian's numbers are the standard deviation and the mean, in this order. A rul
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import get_args
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
@@ -25,11 +24,11 @@ from fis_tools.formats.exchange.fis_sections import (
 )
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.model import (
     And,
     AndOperator,
     Consequent,
-    Defuzzifier,
     Expression,
     FuzzyController,
     FuzzySystem,
@@ -64,19 +63,8 @@ _FLANKS: foreign.FlankWords = {
     "linzmf": foreign.falling,
     "rectmf": foreign.level,
 }
-_AND: dict[str, AndOperator] = {
-    "min": "min",
-    "prod": "product",
-    **{name: name for name in get_args(AndOperator) if name not in {"min", "product"}},
-    "algebraic_product": "product",
-}
-_OR: dict[str, OrOperator] = {
-    "max": "max",
-    "probor": "probabilistic_sum",
-    **{name: name for name in get_args(OrOperator) if name not in {"max", "probabilistic_sum"}},
-    "algebraic_sum": "probabilistic_sum",
-}
-_DEFUZZIFIERS: dict[str, Defuzzifier] = {name: name for name in get_args(Defuzzifier)}
+_AND: dict[str, AndOperator] = {**meanings(AND, "fis"), "algebraic_product": "product"}
+_OR: dict[str, OrOperator] = {**meanings(OR, "fis"), "algebraic_sum": "probabilistic_sum"}
 #: What MATLAB itself knows.
 _MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum"}
 
@@ -102,8 +90,6 @@ def write(controller: FuzzyController) -> Written:
 
 
 def _system_lines(system: FuzzySystem) -> list[str]:
-    conjunction = next(word for word, name in _AND.items() if name == system.and_operator)
-    disjunction = next(word for word, name in _OR.items() if name == system.or_operator)
     return [
         "[System]",
         f"Name='{system.name}'",
@@ -112,8 +98,8 @@ def _system_lines(system: FuzzySystem) -> list[str]:
         f"NumInputs={len(system.inputs)}",
         f"NumOutputs={len(system.outputs)}",
         f"NumRules={len(system.rules)}",
-        f"AndMethod='{conjunction}'",
-        f"OrMethod='{disjunction}'",
+        f"AndMethod='{AND[system.and_operator].fis}'",
+        f"OrMethod='{OR[system.or_operator].fis}'",
         "ImpMethod='min'",
         "AggMethod='max'",
         f"DefuzzMethod='{system.defuzzifier}'",
@@ -240,7 +226,9 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
             rules=tuple(_rule(line, content, inputs, outputs) for line, content in rules),
             and_operator=joins[0],
             or_operator=joins[1],
-            defuzzifier=foreign.choice(_DEFUZZIFIERS, *quoted_word(entries, "DefuzzMethod"), ""),
+            defuzzifier=foreign.choice(
+                meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), ""
+            ),
         )
     )
 

@@ -16,6 +16,7 @@ from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
 from fis_tools.formats.exchange.fll_rules import Operators, read_rule
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     AndOperator,
@@ -47,31 +48,6 @@ def _ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
 
 
 _FLANKS: foreign.FlankWords = {"Ramp": _ramp, "Rectangle": foreign.level}
-AND_WORDS: dict[str, AndOperator] = {
-    "Minimum": "min",
-    "AlgebraicProduct": "product",
-    "BoundedDifference": "bounded_difference",
-    "EinsteinProduct": "einstein_product",
-    "HamacherProduct": "hamacher_product",
-    "DrasticProduct": "drastic_product",
-    "NilpotentMinimum": "nilpotent_minimum",
-}
-OR_WORDS: dict[str, OrOperator] = {
-    "Maximum": "max",
-    "AlgebraicSum": "probabilistic_sum",
-    "BoundedSum": "bounded_sum",
-    "EinsteinSum": "einstein_sum",
-    "HamacherSum": "hamacher_sum",
-    "DrasticSum": "drastic_sum",
-    "NilpotentMaximum": "nilpotent_maximum",
-}
-_DEFUZZIFIERS: dict[str, Defuzzifier] = {
-    "Centroid": "centroid",
-    "Bisector": "bisector",
-    "MeanOfMaximum": "mom",
-    "SmallestOfMaximum": "som",
-    "LargestOfMaximum": "lom",
-}
 
 
 def write(controller: FuzzyController) -> Written:
@@ -116,7 +92,7 @@ def _term_lines(variable: Variable) -> Iterator[str]:
 
 def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
     defuzzifier = system.defuzzifier_of(output)
-    word = next(word for word, name in _DEFUZZIFIERS.items() if name == defuzzifier)
+    word = DEFUZZIFIERS[defuzzifier].fll
     return [
         "  aggregation: Maximum",
         f"  defuzzifier: {word} {output.num_points - 1}",
@@ -130,13 +106,11 @@ def _operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator, OrOperator
 
 
 def _block_lines(and_operator: AndOperator, or_operator: OrOperator) -> list[str]:
-    conjunction = next(word for word, name in AND_WORDS.items() if name == and_operator)
-    disjunction = next(word for word, name in OR_WORDS.items() if name == or_operator)
     return [
         "RuleBlock:",
         "  enabled: true",
-        f"  conjunction: {conjunction}",
-        f"  disjunction: {disjunction}",
+        f"  conjunction: {AND[and_operator].fll}",
+        f"  disjunction: {OR[or_operator].fll}",
         "  implication: Minimum",
         "  activation: General",
     ]
@@ -269,10 +243,10 @@ def _block_operators(block: _Block) -> Operators:
     disjunction: OrOperator | None = None
     if block.entries.get("conjunction", (0, "none"))[1] not in {"none", ""}:
         line, word = block.entries["conjunction"]
-        conjunction = foreign.choice(AND_WORDS, word, f"line {line}: the conjunction", "")
+        conjunction = foreign.choice(meanings(AND, "fll"), word, f"line {line}: the conjunction", "")
     if block.entries.get("disjunction", (0, "none"))[1] not in {"none", ""}:
         line, word = block.entries["disjunction"]
-        disjunction = foreign.choice(OR_WORDS, word, f"line {line}: the disjunction", "")
+        disjunction = foreign.choice(meanings(OR, "fll"), word, f"line {line}: the disjunction", "")
     return conjunction, disjunction
 
 
@@ -311,7 +285,7 @@ def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, int | None]:
     """Return how an output is defuzzified, and the points of its universe where the file states them."""
     word, *rest = words.split() or [""]
     cure = "; outputs of Takagi-Sugeno and Tsukamoto systems are not read"
-    defuzzifier = foreign.choice(_DEFUZZIFIERS, word, f"line {line}: the defuzzifier", cure)
+    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fll"), word, f"line {line}: the defuzzifier", cure)
     if not rest:
         return defuzzifier, None
     where = f"line {line}: the resolution of the defuzzifier"

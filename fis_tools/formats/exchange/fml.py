@@ -17,10 +17,10 @@ from fis_tools.formats.exchange.carried import Reading, Written, comment, unders
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
+from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.model import (
     And,
-    AndOperator,
     Consequent,
     Defuzzifier,
     Expression,
@@ -30,7 +30,6 @@ from fis_tools.model import (
     MembershipFunction,
     Not,
     Or,
-    OrOperator,
     Rule,
     Sampled,
     Term,
@@ -50,31 +49,6 @@ _FLANKS: foreign.FlankWords = {
     "leftLinearShape": foreign.falling,
     "rectangularShape": foreign.level,
 }
-_AND: dict[str, AndOperator] = {
-    "MIN": "min",
-    "PROD": "product",
-    "BDIF": "bounded_difference",
-    "EPROD": "einstein_product",
-    "HPROD": "hamacher_product",
-    "DRP": "drastic_product",
-    "NILMIN": "nilpotent_minimum",
-}
-_OR: dict[str, OrOperator] = {
-    "MAX": "max",
-    "PROBOR": "probabilistic_sum",
-    "BSUM": "bounded_sum",
-    "ESUM": "einstein_sum",
-    "HSUM": "hamacher_sum",
-    "DRS": "drastic_sum",
-    "NILMAX": "nilpotent_maximum",
-}
-_DEFUZZIFIERS: dict[str, Defuzzifier] = {
-    "COG": "centroid",
-    "COA": "bisector",
-    "MOM": "mom",
-    "LM": "som",
-    "RM": "lom",
-}
 
 
 def write(controller: FuzzyController) -> Written:
@@ -90,7 +64,6 @@ def write(controller: FuzzyController) -> Written:
     carried = comment(controller)
     said = say(only_system(controller, DIALECT), DIALECT)
     system = said.system
-    conjunction, disjunction = _operator_words(system.and_operator, system.or_operator)
     taken = {system.name, *(v.name for v in (*system.inputs, *system.outputs))}
     taken |= {term.name for variable in (*system.inputs, *system.outputs) for term in variable.terms}
     lines = [
@@ -103,7 +76,10 @@ def write(controller: FuzzyController) -> Written:
         "  </knowledgeBase>",
         "  <mamdaniRuleBase"
         + _attributes(
-            name=_unused("rules", taken), activationMethod="MIN", andMethod=conjunction, orMethod=disjunction
+            name=_unused("rules", taken),
+            activationMethod="MIN",
+            andMethod=AND[system.and_operator].fml,
+            orMethod=OR[system.or_operator].fml,
         )
         + ">",
     ]
@@ -132,7 +108,7 @@ def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool)
     if is_output:
         defuzzifier = system.defuzzifier_of(variable)
         words["accumulation"] = "MAX"
-        words["defuzzifier"] = next(word for word, name in _DEFUZZIFIERS.items() if name == defuzzifier)
+        words["defuzzifier"] = DEFUZZIFIERS[defuzzifier].fml
         words["defaultValue"] = repr(variable.default)
     yield f"    <fuzzyVariable{_attributes(**words)}>"
     for term in variable.terms:
@@ -174,18 +150,11 @@ def _custom_shapes() -> foreign.ShapeWords:
     }
 
 
-def _operator_words(and_operator: AndOperator, or_operator: OrOperator) -> tuple[str, str]:
-    conjunction = next(word for word, name in _AND.items() if name == and_operator)
-    disjunction = next(word for word, name in _OR.items() if name == or_operator)
-    return conjunction, disjunction
-
-
 def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
-    conjunction, disjunction = _operator_words(system.and_operator_of(rule), system.or_operator_of(rule))
     words = {
         "name": name,
-        "andMethod": conjunction,
-        "orMethod": disjunction,
+        "andMethod": AND[system.and_operator_of(rule)].fml,
+        "orMethod": OR[system.or_operator_of(rule)].fml,
         "connector": "or" if isinstance(rule.antecedent, Or) else "and",
         "weight": repr(rule.consequents[0].weight),
     }
@@ -267,8 +236,12 @@ def _system(root: Element) -> FuzzySystem:
             inputs=tuple(variable for variable, is_output in variables if not is_output),
             outputs=tuple(variable for variable, is_output in variables if is_output),
             rules=tuple(_rule(child, rule_base) for child in rule_base.children),
-            and_operator=foreign.choice(_AND, conjunction, f"line {rule_base.line}: andMethod", ""),
-            or_operator=foreign.choice(_OR, disjunction, f"line {rule_base.line}: orMethod", ""),
+            and_operator=foreign.choice(
+                meanings(AND, "fml"), conjunction, f"line {rule_base.line}: andMethod", ""
+            ),
+            or_operator=foreign.choice(
+                meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod", ""
+            ),
         )
     )
 
@@ -304,7 +277,9 @@ def _variable(element: Element) -> tuple[Variable, bool]:
     if is_output:
         _expect(element, "accumulation", ("MAX",))
         word = element.attributes.get("defuzzifier", "COG")
-        defuzzifier = foreign.choice(_DEFUZZIFIERS, word, f"line {element.line}: the defuzzifier", "")
+        defuzzifier = foreign.choice(
+            meanings(DEFUZZIFIERS, "fml"), word, f"line {element.line}: the defuzzifier", ""
+        )
     return (
         foreign.variable(
             _attribute(element, "name"),
@@ -387,8 +362,12 @@ def _rule(element: Element, base: Element) -> Rule:
     )
     return replace(
         rule,
-        and_operator=foreign.choice(_AND, words.get("andMethod", "MIN"), f"{where}: andMethod", ""),
-        or_operator=foreign.choice(_OR, words.get("orMethod", "MAX"), f"{where}: orMethod", ""),
+        and_operator=foreign.choice(
+            meanings(AND, "fml"), words.get("andMethod", "MIN"), f"{where}: andMethod", ""
+        ),
+        or_operator=foreign.choice(
+            meanings(OR, "fml"), words.get("orMethod", "MAX"), f"{where}: orMethod", ""
+        ),
     )
 
 
