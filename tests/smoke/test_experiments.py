@@ -15,7 +15,7 @@ from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJEC
 
 @pytest.fixture(scope="module", params=EXPERIMENTS)
 def finished(request, tmp_path_factory) -> tuple[str, Path]:
-    folder = tmp_path_factory.mktemp(request.param)
+    folder = tmp_path_factory.mktemp(request.param) / "run"
     return request.param, run_pipeline(f"+experiment={request.param}", *MINIATURE, folder=folder)
 
 

@@ -15,7 +15,7 @@ def test_a_flight_says_how_to_watch_it_and_the_command_works(tmp_path):
 
 
 def test_a_flown_controller_can_be_reviewed_from_its_recording(tmp_path):
-    folder = run_pipeline("+experiment=fly", "duration_s=600.0", folder=tmp_path)
+    folder = run_pipeline("+experiment=fly", "duration_s=600.0", folder=tmp_path / "run")
     flight = folder / "episodes" / "start.mcap"
     for words in (["show", flight], ["explain", flight, "--time", "300"], ["firing", flight]):
         assert "force_x" in run_module("fis_tools", *words, folder=tmp_path).stdout

@@ -9,24 +9,18 @@ import pytest
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts
 from pipeline.stages import train
-from tests.smoke.command_line import MINIATURE
+from tests.smoke.command_line import MINIATURE, run_pipeline
 
 ONE_WORKER = ("optimizer.workers=1", "monte_carlo.workers=1")
 TRAINING = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]")
 
 
-def run(*words: str, folder: Path) -> Path:
-    assert main([*words, f"hydra.run.dir={folder}"]) == 0
-    return folder
-
-
 @pytest.fixture(scope="module")
 def first(tmp_path_factory) -> Path:
     """A training that everything else is compared with."""
-    return run(
+    return run_pipeline(
         *TRAINING,
-        "optimizer.workers=1",
-        "monte_carlo.workers=1",
+        *ONE_WORKER,
         folder=tmp_path_factory.mktemp("first") / "run",
     )
 
@@ -42,12 +36,12 @@ def numbers(folder: Path) -> tuple[object, str, str]:
 
 
 def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(first, tmp_path):
-    again = run(*TRAINING, "optimizer.workers=2", "monte_carlo.workers=2", folder=tmp_path / "again")
+    again = run_pipeline(*TRAINING, "optimizer.workers=2", "monte_carlo.workers=2", folder=tmp_path / "again")
     assert numbers(again) == numbers(first)
 
 
 def test_another_seed_finds_another(first, tmp_path):
-    other = run(*TRAINING, "seed=2", folder=tmp_path / "other")
+    other = run_pipeline(*TRAINING, "seed=2", folder=tmp_path / "other")
     assert all(ours != theirs for ours, theirs in zip(numbers(other), numbers(first), strict=True))
 
 
