@@ -1,0 +1,84 @@
+"""What the site holds beside the pages of this folder.
+
+Pages that live elsewhere in the repository, one page of API reference for each folder of the packages, and what
+``python -m docs.build`` made of real runs.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+PROJECT = Path(__file__).resolve().parents[1]
+#: made by ``python -m docs.build``
+MADE = PROJECT / "build" / "docs"
+#: where pages that live elsewhere stand in the site
+ELSEWHERE = {
+    "CHANGELOG.md": "changes.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "telemetry/README.md": "reference/recordings.md",
+}
+#: a link of Markdown: its target, and its place on the page
+LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put the API reference into the navigation."""
+    (python,) = (
+        entry for tab in config.nav for part in tab.values() if isinstance(part, list) for entry in part
+        if isinstance(entry, dict) and "Python" in entry
+    )
+    python["Python"] = [{name: uri} for name, uri, _ in api_pages()]
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add what the folder of pages does not hold."""
+    for path, uri in ELSEWHERE.items():
+        text = (PROJECT / path).read_text(encoding="utf-8")
+        files.append(File.generated(config, uri, content=relinked(text, path, uri)))
+    for _, uri, text in api_pages():
+        files.append(File.generated(config, uri, content=text))
+    for path in sorted(path for path in MADE.rglob("*") if path.suffix in {".html", ".md"}):
+        uri = path.relative_to(MADE).as_posix()
+        files.append(File.generated(config, uri, abs_src_path=os.fspath(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Let links to pages that live elsewhere lead to their places in the site."""
+    return relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
+
+
+def relinked(text: str, path: str, uri: str) -> str:
+    """Return a page that stands at ``path`` of the repository with its links as from ``uri`` of the site."""
+
+    def place(link: re.Match[str]) -> str:
+        target, heading = link[1], link[2] or ""
+        if "://" in target:
+            return link[0]
+        origin = os.path.normpath(PurePosixPath(path).parent / target)
+        inside = ELSEWHERE.get(origin, origin.removeprefix("docs/"))
+        return f"]({os.path.relpath(inside, PurePosixPath(uri).parent)}{heading})"
+
+    return LINK.sub(place, text)
+
+
+def api_pages() -> Iterator[tuple[str, str, str]]:
+    """Yield the name, place and text of each page of the API reference: one for each folder of modules."""
+    for package in ("fis_tools", "telemetry", "pipeline"):
+        for folder in sorted(path.parent for path in (PROJECT / package).rglob("__init__.py")):
+            modules = [
+                path.stem for path in sorted(folder.glob("*.py"))
+                if not path.stem.startswith("_") and not path.stem.endswith("_pb2")
+            ]
+            name = ".".join(folder.relative_to(PROJECT).parts)
+            if modules or package == name:
+                names = [name, *(f"{name}.{module}" for module in modules)]
+                text = f"# {name}\n\n" + "".join(f"::: {each}\n\n" for each in names)
+                yield name, f"reference/api/{name}.md", text
