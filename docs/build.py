@@ -1,7 +1,7 @@
 """Build the site: ``python -m docs.build``.
 
-Makes the pages that come from real runs (a champion evaluated, reported and reviewed; a small system reviewed; the
-help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
+Makes the pages that come from real runs (a champion evaluated, reported and reviewed; a small system reviewed;
+the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
 """
 
 import os
@@ -29,9 +29,11 @@ def main() -> None:
     printed_by("pipeline", *CHAMPION, f"hydra.run.dir={run_folder}")
     for page in ("report.html", "review.html"):
         shutil.copy(run_folder / page, MADE / "live")
-    printed_by("fis_tools", "review", "docs/examples/dimmer.fll", "-o", os.fspath(MADE / "live" / "dimmer.html"))
+    printed_by(
+        "fis_tools", "review", "docs/examples/dimmer.fll", "-o", os.fspath(MADE / "live" / "dimmer.html")
+    )
     (MADE / "reference" / "commands.md").write_text(commands_page(), encoding="utf-8")
-    print("building the site", flush=True)  # noqa: T201
+    print("building the site", flush=True)
     mkdocs = [sys.executable, "-m", "mkdocs", "build", "--strict"]
     quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
     sys.exit(subprocess.run(mkdocs, cwd=PROJECT, env=quiet, check=False).returncode)  # noqa: S603
@@ -61,7 +63,7 @@ def printed_by(*words: str) -> str:
     SystemExit
         Where the command fails; what it said is printed.
     """
-    print("python -m", *words, flush=True)  # noqa: T201
+    print("python -m", *words, flush=True)
     done = subprocess.run(  # noqa: S603
         [sys.executable, "-m", *words],
         cwd=PROJECT,

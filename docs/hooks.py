@@ -1,7 +1,7 @@
 """What the site holds beside the pages of this folder.
 
-Pages that live elsewhere in the repository, one page of API reference for each folder of the packages, and what
-``python -m docs.build`` made of real runs.
+Pages that live elsewhere in the repository, one page of API reference for each folder of the packages, and
+what ``python -m docs.build`` made of real runs.
 """
 
 import os
@@ -17,12 +17,25 @@ from mkdocs.structure.pages import Page
 PROJECT = Path(__file__).resolve().parents[1]
 #: made by ``python -m docs.build``
 MADE = PROJECT / "build" / "docs"
+PACKAGES = ("fis_tools", "telemetry", "pipeline")
 #: where pages that live elsewhere stand in the site
 ELSEWHERE = {
     "CHANGELOG.md": "changes.md",
     "CONTRIBUTING.md": "contributing.md",
     "telemetry/README.md": "reference/recordings.md",
 }
+#: folders that serve the commands, and hold nothing to import
+INTERNAL = {
+    "fis_tools.commands",
+    "pipeline.command_line",
+    "pipeline.report",
+    "pipeline.report.figures",
+    "pipeline.run",
+    "pipeline.stages",
+    "telemetry.file.schema",
+}
+#: modules of the same kind, beside such folders
+INTERNAL_MODULES = {"commands"}
 #: a link of Markdown: its target, and its place on the page
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -30,10 +43,18 @@ LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the API reference into the navigation."""
     (python,) = (
-        entry for tab in config.nav for part in tab.values() if isinstance(part, list) for entry in part
+        entry
+        for tab in config.nav
+        for part in tab.values()
+        if isinstance(part, list)
+        for entry in part
         if isinstance(entry, dict) and "Python" in entry
     )
-    python["Python"] = [{name: uri} for name, uri, _ in api_pages()]
+    pages = [{name: uri} for name, uri, _ in api_pages()]
+    python["Python"] = [
+        {package: [page for page in pages for name in page if name.partition(".")[0] == package]}
+        for package in PACKAGES
+    ]
     return config
 
 
@@ -71,14 +92,19 @@ def relinked(text: str, path: str, uri: str) -> str:
 
 def api_pages() -> Iterator[tuple[str, str, str]]:
     """Yield the name, place and text of each page of the API reference: one for each folder of modules."""
-    for package in ("fis_tools", "telemetry", "pipeline"):
+    for package in PACKAGES:
         for folder in sorted(path.parent for path in (PROJECT / package).rglob("__init__.py")):
-            modules = [
-                path.stem for path in sorted(folder.glob("*.py"))
-                if not path.stem.startswith("_") and not path.stem.endswith("_pb2")
-            ]
             name = ".".join(folder.relative_to(PROJECT).parts)
-            if modules or package == name:
-                names = [name, *(f"{name}.{module}" for module in modules)]
-                text = f"# {name}\n\n" + "".join(f"::: {each}\n\n" for each in names)
-                yield name, f"reference/api/{name}.md", text
+            if name in INTERNAL:
+                continue
+            modules = sorted(
+                path.stem
+                for path in folder.glob("*.py")
+                if not path.stem.startswith("_") and path.stem not in INTERNAL_MODULES
+            )
+            text = f"# {name}\n\n::: {name}\n    options: {{show_root_heading: false}}\n\n"
+            yield (
+                name,
+                f"reference/api/{name}.md",
+                text + "".join(f"::: {name}.{each}\n\n" for each in modules),
+            )

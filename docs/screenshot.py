@@ -3,11 +3,11 @@
 import shutil
 from pathlib import Path
 
+from playwright.sync_api import sync_playwright
+
 
 def screenshot(page: Path, heading: str, picture: Path, width: int = 1100, height: int = 1230) -> None:
-    """Save what a window shows of a page on disk from a heading on; without a browser leave the picture alone."""
-    from playwright.sync_api import sync_playwright
-
+    """Save what a window shows of a page on disk from a heading on; without chromium, save nothing."""
     program = shutil.which("chromium")
     if program is None:
         return
