@@ -1,7 +1,7 @@
 """Build the site: ``python -m docs.build``.
 
-Makes the pages that come from real runs (a champion evaluated, reported and reviewed; a small system reviewed;
-the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
+Makes the pages that come from real runs (a champion evaluated, reported and reviewed; a small system
+reviewed; the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
 """
 
 import os

@@ -1,8 +1,8 @@
 """Run the commands of the pages that show what commands print: ``python -m docs.shown``.
 
-A fenced block with a title is written to a file of that name, a block of ``sh`` is run, and a block of ``text``
-right behind it is what it printed; a line of ``…`` there stands for lines that are left out. Pictures that the
-commands write into ``pictures/`` go to ``docs/images/gallery``.
+A fenced block with a title is written to a file of that name, a block of ``sh`` is run, and a block of
+``text`` right behind it is what it printed; a line of ``…`` there stands for lines that are left out.
+Pictures that the commands write into ``pictures/`` go to ``docs/images/gallery``.
 """
 
 import os
