@@ -45,7 +45,8 @@ def commands_page() -> str:
     for module in COMMANDS:
         overview = printed_by(module, "--help")
         sections.append(section(f"## python -m {module}", overview))
-        for name in re.findall(r"^    (\w+) {2,}\S", overview.partition("commands:")[2], re.MULTILINE):
+        listed = overview.partition("  COMMAND\n")[2].partition("\n\n")[0]
+        for name in re.findall(r"^    (\w+)", listed, re.MULTILINE):
             sections.append(section(f"### {module} {name}", printed_by(module, name, "--help")))
     return "\n".join(sections)
 
