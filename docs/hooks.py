@@ -36,26 +36,33 @@ INTERNAL = {
 }
 #: modules of the same kind, beside such folders
 INTERNAL_MODULES = {"commands"}
+#: sections of the navigation that end with those pages of a folder that are not listed
+GROWING = {"How-to guides": "how-to", "Decisions": "decisions"}
 #: a link of Markdown: its target, and its place on the page
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the API reference into the navigation."""
-    (python,) = (
-        entry
-        for tab in config.nav
-        for part in tab.values()
-        if isinstance(part, list)
-        for entry in part
-        if isinstance(entry, dict) and "Python" in entry
-    )
-    pages = [{name: uri} for name, uri, _ in api_pages()]
-    python["Python"] = [
-        {package: [page for page in pages for name in page if name.partition(".")[0] == package]}
-        for package in PACKAGES
-    ]
+    """Complete the navigation: pages that it does not list, and the API reference."""
+    listed = str(config.nav)
+    for title, folder in GROWING.items():
+        pages = (f"{folder}/{path.name}" for path in sorted((PROJECT / "docs" / folder).glob("*.md")))
+        section(config.nav, title).extend(page for page in pages if f"'{page}'" not in listed)
+    for package in PACKAGES:
+        pages = [{name: uri} for name, uri, _ in api_pages() if name.partition(".")[0] == package]
+        section(config.nav, "Python").append({package: pages})
     return config
+
+
+def section(nav: list[Any], title: str) -> Any:
+    """Return the entries of a section, wherever in the navigation it is; None where it is not."""
+    for entry in nav:
+        for name, inside in entry.items() if isinstance(entry, dict) else ():
+            if name == title:
+                return inside
+            if isinstance(inside, list) and (found := section(inside, title)) is not None:
+                return found
+    return None
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
