@@ -2,7 +2,7 @@
 
 Import it and compile it::
 
-    from fis_tools.engines.compiler import compile
+    from fis_tools.compiler import compile
     from tipping import build_tipping
 
     tips = compile(build_tipping())

@@ -1,6 +1,5 @@
 """The README's Python runs, and gives what it says."""
 
-import re
 from typing import Any
 
 import numpy as np
@@ -8,9 +7,9 @@ import pytest
 from skfuzzy import control
 
 from tests.smoke.command_line import PROJECT
+from tests.smoke.pages import DOCS, blocks
 
-README = (PROJECT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```python\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+BLOCKS = blocks(PROJECT / "README.md", "python")
 
 
 def test_a_compiled_control_system_gives_what_compute_gives() -> None:
@@ -27,3 +26,7 @@ def test_a_compiled_control_system_gives_what_compute_gives() -> None:
         assert tip == pytest.approx(simulation.output["tip"], abs=25e-12)
     assert names["tips"].shape == (1_000_000,)
     assert 0.0 < names["tips"].min() < names["tips"].max() < 25.0
+
+
+def test_the_guide_shows_the_same() -> None:
+    assert blocks(DOCS / "how-to" / "speed-up-scikit-fuzzy.md", "python") == BLOCKS

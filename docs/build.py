@@ -1,0 +1,82 @@
+"""Build the site: ``python -m docs.build``.
+
+Makes the pages that come from real runs (a champion evaluated, reported and reviewed; a small system
+reviewed; the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parents[1]
+BUILD = PROJECT / "build"
+#: what the site takes over, as `docs.hooks` finds it
+MADE = BUILD / "docs"
+CHAMPION = ("+experiment=evaluate", "controller=champion_any_sun", "sun=random", "monte_carlo.num_cases=50")
+COMMANDS = ("pipeline", "fis_tools", "telemetry")
+
+
+def main() -> None:
+    """Make what is shown, and build the site; leave with the status of ``mkdocs``."""
+    run_folder = BUILD / "run"
+    for folder in (MADE, run_folder):
+        shutil.rmtree(folder, ignore_errors=True)
+    (MADE / "live").mkdir(parents=True)
+    (MADE / "reference").mkdir()
+    printed_by("pipeline", *CHAMPION, f"hydra.run.dir={run_folder}")
+    for page in ("report.html", "review.html"):
+        shutil.copy(run_folder / page, MADE / "live")
+    printed_by(
+        "fis_tools", "review", "docs/examples/dimmer.fll", "-o", os.fspath(MADE / "live" / "dimmer.html")
+    )
+    (MADE / "reference" / "commands.md").write_text(commands_page(), encoding="utf-8")
+    print("building the site", flush=True)
+    mkdocs = [sys.executable, "-m", "mkdocs", "build", "--strict"]
+    quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    sys.exit(subprocess.run(mkdocs, cwd=PROJECT, env=quiet, check=False).returncode)  # noqa: S603
+
+
+def commands_page() -> str:
+    """Return the page of all commands, each with its help."""
+    sections = ["# Commands\n\nWhat each command prints when asked for `--help`.\n"]
+    for module in COMMANDS:
+        overview = printed_by(module, "--help")
+        sections.append(section(f"## python -m {module}", overview))
+        listed = overview.partition("  COMMAND\n")[2].partition("\n\n")[0]
+        for name in re.findall(r"^    (\w+)", listed, re.MULTILINE):
+            sections.append(section(f"### {module} {name}", printed_by(module, name, "--help")))
+    return "\n".join(sections)
+
+
+def section(heading: str, text: str) -> str:
+    """Return a heading with a text below it as it was printed."""
+    return f"{heading}\n\n```text\n{text.rstrip()}\n```\n"
+
+
+def printed_by(*words: str) -> str:
+    """Run ``python -m WORDS`` in the root of the repository and return what it prints.
+
+    Raises
+    ------
+    SystemExit
+        Where the command fails; what it said is printed.
+    """
+    print("python -m", *words, flush=True)
+    done = subprocess.run(  # noqa: S603
+        [sys.executable, "-m", *words],
+        cwd=PROJECT,
+        env=os.environ | {"COLUMNS": "100"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        sys.exit(f"{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+if __name__ == "__main__":
+    main()

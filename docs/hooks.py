@@ -1,0 +1,117 @@
+"""What the site holds beside the pages of this folder.
+
+Pages that live elsewhere in the repository, one page of API reference for each folder of the packages, and
+what ``python -m docs.build`` made of real runs.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+PROJECT = Path(__file__).resolve().parents[1]
+#: made by ``python -m docs.build``
+MADE = PROJECT / "build" / "docs"
+PACKAGES = ("fis_tools", "telemetry", "pipeline")
+#: where pages that live elsewhere stand in the site
+ELSEWHERE = {
+    "CHANGELOG.md": "changes.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "telemetry/README.md": "reference/recordings.md",
+}
+#: folders that serve the commands, and hold nothing to import
+INTERNAL = {
+    "fis_tools.commands",
+    "pipeline.command_line",
+    "pipeline.report",
+    "pipeline.report.figures",
+    "pipeline.run",
+    "pipeline.stages",
+    "telemetry.file.schema",
+}
+#: modules of the same kind, beside such folders
+INTERNAL_MODULES = {"commands"}
+#: sections of the navigation that end with those pages of a folder that are not listed
+GROWING = {"How-to guides": "how-to", "Decisions": "decisions"}
+#: a link of Markdown: its target, and its place on the page
+LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Complete the navigation: pages that it does not list, and the API reference."""
+    listed = str(config.nav)
+    for title, folder in GROWING.items():
+        pages = (f"{folder}/{path.name}" for path in sorted((PROJECT / "docs" / folder).glob("*.md")))
+        section(config.nav, title).extend(page for page in pages if f"'{page}'" not in listed)
+    for package in PACKAGES:
+        pages = [{name: uri} for name, uri, _ in api_pages() if name.partition(".")[0] == package]
+        section(config.nav, "Python").append({package: pages})
+    return config
+
+
+def section(nav: list[Any], title: str) -> Any:
+    """Return the entries of a section, wherever in the navigation it is; None where it is not."""
+    for entry in nav:
+        for name, inside in entry.items() if isinstance(entry, dict) else ():
+            if name == title:
+                return inside
+            if isinstance(inside, list) and (found := section(inside, title)) is not None:
+                return found
+    return None
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add what the folder of pages does not hold."""
+    for path, uri in ELSEWHERE.items():
+        text = (PROJECT / path).read_text(encoding="utf-8")
+        files.append(File.generated(config, uri, content=relinked(text, path, uri)))
+    for _, uri, text in api_pages():
+        files.append(File.generated(config, uri, content=text))
+    for path in sorted(path for path in MADE.rglob("*") if path.suffix in {".html", ".md"}):
+        uri = path.relative_to(MADE).as_posix()
+        files.append(File.generated(config, uri, abs_src_path=os.fspath(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Let links to pages that live elsewhere lead to their places in the site."""
+    return relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
+
+
+def relinked(text: str, path: str, uri: str) -> str:
+    """Return a page that stands at ``path`` of the repository with its links as from ``uri`` of the site."""
+
+    def place(link: re.Match[str]) -> str:
+        target, heading = link[1], link[2] or ""
+        if "://" in target:
+            return link[0]
+        origin = os.path.normpath(PurePosixPath(path).parent / target)
+        inside = ELSEWHERE.get(origin, origin.removeprefix("docs/"))
+        return f"]({os.path.relpath(inside, PurePosixPath(uri).parent)}{heading})"
+
+    return LINK.sub(place, text)
+
+
+def api_pages() -> Iterator[tuple[str, str, str]]:
+    """Yield the name, place and text of each page of the API reference: one for each folder of modules."""
+    for package in PACKAGES:
+        for folder in sorted(path.parent for path in (PROJECT / package).rglob("__init__.py")):
+            name = ".".join(folder.relative_to(PROJECT).parts)
+            if name in INTERNAL:
+                continue
+            modules = sorted(
+                path.stem
+                for path in folder.glob("*.py")
+                if not path.stem.startswith("_") and path.stem not in INTERNAL_MODULES
+            )
+            text = f"# {name}\n\n::: {name}\n    options: {{show_root_heading: false}}\n\n"
+            yield (
+                name,
+                f"reference/api/{name}.md",
+                text + "".join(f"::: {name}.{each}\n\n" for each in modules),
+            )

@@ -1,0 +1,21 @@
+"""Pictures of pages, by the browser chromium."""
+
+import shutil
+from pathlib import Path
+
+from playwright.sync_api import sync_playwright
+
+
+def screenshot(page: Path, heading: str, picture: Path, width: int = 1100, height: int = 1230) -> None:
+    """Save what a window shows of a page on disk from a heading on; without chromium, save nothing."""
+    program = shutil.which("chromium")
+    if program is None:
+        return
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
+        tab = browser.new_page(viewport={"width": width, "height": height})
+        tab.goto(page.resolve().as_uri())
+        tab.get_by_role("heading", name=heading).evaluate("heading => heading.scrollIntoView()")
+        tab.wait_for_timeout(1000)  # surfaces are drawn after the page has loaded
+        tab.screenshot(path=picture)
+        browser.close()

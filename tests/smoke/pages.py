@@ -1,0 +1,46 @@
+"""The pages that a person reads, and the commands on them."""
+
+import re
+import shlex
+from pathlib import Path
+
+from tests.smoke.command_line import PROJECT
+
+DOCS = PROJECT / "docs"
+PAGES = [
+    *(PROJECT / name for name in ("README.md", "CONTRIBUTING.md", "telemetry/README.md")),
+    *sorted(DOCS.rglob("*.md")),
+]
+#: what a page says where the reader puts a name of their own, and a name that will do
+PLACEHOLDERS = {"FROM": "ellipse", "NAME": "paper_champion", "SUN": "fixed", "LAYER": "filter"}
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(PROJECT).as_posix()
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """The fenced blocks of a page in a language."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def commands(page: Path) -> list[list[str]]:
+    """The commands ``python -m …`` of a page, as words: those in blocks, then those in sentences."""
+    lines = [line for block in blocks(page, "sh") for line in block.replace("\\\n", " ").splitlines()]
+    # where an option is left out or a name follows, a sentence names a command and does not show one
+    lines += re.findall(r"`(python -m [^`…]+)`", page.read_text(encoding="utf-8"))
+    shown = [part for line in lines for part in re.sub(r" +#.*", "", line).strip().split(" && ")]
+    return [words_of(each) for each in shown if re.match(r"(\S+/)?python3? -m ", each)]
+
+
+def words_of(command: str) -> list[str]:
+    return [
+        re.sub(r"(?<==)[A-Z]+$", lambda word: PLACEHOLDERS[word[0]], word) for word in shlex.split(command)
+    ]
+
+
+def calls_of(module: str) -> list[list[str]]:
+    """What follows ``python -m MODULE`` on all pages, each once."""
+    calls = {tuple(words[3:]): None for page in PAGES for words in commands(page) if words[2] == module}
+    return [list(words) for words in calls]

@@ -1,0 +1,151 @@
+"""The commands on the pages are commands: those of the README, of the documentation, and of the packages."""
+
+import argparse
+import importlib
+import re
+import shutil
+import sys
+from dataclasses import replace
+from glob import glob
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import benchmarks.__main__ as benchmarks
+import fis_tools.__main__ as review
+from docs.shown import PAGES as SHOWN_PAGES
+from fis_tools.formats import serialize
+from pipeline.command_line import cli
+from pipeline.command_line.config import (
+    check_overrides,
+    conf_folder,
+    options,
+    parse,
+    rewrite_controller_paths,
+)
+from telemetry import commands as telemetry_commands
+from tests.fis_tools.review.cases import log_flight
+from tests.smoke.command_line import PROJECT
+from tests.smoke.pages import DOCS, PAGES, calls_of, commands, name_of
+
+#: what the site makes when it is built: no page of the repository
+GENERATED = ("live", "reference/commands.md", "reference/api")
+
+
+def identify(words: list[str]) -> str:
+    return " ".join(words)
+
+
+@pytest.mark.parametrize("words", calls_of("pipeline"), ids=identify)
+def test_experiments(words, capsys):
+    needs_a_folder = any(word.startswith(("resume=", "hydra.run.dir=", "--config-dir")) for word in words)
+    if not words:
+        assert cli.main(words) == 2
+    elif needs_a_folder or "-m" in words:
+        of_ours = [
+            word for word in words if "=" in word and not word.startswith(("resume=", "+experiment=my_"))
+        ]
+        check_overrides(parse(rewrite_controller_paths(of_ours)), options([conf_folder()]))
+    else:
+        asked = [word for word in words if word not in {"--cfg", "job"}]
+        assert cli.main([*asked, "--cfg", "job"]) == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", calls_of("telemetry"), ids=identify)
+def test_telemetry(words):
+    assert callable(telemetry_commands._parser().parse_args(words).run)
+
+
+REVIEWED = [
+    page
+    for page in PAGES
+    if any(words[2] == "fis_tools" for words in commands(page))
+    # these are run whole, with what they print, by test_shown.py
+    and page not in [DOCS / name for name in SHOWN_PAGES]
+]
+
+
+@pytest.mark.parametrize("page", REVIEWED, ids=name_of)
+def test_review(page, tmp_path, monkeypatch, capsys):
+    """Each page's commands run one after the other, on files of the names that they ask for."""
+    shutil.copytree(DOCS / "examples", tmp_path / "docs" / "examples")
+    shutil.copytree(PROJECT / "conf" / "controller", tmp_path / "conf" / "controller")
+    monkeypatch.chdir(tmp_path)
+    for words in [words[3:] for words in commands(page) if words[2] == "fis_tools"]:
+        provide(words)
+        expanded = [path for word in words for path in (sorted(glob(word)) if "*" in word else [word])]
+        assert review.main(expanded) == 0, f"{words}: {capsys.readouterr().err}"
+
+
+def provide(words: list[str]) -> None:
+    """Make the files that a command reads: flights and copies of the controller that it is about."""
+    ours = [Path(word).stem for word in words if word.startswith("conf/controller/")]
+    controller = serialize.load(PROJECT / "conf" / "controller" / f"{(*ours, 'paper_champion')[0]}.yaml")
+    outputs = [follower for word, follower in pairwise(words) if word == "-o"]
+    for word in words:
+        path = Path(word.replace("*", "0"))
+        if word in outputs or path.exists():
+            continue
+        if path.suffix == ".mcap":
+            log_flight(path, controller, 61)
+        elif path.name == "TIME":
+            path.mkdir(parents=True)
+            (path / "champion.json").write_text(serialize.dump_json(controller), encoding="utf-8")
+        elif path.suffix in {".json", ".yaml"}:
+            changed = (
+                controller if path.stem == "champion" else replace(controller, systems=controller.systems[:2])
+            )
+            path.write_text(serialize.dump_json(changed), encoding="utf-8")
+
+
+@pytest.mark.parametrize("words", calls_of("benchmarks"), ids=identify)
+def test_benchmarks(words):
+    assert set(words) <= set(benchmarks.PARTS)
+
+
+class ParsedError(Exception):
+    """What was asked for is understood."""
+
+
+@pytest.mark.parametrize("name", ["champion", "rounds", "structures"])
+def test_studies(name, monkeypatch):
+    module = importlib.import_module(f"benchmarks.{name}")
+    parse_args = argparse.ArgumentParser.parse_args
+
+    def parse_only(parser):
+        options = parse_args(parser)
+        assert set(getattr(options, "names", [])) <= set(getattr(module, "VARIANTS", []))
+        raise ParsedError
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
+    calls = calls_of(f"benchmarks.{name}")
+    assert calls
+    for words in calls:
+        monkeypatch.setattr(sys, "argv", [name, *words])
+        with pytest.raises(ParsedError):
+            module.main()
+
+
+def test_every_module_of_a_command_is_there():
+    modules = {words[2] for page in PAGES for words in commands(page)}
+    assert {"venv", "pipeline", "telemetry", "fis_tools", "benchmarks", "pytest", "docs.build"} <= modules
+    assert [module for module in modules if find_spec(module) is None] == []
+
+
+def test_the_checks_run_what_the_readme_says():
+    checks = (PROJECT / ".ci" / "run").read_text(encoding="utf-8")
+    readme = (PROJECT / "README.md").read_text(encoding="utf-8")
+    for command in ("pip install --quiet --require-hashes -r requirements-dev.txt", "python -m pytest"):
+        assert command in checks
+        assert command in readme
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page):
+    """Links to headings, and to what is made with the site, are checked when it is built."""
+    for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
+        path = (page.parent / target).resolve()
+        is_generated = any(path.is_relative_to(DOCS / each) for each in GENERATED)
+        assert target.startswith("https://") or is_generated or path.exists(), target
