@@ -12,6 +12,7 @@
 """
 
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,13 +21,15 @@ from fis_tools.engines import cache
 
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
+    from fis_tools.model.extras import MissingExtra
     from fis_tools.source import read_controller
 
-__all__ = ["CompiledSystem", "compile", "read_controller"]
+__all__ = ["CompiledSystem", "MissingExtra", "compile", "read_controller"]
 
-#: where the names are that are found here; fetched when they are asked for, since both take a while to import
+#: Where the names are that are found here; imported when they are asked for, since most take a while.
 _PLACES = {
     "CompiledSystem": "engines.compiler",
+    "MissingExtra": "model.extras",
     "compile": "engines.compiler",
     "read_controller": "source",
 }
@@ -41,11 +44,28 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
 
 
-def _show_in_notebook() -> None:
-    shell = sys.modules["IPython"].get_ipython()
-    if shell is not None:
-        import_module(f"{__name__}.render.notebook").show_in(shell)
+#: For each kind of content, which function of `fis_tools.review.notebook` shows which noun.
+_SHOWN = {
+    "text/html": {"FuzzyController": "controller_tables", "FuzzySystem": "system_tables"},
+    "image/svg+xml": {"Variable": "variable_picture"},
+}
 
 
-if "IPython" in sys.modules:
-    _show_in_notebook()
+def show_in(shell: Any) -> None:
+    """Tell an IPython shell how to show controllers, systems and variables; it imports when it shows one."""
+    for kind, ways in _SHOWN.items():
+        for noun, way in ways.items():
+            formatter = shell.display_formatter.formatters[kind]
+            formatter.for_type_by_name(f"{__name__}.model.system", noun, _shown_by(way))
+
+
+def _shown_by(way: str) -> Callable[[Any], str | None]:
+    def show(thing: Any) -> str | None:
+        shown: str | None = getattr(import_module(f"{__name__}.review.notebook"), way)(thing)
+        return shown
+
+    return show
+
+
+if "IPython" in sys.modules and (_shell := sys.modules["IPython"].get_ipython()) is not None:
+    show_in(_shell)

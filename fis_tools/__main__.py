@@ -22,6 +22,7 @@ from fis_tools.commands import (
 )
 from fis_tools.commands.arguments import UserMistake
 from fis_tools.formats.error import ControllerFileError
+from fis_tools.model.extras import MissingExtra
 
 COMMANDS = (show, plot, surface, export, import_, audit, explain, firing, bounds, simplify, diff, review)
 
@@ -79,7 +80,7 @@ def main(words: Sequence[str] | None = None) -> int:
         place = mistake.filename or "the output"
         print(f"error: {place} cannot be written ({mistake.strerror}); choose another place", file=sys.stderr)
         return 2
-    except (ControllerFileError, UserMistake) as mistake:
+    except (ControllerFileError, MissingExtra, UserMistake) as mistake:
         print(f"error: {mistake}", file=sys.stderr)
         return 2
     return int(status)

@@ -126,14 +126,34 @@ def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
     -------
     (num_samples, num_inputs)
     """
-    from scipy.stats import qmc  # noqa: PLC0415 - takes long to import, and few commands need it
-
-    sequence = qmc.Halton(len(system.inputs), scramble=False)
-    sequence.fast_forward(1)
     low = np.array([variable.minimum for variable in system.inputs])
     high = np.array([variable.maximum for variable in system.inputs])
-    samples: Floats = low + (high - low) * np.asarray(sequence.random(num_samples), dtype=np.float64)
+    bases = _primes(len(system.inputs))
+    places = np.stack([_radical_inverse(num_samples, base) for base in bases], axis=1)
+    samples: Floats = low + (high - low) * places
     return samples
+
+
+def _radical_inverse(count: int, base: int) -> Floats:
+    """Return the numbers 1 to `count`, their digits in a base mirrored at the point: (count,), in [0, 1)."""
+    rest = np.arange(1, count + 1)
+    inverse, worth = np.zeros(count), 1.0 / base
+    while rest.any():
+        inverse += (rest % base) * worth
+        rest //= base
+        worth /= base
+    return inverse
+
+
+def _primes(count: int) -> list[int]:
+    """Return the first primes."""
+    found: list[int] = []
+    candidate = 2
+    while len(found) < count:
+        if all(candidate % prime for prime in found):
+            found.append(candidate)
+        candidate += 1
+    return found
 
 
 def surface(

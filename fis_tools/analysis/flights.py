@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,10 @@ from fis_tools.analysis.arrays import FIRED, RuleUsage, rule_usage
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
-from telemetry.file import reader
+from fis_tools.model.extras import MissingExtra
+
+if TYPE_CHECKING:
+    from telemetry.file.reader import Recording
 
 Floats = NDArray[np.float64]
 
@@ -144,14 +148,22 @@ def _gather(paths: Iterable[Path | str], column: str) -> dict[str, Floats]:
     return {name: np.concatenate(parts) for name, parts in rows.items()}
 
 
-def _read(path: Path | str, topics: tuple[str, ...]) -> reader.Recording:
+def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
+    try:
+        from telemetry.file import reader  # noqa: PLC0415 - not a package that fuzzy systems need
+    except ModuleNotFoundError as error:
+        raise MissingExtra(
+            "reading recorded flights (.mcap)",
+            "the package telemetry" if error.name == "telemetry" else str(error.name),
+            "./fis_tools . (in a copy of this project's sources)",
+        ) from error
     try:
         return reader.read(path, topics)
     except reader.RecordingError as error:
         raise ControllerFileError(str(error)) from error
 
 
-def _controller_of(recording: reader.Recording) -> FuzzyController:
+def _controller_of(recording: "Recording") -> FuzzyController:
     content = recording.attachments.get(CONTROLLER_ATTACHMENT)
     if content is None:
         raise ControllerFileError(
@@ -163,7 +175,7 @@ def _controller_of(recording: reader.Recording) -> FuzzyController:
         raise ControllerFileError(f"{recording.path}, {CONTROLLER_ATTACHMENT}: {error}") from error
 
 
-def _flown(recording: reader.Recording, system: FuzzySystem) -> FlownSystem:
+def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
     topic = TOPIC_PREFIX + system.name
     if topic not in recording.topics:
         raise ControllerFileError(

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from fis_tools.genes.parameters import SystemEncoding
 from fis_tools.model import FuzzySystem
+from fis_tools.model.extras import MissingExtra
 
 Floats = NDArray[np.float64]
 
@@ -122,6 +122,10 @@ class KeptRules:
 
 def _gains(cells: Floats, levels: Floats) -> Floats:
     """Return the gains that fit levels from -1 to 1 best, even where the ends cut much of a plane off."""
+    try:
+        from scipy.optimize import least_squares  # noqa: PLC0415 - large, and nothing else here needs it
+    except ModuleNotFoundError as error:
+        raise MissingExtra("fitting planes to rule tables", "scipy", '"fis-tools[genes]"') from error
 
     def misfit(gains: Floats) -> Floats:
         return np.asarray(np.clip(cells @ gains, -1.0, 1.0) - levels)

@@ -7,6 +7,13 @@
 What a colour says is also said by a word, a line style or a brightness, so that a grey print says the same.
 """
 
+from importlib.util import find_spec
+
+from fis_tools.model.extras import MissingExtra
+
+if find_spec("matplotlib") is None:
+    raise MissingExtra("drawing", "matplotlib", '"fis-tools[plot]"')
+
 from fis_tools.render.figures import (
     Figure,
     firing_figure,

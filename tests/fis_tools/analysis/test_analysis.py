@@ -1,8 +1,11 @@
 """Measures against closed forms, and surfaces against scikit-fuzzy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erf
+from scipy.stats import qmc
 
 from fis_tools.analysis.arrays import (
     coverage,
@@ -142,3 +145,13 @@ def test_spread_inputs_fill_the_box_evenly() -> None:
         assert counts.sum() == 1024
         assert counts.min() >= 124
         assert counts.max() <= 132
+
+
+@pytest.mark.parametrize("num_inputs", [1, 3, 12])
+def test_spread_inputs_are_scipys_halton_sequence(num_inputs: int) -> None:
+    system = force_z_system()
+    unit = replace(system.inputs[0], minimum=0.0, maximum=1.0)
+    inputs = tuple(replace(unit, name=f"input_{number}") for number in range(num_inputs))
+    sequence = qmc.Halton(num_inputs, scramble=False)
+    sequence.fast_forward(1)
+    np.testing.assert_array_equal(spread_inputs(replace(system, inputs=inputs), 3000), sequence.random(3000))

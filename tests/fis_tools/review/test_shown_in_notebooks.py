@@ -13,7 +13,6 @@ from fis_tools.findings.difference import difference
 from fis_tools.findings.explanation import explain, shares
 from fis_tools.findings.simplification import Budget, simplify
 from fis_tools.model import FuzzyController
-from fis_tools.render.notebook import show_in
 from tests.fis_tools.sample_controllers import force_z_system, general_controller
 
 
@@ -21,7 +20,7 @@ from tests.fis_tools.sample_controllers import force_z_system, general_controlle
 def shell() -> InteractiveShell:
     shell = InteractiveShell()
     shell.display_formatter.active_types = ["text/plain", "text/html", "image/svg+xml"]
-    show_in(shell)
+    fis_tools.show_in(shell)
     return shell
 
 

@@ -1,0 +1,30 @@
+"""What a notebook shows of fuzzy systems: controllers and systems as tables, variables as pictures.
+
+The nouns of `fis_tools.model` know nothing of pages and pictures; `fis_tools.show_in` tells the notebook.
+"""
+
+from fis_tools.formats.printed import html
+from fis_tools.model import FuzzyController, FuzzySystem, Variable
+from fis_tools.model.extras import MissingExtra
+
+
+def controller_tables(controller: FuzzyController) -> str:
+    """Return a controller's facts, terms and rules as HTML."""
+    return html.fragment(controller)
+
+
+def system_tables(system: FuzzySystem) -> str:
+    """Return a system's terms and rules as HTML."""
+    return html.fragment(FuzzyController(system.name, (system,)))
+
+
+def variable_picture(variable: Variable) -> str | None:
+    """Return a variable's membership functions as SVG; None, for its text, without matplotlib."""
+    try:
+        from fis_tools import render  # noqa: PLC0415 - tables are shown without matplotlib
+    except MissingExtra:
+        return None
+
+    figure, ax = render.one_panel("")
+    render.memberships(variable, ax)
+    return render.encode(figure, "svg").decode("utf-8")
