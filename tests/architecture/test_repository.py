@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,17 @@ from packaging.requirements import Requirement
 from tests.places import PROJECT
 
 TABLE = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+TOOLKIT = tomllib.loads((PROJECT / "fis_tools" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+#: what the project asks for from an index: all but its own toolkit, and with what that asks for
+NEEDED = [
+    text
+    for text in (
+        *TABLE["dependencies"],
+        *TOOLKIT["dependencies"],
+        *sum(TOOLKIT["optional-dependencies"].values(), []),
+    )
+    if Requirement(text).name != TOOLKIT["name"]
+]
 SKIPPED_FOLDERS = {".git", ".venv", "outputs", "build", "dist", "__pycache__"}
 #: written in halves, for this file is looked at too
 MACHINES = re.compile(
@@ -56,7 +68,8 @@ def test_a_machine_would_be_found():
 
 def test_versions_agree():
     citation = yaml.safe_load((PROJECT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert citation["version"] == TABLE["version"]
+    assert citation["version"] == TABLE["version"] == TOOLKIT["version"]
+    assert f"{TOOLKIT['name']}[all]=={TOOLKIT['version']}" in TABLE["dependencies"]
     assert citation["title"] == TABLE["name"]
     assert citation["license"] == TABLE["license"]
     changes = (PROJECT / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -78,8 +91,8 @@ def read_lock(name: str) -> dict[str, tuple[str, int]]:
 @pytest.mark.parametrize(
     ("name", "requirements"),
     [
-        ("requirements.txt", TABLE["dependencies"]),
-        ("requirements-dev.txt", TABLE["dependencies"] + TABLE["optional-dependencies"]["dev"]),
+        ("requirements.txt", NEEDED),
+        ("requirements-dev.txt", NEEDED + TABLE["optional-dependencies"]["dev"]),
     ],
 )
 def test_the_lock_holds_what_the_project_asks_for(name, requirements):
