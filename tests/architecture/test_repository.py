@@ -19,7 +19,7 @@ NEEDED = [
     for text in (
         *TABLE["dependencies"],
         *TOOLKIT["dependencies"],
-        *sum(TOOLKIT["optional-dependencies"].values(), []),
+        *chain.from_iterable(TOOLKIT["optional-dependencies"].values()),
     )
     if Requirement(text).name != TOOLKIT["name"]
 ]

@@ -1,57 +1,86 @@
-"""What is installed: three packages with their configuration, working from any folder."""
+"""What is installed: the toolkit alone, with what it needs, and the whole project with its configuration."""
 
+import importlib.metadata
+import os
+import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterable, Iterator
+from email.parser import Parser
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
+from fis_tools.formats.serialize import load
 from pipeline.run import artifacts
-from tests.smoke.command_line import PROJECT, run_module
+from tests.places import PROJECT
+from tests.smoke.command_line import run_module
 
-PACKAGES = ("pipeline", "fis_tools", "telemetry")
+PACKAGES = ("pipeline", "telemetry")
+EXAMPLES = PROJECT / "docs" / "examples"
+MEGABYTE = 1e6
+#: What the toolkit may weigh with all that it needs, but for drawing and for reading scikit-fuzzy's systems.
+MOST_MB = 500.0
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=PROJECT, check=True, capture_output=True)  # noqa: S603
-    (path,) = folder.glob("*.whl")
+def build(folder: Path, into: Path) -> Path:
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(into)]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)  # noqa: S603
+    (path,) = into.glob("*.whl")
     return path
 
 
 @pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory) -> Path:
-    """A folder with the wheel's packages and nothing else of ours."""
-    site = tmp_path_factory.mktemp("site")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(PROJECT, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def small_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(PROJECT / "fis_tools", tmp_path_factory.mktemp("small_wheel"))
+
+
+def unpack(wheels: Iterable[Path], site: Path) -> None:
     run_module(
-        "pip", "install", "--quiet", "--no-index", "--no-deps", "--no-compile", "--target", site, wheel,
+        "pip", "install", "--quiet", "--no-index", "--no-deps", "--no-compile", "--target", site, *wheels,
         folder=site,
     )  # fmt: skip
-    return site
 
 
-def test_it_holds_the_packages_and_the_configuration_inside_pipeline_and_nothing_else(wheel):
-    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    expected = {
-        path.relative_to(PROJECT).as_posix()
-        for package in PACKAGES
-        for path in (PROJECT / package).rglob("*")
-        if path.is_file() and path.parent.name != "__pycache__"
-    }
-    expected |= {
-        f"pipeline/{path.relative_to(PROJECT).as_posix()}"
-        for path in (PROJECT / "conf").rglob("*")
-        if path.is_file()
-    }
-    assert names == expected
-    assert "telemetry/file/schema/inspection.proto" in names
-    assert "pipeline/conf/experiment/train.yaml" in names
+def content(wheel: Path) -> set[str]:
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
 
 
-def test_it_flies_from_any_folder_with_experiments_of_ones_own(installed, tmp_path):
+def sources(folder: Path) -> set[str]:
+    """The files below a folder, as they are called in a wheel."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.parent.name != "__pycache__")
+    return {path.relative_to(PROJECT).as_posix() for path in files}
+
+
+def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_nothing_else(
+    wheel: Path,
+) -> None:
+    expected = set().union(*(sources(PROJECT / package) for package in PACKAGES))
+    expected |= {f"pipeline/{name}" for name in sources(PROJECT / "conf")}
+    assert content(wheel) == expected
+    assert "telemetry/file/schema/inspection.proto" in content(wheel)
+    assert "pipeline/conf/experiment/train.yaml" in content(wheel)
+
+
+def test_the_toolkits_wheel_holds_its_package_and_the_licence(small_wheel: Path) -> None:
+    expected = sources(PROJECT / "fis_tools") - {"fis_tools/pyproject.toml"}
+    assert content(small_wheel) == expected | {"fis_tools/LICENSE"}
+    assert zipfile.ZipFile(small_wheel).read("fis_tools/LICENSE") == (PROJECT / "LICENSE").read_bytes()
+
+
+def test_it_flies_from_any_folder_with_experiments_of_ones_own(
+    wheel: Path, small_wheel: Path, tmp_path: Path
+) -> None:
+    installed = tmp_path / "site"
+    installed.mkdir()
+    unpack((wheel, small_wheel), installed)
     own = tmp_path / "mine" / "experiment"
     own.mkdir(parents=True)
     (own / "drift.yaml").write_text(
@@ -75,3 +104,148 @@ def test_it_flies_from_any_folder_with_experiments_of_ones_own(installed, tmp_pa
     assert "Drift for ten minutes." in listed.stdout
     where = run_module("pipeline", "--version", folder=tmp_path, environment=environment).stdout
     assert where == f"{artifacts.DISTRIBUTION} {artifacts.product_version()}\n"
+
+
+class Environment:
+    """A fresh virtual environment: the toolkit and what it declares to need, as it runs here."""
+
+    def __init__(self, folder: Path, wheel: Path) -> None:
+        self.folder = folder
+        run_module("venv", "--without-pip", folder, folder=folder.parent)
+        (self.site,) = folder.rglob("site-packages")
+        unpack((wheel,), self.site)
+        (metadata,) = self.site.glob("fis_tools-*.dist-info/METADATA")
+        self._declared = Parser().parsestr(metadata.read_text(encoding="utf-8")).get_all("Requires-Dist", [])
+        self.distributions: set[str] = set()
+        self.add("")
+
+    def add(self, extra: str) -> None:
+        """Install what the toolkit declares to need, for an extra of it."""
+        waiting = _applying(self._declared, {extra})
+        while waiting:
+            wanted = waiting.pop()
+            if wanted.name not in self.distributions:
+                self.distributions.add(wanted.name)
+                found = importlib.metadata.distribution(wanted.name)
+                assert wanted.specifier.contains(found.version)
+                self._copy(found)
+                waiting += _applying(found.requires or [], wanted.extras or {""})
+
+    def _copy(self, distribution: importlib.metadata.Distribution) -> None:
+        for file in distribution.files or []:
+            source = Path(str(distribution.locate_file(file)))
+            if ".." not in file.parts and source.suffix != ".pyc" and source.is_file():
+                target = self.site / file
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(source, target)
+
+    def size_mb(self) -> float:
+        return sum(path.stat().st_size for path in self.site.rglob("*") if path.is_file()) / MEGABYTE
+
+    def run(self, *words: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+        python = next(self.folder.glob("bin/python"), self.folder / "Scripts" / "python.exe")
+        inherited = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+        done = subprocess.run(  # noqa: S603
+            [python, *map(str, words)],
+            cwd=self.folder,
+            env=inherited,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+        return done
+
+    def tools(self, *words: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+        return self.run("-m", "fis_tools", *words, code=code)
+
+
+def _applying(texts: Iterable[str], extras: set[str]) -> list[Requirement]:
+    """The requirements that hold on this machine for one of the extras; the empty one stands for none."""
+    wanted = map(Requirement, texts)
+    return [
+        one for one in wanted if one.marker is None or any(one.marker.evaluate({"extra": e}) for e in extras)
+    ]
+
+
+@pytest.fixture(scope="module")
+def alone(small_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Environment]:
+    environment = Environment(tmp_path_factory.mktemp("alone") / "environment", small_wheel)
+    yield environment
+    shutil.rmtree(environment.folder)
+
+
+@pytest.mark.slow
+def test_the_toolkit_alone_is_small_and_sees_nothing_else(
+    alone: Environment, capsys: pytest.CaptureFixture[str]
+) -> None:
+    size = alone.size_mb()
+    with capsys.disabled():
+        print(f"\nfis-tools with {', '.join(sorted(alone.distributions))}: {size:.0f} MB")  # noqa: T201
+    assert size < MOST_MB
+    look = "import importlib.util as u; print([n for n in %r if u.find_spec(n)])"
+    others = ["pipeline", "telemetry", "scipy", "skfuzzy", "matplotlib", "rerun", "pyarrow", "hydra", "mcap"]
+    assert alone.run("-c", look % others).stdout == "[]\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tipper.fis", "dimmer.fll", "pendulum.fml"])
+def test_the_toolkit_alone_runs_every_command(alone: Environment, tmp_path: Path, name: str) -> None:
+    own, simpler = tmp_path / "own.yaml", tmp_path / "simpler.yaml"
+    alone.tools("import", EXAMPLES / name, "-o", own)
+    inputs = ",".join(f"{v.name}={0.5 * (v.minimum + v.maximum)}" for v in load(own).systems[0].inputs)
+    for words in (
+        ("show", EXAMPLES / name, "--by", "importance"),
+        ("audit", EXAMPLES / name),
+        ("bounds", own),
+        ("explain", own, "--inputs", inputs),
+        ("surface", own),
+        *(("export", own, "--format", form) for form in ("markdown", "csv", "html", "latex", "json", "c")),
+    ):
+        assert alone.tools(*words).stdout
+    alone.tools("simplify", own, "--max-change", "5%", "-o", simpler)
+    alone.tools("diff", own, simpler)
+    alone.tools("review", own, "-o", tmp_path / "review.html")
+    assert (tmp_path / "review.html").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Path) -> None:
+    flight, system = tmp_path / "flight.mcap", EXAMPLES / "tipper.fis"
+    flight.touch()
+    changed = tmp_path / "changed.fis"
+    changed.write_text(system.read_text(encoding="utf-8").replace("[1.5 0]", "[2.5 0]"), encoding="utf-8")
+    plot, whole = '"fis-tools[plot]"', "./fis_tools . (in a copy of this project's sources)"
+    for package, cure, words in (
+        ("matplotlib", plot, ("plot", system)),
+        ("matplotlib", plot, ("surface", system, "-o", tmp_path / "surface.png")),
+        ("matplotlib", plot, ("diff", system, changed, "-o", tmp_path / "diff.html")),
+        ("the package telemetry", whole, ("firing", flight)),
+        ("the package telemetry", whole, ("show", flight)),
+    ):
+        told = alone.tools(*words, code=2).stderr
+        assert told.endswith(
+            f" needs {package}, which is not installed; install it: python -m pip install {cure}\n"
+        )
+        assert told.count("\n") == 1
+    compile_anything = (
+        "import fis_tools\ntry:\n    fis_tools.compile(1)\nexcept fis_tools.MissingExtra as e:\n    print(e)"
+    )
+    assert alone.run("-c", compile_anything).stdout.endswith('pip install "fis-tools[scikit-fuzzy]"\n')
+
+
+@pytest.mark.slow
+def test_the_extras_of_the_toolkit_bring_what_they_say(small_wheel: Path, tmp_path: Path) -> None:
+    environment = Environment(tmp_path / "environment", small_wheel)
+    environment.add("all")
+    environment.tools("plot", EXAMPLES / "tipper.fis", "-o", tmp_path / "figures")
+    assert len(list((tmp_path / "figures").glob("*.png"))) >= 3
+    code = (
+        f"import sys; sys.path.insert(0, {str(EXAMPLES)!r})\nimport fis_tools\n"
+        "from tipping import build_tipping\n"
+        "print(fis_tools.compile(build_tipping())({'quality': 6.5, 'service': 9.8})['tip'])"
+    )
+    assert 0.0 < float(environment.run("-c", code).stdout) < 25.0
+    shutil.rmtree(environment.folder)
