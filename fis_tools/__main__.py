@@ -5,26 +5,9 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
-from fis_tools.commands import (
-    audit,
-    bounds,
-    diff,
-    explain,
-    export,
-    firing,
-    import_,
-    plot,
-    review,
-    show,
-    simplify,
-    surface,
-)
-from fis_tools.commands.arguments import UserMistake
-from fis_tools.formats.error import ControllerFileError
-from fis_tools.model.extras import MissingExtra
-
-COMMANDS = (show, plot, surface, export, import_, audit, explain, firing, bounds, simplify, diff, review)
+from fis_tools.commands import SUMMARIES
 
 EPILOG = """\
 examples:
@@ -45,8 +28,8 @@ examples:
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Build the parser of the command line."""
+def build_parser(asked: str | None) -> argparse.ArgumentParser:
+    """Build the parser of the command line; of the commands, only the one that is asked for is imported."""
     parser = argparse.ArgumentParser(
         prog="python -m fis_tools",
         description="Review a fuzzy controller: look at it, draw it, and ask why it does what it does.",
@@ -54,9 +37,29 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add(commands)
+    for name, summary in SUMMARIES.items():
+        command = commands.add_parser(
+            name,
+            help=summary,
+            description=summary[0].upper() + summary[1:],
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name == asked:
+            # a keyword of Python cannot name a module
+            module = import_module(f"fis_tools.commands.{'import_' if name == 'import' else name}")
+            module.add(command)
+            command.epilog = module.EPILOG
+            command.set_defaults(run=module.run)
     return parser
+
+
+def _mistakes() -> tuple[type[Exception], ...]:
+    """Return the errors that a person can put right, each with a sentence that says how."""
+    from fis_tools.commands.arguments import UserMistake  # noqa: PLC0415 - takes long, and is rarely needed
+    from fis_tools.formats.error import ControllerFileError  # noqa: PLC0415
+    from fis_tools.model.extras import MissingExtra  # noqa: PLC0415
+
+    return ControllerFileError, MissingExtra, UserMistake
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -64,8 +67,9 @@ def main(words: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # what goes into a file must read back, in whichever locale it was written
         sys.stdout.reconfigure(encoding=None if sys.stdout.isatty() else "utf-8", errors="replace")
-    parser = build_parser()
-    if not (sys.argv[1:] if words is None else words):
+    words = sys.argv[1:] if words is None else words
+    parser = build_parser(next((word for word in words if not word.startswith("-")), None))
+    if not words:
         parser.print_help()
         return 2
     arguments = parser.parse_args(words)
@@ -80,7 +84,7 @@ def main(words: Sequence[str] | None = None) -> int:
         place = mistake.filename or "the output"
         print(f"error: {place} cannot be written ({mistake.strerror}); choose another place", file=sys.stderr)
         return 2
-    except (ControllerFileError, MissingExtra, UserMistake) as mistake:
+    except _mistakes() as mistake:
         print(f"error: {mistake}", file=sys.stderr)
         return 2
     return int(status)

@@ -2,10 +2,8 @@
 
 import argparse
 import re
-from collections.abc import Callable
 from math import inf, isfinite
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +13,6 @@ from fis_tools.analysis.contribution import importance
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
-
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 Floats = NDArray[np.float64]
 
@@ -33,18 +29,10 @@ class UserMistake(ValueError):  # noqa: N818
     """What the person at the keyboard can put right, told in a sentence."""
 
 
-def add_command(
-    commands: Commands,
-    name: str,
-    run: Callable[[argparse.Namespace], int | None],
-    summary: str,
-) -> argparse.ArgumentParser:
-    """Add a command that is about one controller."""
-    command = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:])
-    command.set_defaults(run=run)
+def add_controller(command: argparse.ArgumentParser) -> None:
+    """Let a command be about one controller, or one system of it."""
     command.add_argument("controller", metavar="CONTROLLER", help=CONTROLLER_HELP)
     command.add_argument("--system", metavar="NAME", help="only this system of the controller")
-    return command
 
 
 def add_flights(

@@ -6,9 +6,8 @@ import shutil
 from dataclasses import fields, replace
 
 from fis_tools.commands.arguments import (
-    Commands,
     UserMistake,
-    add_command,
+    add_controller,
     add_flights,
     assignments,
     chosen,
@@ -53,11 +52,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(commands, "audit", run, "list what a reviewer should know: gaps, slips, idle rules")
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     add_flights(command)
     command.add_argument(
         "--json", action="store_true", help="print it for programs (schema fuzzy-audit, version 1)"

@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
-from fis_tools.commands.arguments import Commands, UserMistake, add_command, chosen, the_system
+from fis_tools.commands.arguments import UserMistake, add_controller, chosen, the_system
 from fis_tools.source import read_controller
 
 EPILOG = """\
@@ -23,11 +23,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(commands, "bounds", run, "prove what the outputs can and cannot be in a region")
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     command.add_argument(
         "--where", metavar="CONDITIONS", default="", help="on inputs (default: all that their ranges hold)"
     )

@@ -5,9 +5,8 @@ import json
 from pathlib import Path
 
 from fis_tools.commands.arguments import (
-    Commands,
     UserMistake,
-    add_command,
+    add_controller,
     add_flights,
     chosen,
     flown_inputs,
@@ -32,11 +31,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(commands, "diff", run, "tell what changed from one controller to another")
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     command.add_argument("after", metavar="AFTER", help="the controller that CONTROLLER is compared with")
     add_flights(command, "along which outputs are compared as well")
     command.add_argument(

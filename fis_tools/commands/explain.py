@@ -6,9 +6,8 @@ import math
 from typing import Any
 
 from fis_tools.commands.arguments import (
-    Commands,
     UserMistake,
-    add_command,
+    add_controller,
     add_flights,
     chosen,
     flown_inputs,
@@ -35,13 +34,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands, "explain", run, "tell why: which rules moved the output, what would flip it"
-    )
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     add_instant(command)
     add_flights(command)
     command.add_argument(

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from fis_tools.analysis.arrays import Floats
 from fis_tools.commands.arguments import (
-    Commands,
     UserMistake,
-    add_command,
+    add_controller,
     add_order,
     chosen,
     file_name,
@@ -83,13 +82,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands, "export", run, "write a controller as tables, for other programs, or as C source"
-    )
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     command.add_argument("--format", choices=list(FORMS), required=True, help="what to write")
     command.add_argument(
         "-o",

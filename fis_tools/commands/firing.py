@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from fis_tools.analysis import arrays, flights
-from fis_tools.commands.arguments import Commands, chosen
+from fis_tools.commands.arguments import chosen
 from fis_tools.words import text
 
 EPILOG = """\
@@ -18,16 +18,8 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = commands.add_parser(
-        "firing",
-        help="print which rules fired along logged flights",
-        description="Print which rules fired along logged flights, those that fired most often first.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.set_defaults(run=run)
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
     command.add_argument(
         "flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) of one controller"
     )

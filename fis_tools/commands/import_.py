@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fis_tools.commands.arguments import Commands, UserMistake, write
+from fis_tools.commands.arguments import UserMistake, write
 from fis_tools.formats import serialize
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable
@@ -22,17 +22,8 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = commands.add_parser(
-        "import",
-        help="make a controller file of files from MATLAB, fuzzylite or IEEE 1855",
-        description="Make one controller file of files from MATLAB (.fis), fuzzylite (.fll) or IEEE 1855 "
-        "(.fml, .xml), one system each.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.set_defaults(run=run)
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
     command.add_argument(
         "files", nargs="+", metavar="FILE", help=f"files to read ({', '.join(serialize.ENDINGS)})"
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from fis_tools.analysis import flights
-from fis_tools.commands.arguments import Commands, UserMistake, add_command, chosen, file_name, place_for
+from fis_tools.commands.arguments import UserMistake, add_controller, chosen, file_name, place_for
 from fis_tools.commands.instant import add_instant, samples
 from fis_tools.engines.inference import Floats, infer
 from fis_tools.source import read_controller
@@ -32,13 +32,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands, "plot", run, "draw membership functions, rules, surfaces and inferences into a folder"
-    )
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     command.add_argument(
         "-o", "--output", metavar="DIR", default=".", help="folder for the pictures (default: here)"
     )

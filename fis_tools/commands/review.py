@@ -4,8 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fis_tools.commands.arguments import Commands, add_command, chosen, place_for
-from fis_tools.engines import cache
+from fis_tools.commands.arguments import add_controller, chosen, place_for
 from fis_tools.source import read_controller
 
 EPILOG = """\
@@ -21,13 +20,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands, "review", run, "write one HTML page to review a controller and sign it off"
-    )
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     command.add_argument(
         "--flights",
         metavar="FLIGHT",
@@ -48,8 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     paths = arguments.flights
     if not paths and Path(arguments.controller).suffix == ".mcap":
         paths = [arguments.controller]
-    first = "; the first one also compiles, about 30 s" if cache.is_cold() else ""
-    print(f"reviewing {controller.name}{first}", file=sys.stderr)
+    print(f"reviewing {controller.name}", file=sys.stderr)
     text = page.write(controller, paths, arguments.system)
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")

@@ -2,7 +2,7 @@
 
 import argparse
 
-from fis_tools.commands.arguments import Commands, add_command, add_order, chosen, importance_asked
+from fis_tools.commands.arguments import add_controller, add_order, chosen, importance_asked
 from fis_tools.formats.printed import text
 from fis_tools.source import read_controller
 
@@ -15,11 +15,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(commands, "show", run, "print variables, terms and rule tables")
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     add_order(command)
 
 

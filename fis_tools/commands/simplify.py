@@ -6,9 +6,8 @@ import sys
 from pathlib import Path
 
 from fis_tools.commands.arguments import (
-    Commands,
     UserMistake,
-    add_command,
+    add_controller,
     add_flights,
     chosen,
     flown_inputs,
@@ -38,11 +37,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(commands, "simplify", run, "make a simpler controller that answers nearly the same")
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     add_flights(command)
     defaults = Budget()
     for name, default, what in (

@@ -9,9 +9,8 @@ import numpy as np
 
 from fis_tools.analysis import arrays
 from fis_tools.commands.arguments import (
-    Commands,
     UserMistake,
-    add_command,
+    add_controller,
     assignments,
     count,
     flown_inputs,
@@ -36,13 +35,9 @@ examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands, "surface", run, "evaluate an output over two inputs, as numbers or a picture"
-    )
-    command.epilog = EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    add_controller(command)
     command.add_argument("--x", metavar="INPUT", help="input along x (default: the first that is free)")
     command.add_argument("--y", metavar="INPUT", help="input along y (default: the next that is free)")
     command.add_argument("--of", metavar="OUTPUT", help="which output (default: the first)")

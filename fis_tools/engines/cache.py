@@ -1,134 +1,248 @@
-"""Where compiled kernels are cached, and why a stale one cannot be loaded.
+"""Where compiled code is kept, why a stale one cannot be loaded, and whose code is never loaded.
 
 numba's own cache looks at the file that holds a compiled function, not at the files of the functions it
-calls, so a change in a callee would be missed. The cache folder is therefore named after a hash of every
-source file that compiled code can depend on: the files that compile, and whatever they import from the same
-packages, at any remove. Any change of any of them starts an empty folder.
+calls, so it would miss a change in a callee. Here every module with compiled functions has a cache folder
+named after a hash of its own source and of all that it imports, at any remove, from the packages that
+compile. An edit starts new folders for the modules that depend on the edited file, and for no others.
+
+A cache is unpickled, so whoever can write to it can run code as its user. It is used only in a folder that
+belongs to the user and that nobody else can write to or replace.
 """
 
 import hashlib
 import os
+import platform
 import re
 import shutil
-import sys
+import stat
 import time
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
-import numba
-
-CACHE_NAME = "fuzzy-spacecraft-inspection"
+CACHE_NAME = "fis-tools"
 KEPT_DAYS = 30
+DAY_S = 86400.0
 
-#: What marks a file that compiles, and the imports of a file: `from X import Y, …` and `import X`.
-COMPILES = re.compile(rb"^@(numba\.)?n?jit\b", re.MULTILINE)
-IMPORTS = re.compile(
-    rb"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE
-)
+#: The distributions whose version shapes compiled code.
+COMPILERS = ("numba", "llvmlite", "numpy")
 
-#: numba makes its attributes at run time, out of a type checker's sight
-_numba_config: Any = numba.config
+#: Modules that every compiled function's module imports, and that leave its code alone.
+SHAPING_NOTHING = {"fis_tools.engines.code_cache", "fis_tools.engines.notice"}
+
+#: The imports of a file: `from X import Y, …` and `import X`; and what only type checkers see.
+IMPORTS = re.compile(r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
+FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
+
+#: When this module was loaded. A source that has changed since may not be the one that runs.
+_loaded_ns = time.time_ns()
+
+#: Packages with compiled functions, and the folder that each lies in.
+_roots: dict[str, Path] = {}
 
 
-def source_hash(packages: tuple[Path, ...]) -> str:
-    """Hash the sources that compiled code depends on, together with the versions that shape it.
+@dataclass(frozen=True)
+class Refused:
+    """Why compiled code is not kept.
 
     Parameters
     ----------
-    packages : tuple of Path
-        Package folders. Of the ``*.py`` below them those count that hold a compiled function, and those that
-        they import.
-
-    Returns
-    -------
-    str
-        Sixteen hexadecimal digits.
+    reason : str
+        The fact and its cure, in a sentence without its full stop.
     """
-    digest = hashlib.sha256(f"{sys.version_info[:3]} {numba.__version__}".encode())
-    contents = {
-        path.relative_to(package.parent).as_posix(): path.read_bytes()
-        for package in packages
-        for path in package.rglob("*.py")
-    }
-    for name in sorted(_taking_part(contents)):
-        digest.update(name.encode())
-        digest.update(contents[name])
-    return digest.hexdigest()[:16]
+
+    reason: str
 
 
-def _taking_part(contents: dict[str, bytes]) -> set[str]:
-    """Return the files that compile and all that these import from among the same files."""
-    modules = {
-        name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): name for name in contents
-    }
-    found: set[str] = set()
-    waiting = [name for name, content in contents.items() if COMPILES.search(content)]
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            waiting += [modules[word] for word in _imported(contents[name]) if word in modules]
-    return found
+@dataclass(frozen=True)
+class Sources:
+    """What the compiled functions of a module depend on.
+
+    Parameters
+    ----------
+    files : tuple of str
+        The module's own file and all that it imports from packages that compile, at any remove.
+    digest : str
+        Sixteen hexadecimal digits of a hash over the files and the versions of the compilers.
+    """
+
+    files: tuple[str, ...]
+    digest: str
 
 
-def _imported(content: bytes) -> list[str]:
-    """Return every dotted name that may be a module among the imports of a file."""
-    words = []
-    for parent, children, whole in IMPORTS.findall(content):
-        names = [word.split()[0] for word in re.split(rb"[,()\n]", children or whole) if word.strip()]
-        words += [parent, *(parent + b"." + name for name in names)] if parent else names
-    return [word.decode() for word in words]
+def register(function: Callable[..., Any]) -> None:
+    """Note that the package of a function compiles, so that imports from it are followed."""
+    path = Path(function.__code__.co_filename)
+    depth = function.__module__.count(".") + (path.name == "__init__.py")
+    _roots.setdefault(function.__module__.partition(".")[0], path.parents[depth])
+
+
+def place_for(function: Callable[..., Any]) -> Path | Refused:
+    """Return the folder for the compiled code of a function's module; it is made if it is missing."""
+    try:
+        sources = sources_of(function.__module__, function.__code__.co_filename)
+        changed = changed_since_loaded(sources.files)
+        if changed is not None:
+            return Refused(f"{changed} has changed since it was loaded; start Python anew")
+        root = cache_root()
+    except (OSError, RuntimeError) as error:  # no source, no home
+        return Refused(f"there is no place for it ({error}); set NUMBA_CACHE_DIR to a folder of your own")
+    name = f"{function.__module__}-{sources.digest}"
+    try:
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        refused = refusal(root)
+        if refused is None:
+            _make(root / name)
+    except OSError as error:
+        return Refused(
+            f"{root} cannot be written ({error.strerror}); set NUMBA_CACHE_DIR to a folder of your own"
+        )
+    return refused or root / name
 
 
 def cache_root() -> Path:
-    """Return the folder that holds one cache folder for each state of the sources."""
+    """Return the folder that holds the cache folders of all modules.
+
+    Raises
+    ------
+    RuntimeError
+        If no variable names one and the user has no home.
+    """
     chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-    return (Path(chosen) if chosen else Path.home() / ".cache") / CACHE_NAME
+    return (Path(chosen).absolute() if chosen else Path.home() / ".cache") / CACHE_NAME
 
 
-def use_cache_keyed_by(*packages: Path) -> Path:
-    """Point numba's on-disk cache at a folder of its own for this exact state of the sources.
+def _make(folder: Path) -> None:
+    """Make a folder, and drop old ones for it; note on one that is there that it is still in use."""
+    try:
+        folder.mkdir(mode=0o700)
+    except FileExistsError:
+        os.utime(folder)
+    else:
+        drop_old_caches(folder.parent)
 
-    Call it in a package's ``__init__``, before any module with a compiled function is imported.
+
+def drop_old_caches(root: Path) -> None:
+    """Remove the folders that nobody has used for a month, so that edits do not fill the disk."""
+    oldest = time.time() - KEPT_DAYS * DAY_S
+    with suppress(OSError):
+        for folder in root.iterdir():
+            with suppress(OSError):  # another process may be at it as well
+                if folder.is_dir() and folder.stat().st_mtime < oldest:
+                    shutil.rmtree(folder, ignore_errors=True)
+
+
+def refusal(folder: Path) -> Refused | None:
+    """Return why a folder's content may come from somebody else; None if it cannot.
+
+    The folder must be the user's own, and nobody else may replace anything in it or in the folders above.
+    """
+    if not hasattr(os, "getuid"):  # Windows: what lies below a user's profile is the user's
+        return None
+    resolved = folder.resolve()
+    fact = f"{folder} is a link" if folder.is_symlink() else None
+    for place in (resolved, *resolved.parents):
+        status = place.stat()
+        owners = {os.getuid()} if place == resolved else {0, os.getuid()}
+        # nobody can replace what belongs to another in a folder like /tmp
+        is_safe_above = place != resolved and status.st_mode & stat.S_ISVTX
+        if status.st_uid not in owners:
+            fact = fact or f"{place} belongs to somebody else"
+        elif _others_may_write(status) and not is_safe_above:
+            fact = fact or f"others may write to {place}"
+    if fact is None:
+        return None
+    return Refused(
+        f"{fact}; set NUMBA_CACHE_DIR to a folder of your own, in folders that only you can write to"
+    )
+
+
+def _others_may_write(status: os.stat_result) -> bool:
+    """Tell whether the mode lets others write; a user's group of the same name has nobody else in it."""
+    import grp  # noqa: PLC0415 - not on every system
+    import pwd  # noqa: PLC0415
+
+    if status.st_mode & stat.S_IWOTH or not status.st_mode & stat.S_IWGRP:
+        return bool(status.st_mode & stat.S_IWOTH)
+    try:
+        group = grp.getgrgid(status.st_gid)
+        user = pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return True
+    return group.gr_name != user or any(member != user for member in group.gr_mem)
+
+
+def changed_since_loaded(files: Iterable[str]) -> str | None:
+    """Return the first of the files that is newer than this process's code; None if none is."""
+    for file in files:
+        status = os.stat(file)
+        # the second cannot be set back by whoever copies a file with its time
+        if max(status.st_mtime_ns, status.st_ctime_ns) > _loaded_ns:
+            return file
+    return None
+
+
+@cache
+def sources_of(module: str, file: str) -> Sources:
+    """Find what the compiled functions of a module depend on.
 
     Parameters
     ----------
-    *packages : Path
-        The package folders that compiled functions come from.
+    module : str
+        Its dotted name.
+    file : str
+        Its path.
 
-    Returns
-    -------
-    Path
-        The cache folder, which need not exist yet.
+    Raises
+    ------
+    OSError
+        If a source cannot be read.
     """
-    folder = cache_root() / source_hash(packages)
-    _numba_config.CACHE_DIR = str(folder)
-    return folder
+    digest = hashlib.sha256(_versions().encode())
+    found: dict[str, str] = {}
+    waiting = [(module, file)]
+    while waiting:
+        name, path = waiting.pop()
+        if name not in found and name not in SHAPING_NOTHING:
+            found[name] = path
+            package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
+            words = (resolve_name(word, package) for word in _read(path)[1])
+            waiting += [(word, place) for word in words if (place := _file_of(word)) is not None]
+    for name in sorted(found):
+        digest.update(f"{name} {_read(found[name])[0]}\n".encode())
+    return Sources(tuple(found.values()), digest.hexdigest()[:16])
 
 
-def is_cold() -> bool:
-    """Tell whether nothing has been compiled yet for the present state of the sources."""
-    folder = Path(_numba_config.CACHE_DIR)
-    return not (folder.is_dir() and any(folder.rglob("*.nbi")))
+@cache
+def _versions() -> str:
+    """Return the versions that shape compiled code."""
+    return " ".join((platform.python_version(), *map(version, COMPILERS)))
 
 
-def drop_old_caches() -> None:
-    """Remove caches that nothing was added to for a month, so that edits do not fill the disk."""
-    root = cache_root()
-    if not root.is_dir():
-        return
-    oldest = time.time() - KEPT_DAYS * 86400.0
-    for folder in (path for path in root.iterdir() if path.is_dir()):
-        if _last_change(folder) < oldest:
-            shutil.rmtree(folder, ignore_errors=True)
+@cache
+def _read(file: str) -> tuple[str, tuple[str, ...]]:
+    """Return a hash of a source, and every name in its imports that may be a module, relative or not."""
+    source = Path(file).read_bytes()
+    text = FOR_TYPES_ALONE.sub("", source.decode("utf-8", "replace").replace("\r\n", "\n"))
+    words = []
+    for parent, children, whole in IMPORTS.findall(text):
+        names = [word.split()[0] for word in re.split(r"[,()\n]", children or whole) if word.strip()]
+        joint = "" if parent.endswith(".") else "."
+        words += [parent, *(f"{parent}{joint}{name}" for name in names)] if parent else names
+    return hashlib.sha256(source).hexdigest(), tuple(words)
 
 
-def _last_change(folder: Path) -> float:
-    """Return when a folder or anything in it was last written; files may vanish under our eyes."""
-    newest = 0.0
-    for parent, _, names in os.walk(folder):
-        for name in ("", *names):
-            with suppress(FileNotFoundError):
-                newest = max(newest, Path(parent, name).stat().st_mtime)
-    return newest
+@cache
+def _file_of(module: str) -> str | None:
+    """Return the source of a module of the packages that compile; None for any other name."""
+    root = _roots.get(module.partition(".")[0])
+    if root is None:
+        return None
+    base = root.joinpath(*module.split("."))
+    candidates = (base.with_name(f"{base.name}.py"), base / "__init__.py")
+    return next((os.fspath(path) for path in candidates if path.is_file()), None)
