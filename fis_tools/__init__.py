@@ -14,10 +14,7 @@
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from fis_tools.engines import cache
 
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
@@ -33,8 +30,6 @@ _PLACES = {
     "compile": "engines.compiler",
     "read_controller": "source",
 }
-
-cache.use_cache_keyed_by(Path(__file__).parent)
 
 
 def __getattr__(name: str) -> Any:

@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ DAY_S = 86400.0
 COMPILERS = ("numba", "llvmlite", "numpy")
 
 #: Modules that every compiled function's module imports, and that leave its code alone.
-SHAPING_NOTHING = {"fis_tools.engines.code_cache", "fis_tools.engines.notice"}
+SHAPING_NOTHING = {"fis_tools.engines.cache", "fis_tools.engines.notice"}
 
 #: The imports of a file: `from X import Y, …` and `import X`; and what only type checkers see.
 IMPORTS = re.compile(r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
@@ -221,6 +220,8 @@ def sources_of(module: str, file: str) -> Sources:
 @cache
 def _versions() -> str:
     """Return the versions that shape compiled code."""
+    from importlib.metadata import version  # noqa: PLC0415 - takes long to import
+
     return " ".join((platform.python_version(), *map(version, COMPILERS)))
 
 

@@ -1,7 +1,7 @@
 """The decorator of every compiled function: numba at the first call, with a cache and a notice of our own.
 
 Importing a module with compiled functions does not import numba. The first call makes numba's dispatcher and
-gives it a cache folder of its own (`fis_tools.engines.code_cache`). numba's settings for the process, and the
+gives it a cache folder of its own (`fis_tools.engines.cache`). numba's settings for the process, and the
 compiled functions of other packages, stay as they are.
 """
 
@@ -13,7 +13,7 @@ from functools import update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
-from fis_tools.engines import code_cache as cache
+from fis_tools.engines import cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 

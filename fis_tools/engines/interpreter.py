@@ -6,9 +6,9 @@ samples, with every operator, weight, universe, output and defuzzifier of the mo
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.program import (
     BISECTOR,
     BOUNDED_DIFFERENCE,
@@ -73,7 +73,7 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     return columns.T
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - a line an operator
     """Return what one operator makes of two degrees of truth, as `fis_tools.model.operators` does."""
     if operator == MIN:
@@ -110,7 +110,7 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
     return 1.0 - a
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def _fuzzify(layout: Integers, universes: Floats, memberships: Floats, x: float, out: Floats) -> None:
     """Write how far a value belongs to each term of an input, linear between the points of its universe."""
     terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
@@ -125,7 +125,7 @@ def _fuzzify(layout: Integers, universes: Floats, memberships: Floats, x: float,
         out[term] = memberships[here + terms + term] * distance + memberships[here + term]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _fire(
     inputs: Integers,
     universes: Floats,
@@ -164,7 +164,7 @@ def _fire(
                 out[first + lane, rule] = slots[rule_slots[rule] * LANES + lane]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _conclude(
     universe: Floats,
     memberships: Floats,
@@ -208,7 +208,7 @@ def _conclude(
             out[sample] = _of_maximum(defuzzifier, x, y, count, highest)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, crossings: Floats) -> int:
     """Write where terms cross their cuts between two points of the universe, ascending; return how many."""
     count = 0
@@ -235,7 +235,7 @@ def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, 
     return count
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def _merge(
     universe: Floats,
     memberships: Floats,
@@ -274,7 +274,7 @@ def _merge(
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _centroid(x: Floats, y: Floats, count: int) -> float:
     """Return the centre of area of a polygon, summed segment by segment."""
     moment, area = 0.0, 0.0
@@ -295,7 +295,7 @@ def _centroid(x: Floats, y: Floats, count: int) -> float:
     return moment / max(area, SMALLEST_AREA)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
     """Return where half of the area lies on either side, as `fis_tools.engines.inference` explains it."""
     total = 0.0
@@ -324,7 +324,7 @@ def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
     return middle
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
     """Return the mean, the least or the greatest of the highest points."""
     total, found, least, greatest = 0.0, 0, 0.0, 0.0

@@ -10,9 +10,9 @@ Bounds are rows of two numbers, the lower first.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.interpreter import SMALLEST_AREA, combine
 from fis_tools.engines.program import (
     CENTROID,
@@ -90,7 +90,7 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     return limits[:, :, 0].T, limits[:, :, 1].T, variation
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, variation: Floats) -> None:
     """Bound how strongly each rule fires over each box, before weights."""
     num_terms = antecedents.inputs[:, 0].sum()
@@ -112,7 +112,7 @@ def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, vari
             out[box, rule] = slots[antecedents.rule_slots[rule]]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _memberships(antecedents: Antecedents, place: int, low: float, high: float, out: Floats) -> float:
     """Bound the memberships in the terms of one input over an interval; return how much they vary.
 
@@ -145,7 +145,7 @@ def _memberships(antecedents: Antecedents, place: int, low: float, high: float, 
     return variation
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _combine(operator: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     """Bound the result of one step. Operators grow with either degree; those that round are widened."""
     if operator == NOT:
@@ -157,13 +157,13 @@ def _combine(operator: int, a: tuple[float, float], b: tuple[float, float]) -> t
     return _widened(combine(operator, a[0], b[0]), combine(operator, a[1], b[1]))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _widened(low: float, high: float) -> tuple[float, float]:
     """Widen bounds by the rounding of some operations on numbers that are not negative; zero stays zero."""
     return low * (1.0 - 8 * EPSILON), high * (1.0 + 8 * EPSILON)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _conclude(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
     """Bound one output for bounded firing strengths, (n, rules, 2)."""
     num_terms, num_points = conclusion.memberships.shape
@@ -175,7 +175,7 @@ def _conclude(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
         out[box] = _defuzzify(conclusion, cuts, heights, segments, sums)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _cut(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
     """Bound the height at which each output term is cut."""
     for term in range(len(out)):
@@ -190,7 +190,7 @@ def _cut(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
         out[term, 0], out[term, 1] = all_together
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _defuzzify(
     conclusion: Conclusion, cuts: Floats, heights: Floats, segments: Floats, sums: Floats
 ) -> tuple[float, float]:
@@ -218,7 +218,7 @@ def _defuzzify(
     return low, high
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, float]:
     """Bound the aggregated heights at the points of the universe; return the highest of either bound."""
     out[:] = 0.0
@@ -232,7 +232,7 @@ def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, 
     return out[:, 0].max(), out[:, 1].max()
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _support(x: Floats, heights: Floats) -> tuple[float, float]:
     """Return the ends of the segments in which the aggregated set can be above zero."""
     first, last = 0, len(x) - 1
@@ -243,7 +243,7 @@ def _support(x: Floats, heights: Floats) -> tuple[float, float]:
     return x[max(first - 1, 0)], x[min(last + 1, len(x) - 1)]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _of_maximum(
     conclusion: Conclusion, cuts: Floats, highest_low: float, low: float, high: float
 ) -> tuple[float, float]:
@@ -264,7 +264,7 @@ def _of_maximum(
     return left - slack, right + slack
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> float:
     """Return how far from a point towards its neighbour a membership function stays at a height or above."""
     if other < 0 or other == len(x) or mu[other] >= height:
@@ -273,7 +273,7 @@ def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> f
     return way
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _is_crossed(conclusion: Conclusion, cuts: Floats, left: int) -> bool:
     """Tell whether a cut can cross its membership function between a point of the universe and the next."""
     for term in range(len(cuts)):
@@ -283,7 +283,7 @@ def _is_crossed(conclusion: Conclusion, cuts: Floats, left: int) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _segments(conclusion: Conclusion, centre: float, cuts: Floats, heights: Floats, out: Floats) -> float:
     """Write a function below and one above all that the aggregated set can be, segment by segment.
 
@@ -320,7 +320,7 @@ def _segments(conclusion: Conclusion, centre: float, cuts: Floats, heights: Floa
     return area
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _steepest(conclusion: Conclusion, cuts: Floats, left: int) -> float:
     """Return the largest membership at the ends of a segment in a term that can fire."""
     largest = 0.0
@@ -330,7 +330,7 @@ def _steepest(conclusion: Conclusion, cuts: Floats, left: int) -> float:
     return largest
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _area_and_moment(
     x: float, width: float, left: float, right: float, tent: float, at: float
 ) -> tuple[float, float]:
@@ -340,7 +340,7 @@ def _area_and_moment(
     return line + triangle, moment + triangle * width * (1.0 + at) / 3.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _below(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tuple[float, float]:
     """Take the term with most area below its lowest cut; write its line and return its tent.
 
@@ -362,7 +362,7 @@ def _below(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tupl
     return best_tent, best_at
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _above(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tuple[float, float]:
     """Put a tent upon the line that reaches above every point inserted at the highest cuts.
 
@@ -389,7 +389,7 @@ def _above(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tupl
     return best_tent, best_at
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _least_centroid(
     x: Floats, centre: float, sign: float, segments: Floats, sums: Floats, relative_error: float
 ) -> float:
@@ -431,7 +431,7 @@ def _least_centroid(
     return best
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _balance(
     at: float,
     area: float,
@@ -456,7 +456,7 @@ def _balance(
     return value, -slope
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _zero_crossing(
     area: float,
     moment: float,

@@ -13,9 +13,9 @@ clipped terms are not inserted, as scikit-fuzzy does not insert them either.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.model.membership import is_unimodal, sample_terms
 from fis_tools.model.validate import validate
@@ -238,7 +238,7 @@ U_LANES = np.uint64(LANES)
 U_VECTOR = np.uint64(VECTOR)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def fuzzify(
     values: Floats,
     layout: Indices,
@@ -271,7 +271,7 @@ def fuzzify(
     return end
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def cut_terms(rules: Indices, layout: Indices, system: np.uint64, scratch: Floats) -> None:
     """Write the height at which each output term is cut in each lane: the strongest of its rules."""
     inputs = layout[system]
@@ -298,7 +298,7 @@ def cut_terms(rules: Indices, layout: Indices, system: np.uint64, scratch: Float
 
 
 # The sums may be taken in any order: that is what lets them run on vector units.
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def grid_sums(
     values: Floats, grid: np.uint64, width: np.uint64, terms: np.uint64, scratch: Floats
 ) -> tuple[float, float]:
@@ -341,7 +341,7 @@ def grid_sums(
     return total, moment
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def infer(
     values: Floats,
     rules: Indices,
@@ -378,7 +378,7 @@ def infer(
         outputs[lane] = centroid(values, rules, layout, system, scratch)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def centroid(values: Floats, rules: Indices, layout: Indices, system: np.uint64, scratch: Floats) -> float:
     """Return the centroid of the output's cut terms together, or the default where all cuts are zero."""
     terms = layout[system + U_OUTPUT]
@@ -407,7 +407,7 @@ def centroid(values: Floats, rules: Indices, layout: Indices, system: np.uint64,
     return output
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def crossing_triangles(
     values: Floats,
     rules: Indices,
@@ -466,7 +466,7 @@ def crossing_triangles(
     return area, moment
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def clipped(values: Floats, at: np.uint64, terms: np.uint64, fraction: float, cut: float) -> float:
     """Return one cut term between two points of the universe."""
     mu = values[at]
@@ -474,7 +474,7 @@ def clipped(values: Floats, at: np.uint64, terms: np.uint64, fraction: float, cu
     return mu if mu < cut else cut
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def height_between(
     values: Floats, row: np.uint64, fraction: float, terms: np.uint64, scratch: Floats
 ) -> float:
@@ -492,7 +492,7 @@ def height_between(
 
 
 # Both searches halve a step without a branch that depends on values, which a processor could not foresee.
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def rising(values: Floats, here: np.uint64, peak: np.uint64, top: np.uint64, cut: float) -> np.uint64:
     """Return how many points before the peak lie below the cut."""
     count = U0
@@ -504,7 +504,7 @@ def rising(values: Floats, here: np.uint64, peak: np.uint64, top: np.uint64, cut
     return count
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def falling(
     values: Floats, here: np.uint64, peak: np.uint64, points: np.uint64, top: np.uint64, cut: float
 ) -> np.uint64:
@@ -518,7 +518,7 @@ def falling(
     return last
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def _evaluate(
     values: Floats,
     rules: Indices,
@@ -540,7 +540,7 @@ def _evaluate(
             out[first + lane] = outputs[lane]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def _strengths(
     values: Floats,
     layout: Indices,

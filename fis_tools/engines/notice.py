@@ -13,7 +13,7 @@ from weakref import WeakSet
 
 from numba.core import event
 
-from fis_tools.engines.code_cache import Refused
+from fis_tools.engines.cache import Refused
 
 #: Nothing is told of what is over sooner; then in plain lines, so often.
 SHORTEST_S = 0.5

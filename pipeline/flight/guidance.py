@@ -18,9 +18,9 @@ from math import atan2, hypot, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -80,13 +80,13 @@ def cluster_memory(num_points: int) -> ClusterMemory:
     )
 
 
-@njit(cache=True)
+@compiled
 def num_clusters(num_candidates: int) -> int:
     """Return how many clusters some candidates make."""
     return (num_candidates + CLUSTER_SIZE - 1) // CLUSTER_SIZE
 
 
-@njit(cache=True)
+@compiled
 def _assign(
     candidates: Floats,
     num_candidates: int,
@@ -109,7 +109,7 @@ def _assign(
                 labels[i] = j
 
 
-@njit(cache=True)
+@compiled
 def start_centres(
     candidates: Floats,
     num_candidates: int,
@@ -177,7 +177,7 @@ def start_centres(
     return wanted
 
 
-@njit(cache=True)
+@compiled
 def _is_same(labels: Integers, labels_before: Integers, num_candidates: int) -> bool:
     """Tell whether the assignments of two passes agree."""
     num_different = 0
@@ -186,7 +186,7 @@ def _is_same(labels: Integers, labels_before: Integers, num_candidates: int) -> 
     return num_different == 0
 
 
-@njit(cache=True)
+@compiled
 def _sum_up(candidates: Floats, num_candidates: int, labels: Integers, sums: Floats, wanted: int) -> bool:
     """Sum the coordinates of each cluster and count it, in place, and tell whether one is empty."""
     sums[:wanted] = 0.0
@@ -202,7 +202,7 @@ def _sum_up(candidates: Floats, num_candidates: int, labels: Integers, sums: Flo
     return has_empty
 
 
-@njit(cache=True)
+@compiled
 def _relocate_empty_clusters(
     candidates: Floats, num_candidates: int, labels: Integers, distances: Floats, sums: Floats, wanted: int
 ) -> None:
@@ -228,7 +228,7 @@ def _relocate_empty_clusters(
         sums[j, 3] = 1.0
 
 
-@njit(cache=True)
+@compiled
 def _average(
     candidates: Floats, num_candidates: int, sums: Floats, centres: Floats, wanted: int, has_empty: bool
 ) -> None:
@@ -259,7 +259,7 @@ def _average(
                 centres[j, axis] = sums[largest, axis] - (sums[largest, 3] - 1.0) * mean
 
 
-@njit(cache=True)
+@compiled
 def cluster_centres(
     candidates: Floats,
     num_candidates: int,
@@ -321,7 +321,7 @@ def cluster_centres(
     return wanted
 
 
-@njit(cache=True)
+@compiled
 def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int:
     """Return the row of the centre nearest the deputy; among equals the lowest.
 
@@ -351,7 +351,7 @@ def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int
     return chosen
 
 
-@njit(cache=True)
+@compiled
 def choose_centroid(
     candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
 ) -> Floats:
@@ -363,7 +363,7 @@ def choose_centroid(
     return target / num_candidates
 
 
-@njit(cache=True)
+@compiled
 def choose_cluster(
     candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
 ) -> Floats:
@@ -438,7 +438,7 @@ def choose_cluster_sklearn(
     return target
 
 
-@njit(cache=True)
+@compiled
 def relative_angle(target_a: float, target_b: float, position_a: float, position_b: float) -> float:
     """Return the angle from the deputy's direction to the target's in a plane of Hill axes a and b.
 

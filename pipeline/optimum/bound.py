@@ -23,9 +23,9 @@ estimate: it says what is impossible, and may be far below what is possible.
 from math import cos, inf, pi, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.optimum.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -124,7 +124,7 @@ def sample_costs(problem: Problem) -> Floats:
     return lit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def slopes_of(gain: Floats, normals: Floats) -> Floats:
     """Return the slopes of a point's height at every sample, shape (K+1, K, 3), m/N.
 
@@ -145,7 +145,7 @@ def slopes_of(gain: Floats, normals: Floats) -> Floats:
     return slopes
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "nnan"})
+@compiled(nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "nnan"})
 def price_pair(
     one_slopes: Floats,
     other_slopes: Floats,

@@ -8,10 +8,10 @@ nearest, plus one for each metre outside the distance limits.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, differential_evolution
 
+from fis_tools.engines.compiled import compiled
 from pipeline.optimum.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ PERSONS_PER_GENE, GENERATIONS = 8, 100
 NEVER = -1e3
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def price_burns(
     genes: Floats,
     num_burns: int,

@@ -7,9 +7,9 @@ looks at the chief. Over the poles of the orbit plane, where k x r vanishes, y* 
 from math import atan2, cos, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.physics.quaternion import error_vector
 from pipeline.physics.vectors import cross, dot, norm, times
 
@@ -25,7 +25,7 @@ BLENDED_POLE = 0.2
 RETURN_RATE = 0.005
 
 
-@njit(cache=True)
+@compiled
 def _carried_y(x: Floats, previous_y: Floats) -> Floats:
     """Return the previous y* made orthogonal to x*, shape (3,)."""
     y = previous_y - dot(previous_y, x) * x
@@ -36,7 +36,7 @@ def _carried_y(x: Floats, previous_y: Floats) -> Floats:
     return y / length
 
 
-@njit(cache=True)
+@compiled
 def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
     """Return the desired second body axis.
 
@@ -60,7 +60,7 @@ def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
     return horizontal / length
 
 
-@njit(cache=True)
+@compiled
 def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) -> Floats:
     """Return the desired second body axis that never turns in haste over a pole.
 
@@ -98,7 +98,7 @@ def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) 
     return cos(turn) * carried + sin(turn) * sideways
 
 
-@njit(cache=True)
+@compiled
 def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
     """Return the desired attitude as a matrix from Hill to body components.
 
@@ -121,7 +121,7 @@ def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
     return dcm
 
 
-@njit(cache=True)
+@compiled
 def control_torque(
     quaternion_b_from_h: Floats,
     desired_b_from_h: Floats,

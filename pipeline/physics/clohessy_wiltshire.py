@@ -14,8 +14,9 @@ Systems, section 14.4).
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ Floats = NDArray[np.float64]
 ORBIT_PARTS = 36
 
 
-@njit(cache=True)
+@compiled
 def _angle_minus_sine(angle: float) -> float:
     """Return ``angle - sin(angle)`` without the cancellation that small angles cause."""
     if abs(angle) > 0.5:
@@ -37,7 +38,7 @@ def _angle_minus_sine(angle: float) -> float:
     return total
 
 
-@njit(cache=True)
+@compiled
 def state_transition(mean_motion: float, duration: float) -> Floats:
     """Return the matrix that carries a force-free state over some time.
 
@@ -71,7 +72,7 @@ def state_transition(mean_motion: float, duration: float) -> Floats:
     )
 
 
-@njit(cache=True)
+@compiled
 def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     """Return what a held force adds to the state over some time (zero-order hold).
 
@@ -110,7 +111,7 @@ def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     )
 
 
-@njit(cache=True)
+@compiled
 def propagate(state: Floats, force_h: Floats, transition: Floats, control: Floats) -> Floats:
     """Move a state by the matrices of one duration.
 
@@ -138,7 +139,7 @@ def propagate(state: Floats, force_h: Floats, transition: Floats, control: Float
     return moved
 
 
-@njit(cache=True)
+@compiled
 def closest_approach(position_h: Floats, velocity_h: Floats, mean_motion: float) -> float:
     """Return how near a deputy that drifts freely for an orbit comes to the chief.
 

@@ -3,9 +3,9 @@
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.physics.vectors import dot
 
 Floats = NDArray[np.float64]
@@ -13,19 +13,19 @@ Floats = NDArray[np.float64]
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 
 
-@njit(cache=True)
+@compiled
 def sun_angle(initial_sun_angle: float, mean_motion: float, time: float) -> float:
     """Return ``theta_0 - n t``, the Sun's angle in Hill's i-j plane from i towards j, rad."""
     return initial_sun_angle - mean_motion * time
 
 
-@njit(cache=True)
+@compiled
 def sun_direction_h(angle: float) -> Floats:
     """Return the unit vector towards the Sun, shape (3,), Hill axes, for its angle in rad."""
     return np.array([cos(angle), sin(angle), 0.0])
 
 
-@njit(cache=True)
+@compiled
 def is_illuminated(point_h: Floats, sun_h: Floats) -> bool:
     """Tell whether sunlight reaches a point on the chief: ``p . (p - r_s) < 0``.
 

@@ -7,13 +7,14 @@ active rotation, the same four numbers turn body vectors into Hill vectors. All 
 from math import sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
     """Return the direction cosine matrix that takes Hill components to body components.
 
@@ -41,7 +42,7 @@ def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
     return dcm
 
 
-@njit(cache=True)
+@compiled
 def product(a: Floats, b: Floats) -> Floats:
     """Return Hamilton's product ``a b`` of two quaternions of shape (4,).
 
@@ -57,20 +58,20 @@ def product(a: Floats, b: Floats) -> Floats:
     )
 
 
-@njit(cache=True)
+@compiled
 def conjugate(quaternion: Floats) -> Floats:
     """Return the quaternion of the inverse rotation, shape (4,)."""
     return np.array([-quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]])
 
 
-@njit(cache=True)
+@compiled
 def normalised(quaternion: Floats) -> Floats:
     """Return the quaternion scaled to unit length, shape (4,)."""
     q1, q2, q3, q4 = quaternion
     return quaternion / sqrt(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
 
 
-@njit(cache=True)
+@compiled
 def from_dcm(dcm: Floats) -> Floats:
     """Return the quaternion of a direction cosine matrix.
 
@@ -117,7 +118,7 @@ def from_dcm(dcm: Floats) -> Floats:
     return normalised(np.array([q1, q2, q3, q4]))
 
 
-@njit(cache=True)
+@compiled
 def error_vector(quaternion_b_from_h: Floats, desired_b_from_h: Floats) -> Floats:
     """Return the vector part of the turn from the desired to the actual attitude, the short way round.
 
@@ -140,7 +141,7 @@ def error_vector(quaternion_b_from_h: Floats, desired_b_from_h: Floats) -> Float
     return error[:3]
 
 
-@njit(cache=True)
+@compiled
 def derivative(quaternion_b_from_h: Floats, angular_velocity_b: Floats) -> Floats:
     """Return the time derivative of an attitude.
 

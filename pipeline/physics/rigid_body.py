@@ -11,16 +11,16 @@ own axes, w_c' the derivative of those components, and C the matrix from referen
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 from pipeline.physics.vectors import cross, cross_matrix, times
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def relative_coefficients(
     inertia: Floats,
     dcm: Floats,
@@ -56,7 +56,7 @@ def relative_coefficients(
     return a, h
 
 
-@njit(cache=True)
+@compiled
 def relative_angular_acceleration(
     inertia: Floats,
     inverse_inertia: Floats,
@@ -93,7 +93,7 @@ def relative_angular_acceleration(
     return times(inverse_inertia, torque_b - gyroscopic) + transport
 
 
-@njit(cache=True)
+@compiled
 def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Floats, end: Floats) -> None:
     """Use one stage's rate in the classical Runge-Kutta method, in place.
 
@@ -106,7 +106,7 @@ def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Fl
         state[i] = start[i] + reach * rate[i]
 
 
-@njit(cache=True)
+@compiled
 def relative_attitude_step(
     quaternion_b_from_h: Floats,
     angular_velocity_b: Floats,
@@ -153,7 +153,7 @@ def relative_attitude_step(
     return normalised(q_next), w_next
 
 
-@njit(cache=True)
+@compiled
 def euler_angular_acceleration(
     inertia: Floats, inverse_inertia: Floats, inertial_rate: Floats, torque: Floats
 ) -> Floats:
@@ -176,7 +176,7 @@ def euler_angular_acceleration(
     return times(inverse_inertia, torque - cross(inertial_rate, times(inertia, inertial_rate)))
 
 
-@njit(cache=True)
+@compiled
 def tumbling_step(
     quaternion_c_from_h: Floats,
     inertial_rate_c: Floats,

@@ -3,25 +3,26 @@
 from math import sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def dot(a: Floats, b: Floats) -> float:
     """Return the scalar product of two vectors of shape (3,)."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-@njit(cache=True)
+@compiled
 def norm(a: Floats) -> float:
     """Return the length of a vector of shape (3,)."""
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@njit(cache=True)
+@compiled
 def cross(a: Floats, b: Floats) -> Floats:
     """Return the vector product of two vectors of shape (3,)."""
     return np.array(
@@ -33,7 +34,7 @@ def cross(a: Floats, b: Floats) -> Floats:
     )
 
 
-@njit(cache=True)
+@compiled
 def cross_matrix(a: Floats) -> Floats:
     """Return the skew-symmetric matrix of `a`, so that ``cross_matrix(a) @ b`` is a x b; shape (3, 3)."""
     return np.array(
@@ -45,7 +46,7 @@ def cross_matrix(a: Floats) -> Floats:
     )
 
 
-@njit(cache=True)
+@compiled
 def times(matrix: Floats, a: Floats) -> Floats:
     """Return ``matrix @ a`` for shapes (3, 3) and (3,)."""
     return np.array(
@@ -57,7 +58,7 @@ def times(matrix: Floats, a: Floats) -> Floats:
     )
 
 
-@njit(cache=True)
+@compiled
 def transposed_times(matrix: Floats, a: Floats) -> Floats:
     """Return ``matrix.T @ a`` for shapes (3, 3) and (3,): the way back through a direction cosine matrix."""
     return np.array(

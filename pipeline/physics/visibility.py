@@ -1,15 +1,15 @@
 """What the deputy's camera sees of the chief (Choi, Kim and Leeghim, AAS 25-727)."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.physics.vectors import dot, norm
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def is_in_view(
     point_h: Floats, position_h: Floats, boresight_h: Floats, cos_half_angle: float, radius: float
 ) -> bool:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -278,7 +278,7 @@ def point_states(mission: Mission, points_c: Floats, log: FlightLog) -> States:
     )
 
 
-@njit(cache=True)
+@compiled
 def _point_states(
     points_c: Floats,
     position_h: Floats,

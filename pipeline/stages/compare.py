@@ -32,7 +32,6 @@ from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables
-from pipeline.run.compile_notice import announce_compilation
 from pipeline.settings.experiment import UNGUARDED, Experiment, Mission
 
 SECONDS_BETWEEN_LINES = 5.0
@@ -42,7 +41,6 @@ PART = 100
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all, and write the table."""
-    announce_compilation()
     name = "the paper"
     reported = published.TEST
     rows = [published_row(name, reported.num_cases, reported.means, reported.standard_deviations)]

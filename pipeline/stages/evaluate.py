@@ -16,7 +16,6 @@ from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, tables
-from pipeline.run.compile_notice import announce_compilation
 from pipeline.settings.experiment import Experiment
 
 
@@ -24,7 +23,6 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Fly the run's champion, or the configured controller where nothing was trained."""
     controller = controller_of_run(experiment, folder)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    announce_compilation()
     fly_cases(experiment.mission, controller, scenarios[:1], 1)  # compiles where that has not been done
     started = time.perf_counter()
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, experiment.monte_carlo.workers)

@@ -19,7 +19,6 @@ from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import terms_of
 from pipeline.run import artifacts, tables
-from pipeline.run.compile_notice import announce_compilation
 from pipeline.settings.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -30,7 +29,6 @@ SECONDS_BETWEEN_LINES = 5.0
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Solve the cases that are not there yet, and write each as soon as it is solved."""
-    announce_compilation()
     scenarios = scenarios_of(experiment)
     rows = kept_rows(folder, scenarios)
     if rows:

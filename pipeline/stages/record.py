@@ -18,7 +18,6 @@ from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import evaluation_scenarios, given_start, training_scenarios
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, tables
-from pipeline.run.compile_notice import announce_compilation
 from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
 
@@ -62,7 +61,6 @@ def run(experiment: Experiment, folder: Path) -> None:
     recordings = folder / artifacts.RECORDINGS
     recordings.mkdir(parents=True, exist_ok=True)
     if flights:
-        announce_compilation()
         _record(experiment, folder, flights)
     else:
         sys.stderr.write("  nothing to record: telemetry.record_training, _ranked and _start are all false\n")

@@ -9,7 +9,6 @@ from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
 from pipeline.run import artifacts
-from pipeline.run.compile_notice import announce_compilation
 from pipeline.settings.experiment import Experiment
 
 
@@ -21,7 +20,6 @@ def run(experiment: Experiment, folder: Path) -> None:
     pipeline.run.artifacts.ArtifactError
         If a file of the run is there and cannot be read.
     """
-    announce_compilation()
     contents = gather(experiment, folder)
     illustrations = draw(contents)
     pictures = folder / artifacts.FIGURES

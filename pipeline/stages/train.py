@@ -23,7 +23,6 @@ from pipeline.flight.simulation import (
 )
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.run import artifacts, tables
-from pipeline.run.compile_notice import announce_compilation
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
@@ -47,7 +46,6 @@ def run(experiment: Experiment, folder: Path) -> None:
             "guidance.engine is sklearn, which flies one flight at a time; "
             "train with guidance.engine=compiled"
         )
-    announce_compilation()
     sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
     kept: list[Generation] = []
     flights = ChampionFlights(experiment, genome)

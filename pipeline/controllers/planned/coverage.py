@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import pack_world
 from pipeline.settings.experiment import Mission
@@ -81,7 +81,7 @@ def count_seen(coverage: Coverage, scenario: Scenario, paths: Floats, stride: in
     return counts
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def _count(
     paths: Floats,
     points: Floats,

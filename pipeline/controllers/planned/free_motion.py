@@ -8,9 +8,9 @@ turn at -n, as the Sun does; ``x_c`` stays, and ``y_c`` drifts at ``-1.5 n x_c``
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import Scenario
 from pipeline.flight.reference.safety import SafetyWorld, assured, safety_world_of
 from pipeline.physics.clohessy_wiltshire import input_matrix, propagate, state_transition
@@ -59,7 +59,7 @@ def motion_of(mission: Mission) -> Motion:
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def advance(safety: SafetyWorld, state: Floats, asked: Floats) -> Floats:
     """Move a state by a period, by the force that the safety layer makes of the one that is asked for."""
     force = assured(safety, state, asked)[0] if safety.is_on else asked

@@ -7,10 +7,10 @@ Applied Optimal Control, 1975). K follows from the discrete-time algebraic Ricca
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from fis_tools.engines.compiled import compiled
 from pipeline.controllers.planned.free_motion import advance, elements_matrix, motion_of, start_of
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.flight.log import Scenario
@@ -85,7 +85,7 @@ class LqrPlanner:
         return forces
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def regulate(
     state: Floats,
     wanted: Floats,

@@ -16,9 +16,9 @@ Turn
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.kernel.arrays import (
     FX,
@@ -58,7 +58,7 @@ FAST_RATE = 0.25
 LARGEST_SQUARE = 0.25
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: int) -> None:
     """Write the desired attitudes of all lanes at all instants of a control period.
 
@@ -100,7 +100,7 @@ def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: i
             lanes[POLES + lane] += 1.0 if flat2 < POLE * POLE * square else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int, is_start: bool) -> None:
     """Write one lane's desired attitudes of instants `first` to `last - 1` in turn, by the rules for poles.
 
@@ -124,7 +124,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
             work.aims[(4 * j + i) * LANES + lane] = quaternion[i]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def half_angle_series(square: float) -> tuple[float, float]:
     """Return ``sin(x/2)/x`` and ``cos(x/2)`` to rounding, for a square of x up to `LARGEST_SQUARE`."""
     fourth = square * square
@@ -135,7 +135,7 @@ def half_angle_series(square: float) -> tuple[float, float]:
     return s, c
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def turn(
     q1: float,
     q2: float,
@@ -166,7 +166,7 @@ def turn(
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def times3(m: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return a 3x3 matrix times a vector."""
     return (
@@ -176,7 +176,7 @@ def times3(m: Floats, x: float, y: float, z: float) -> tuple[float, float, float
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def euler(
     inertia: Floats, inverse: Floats, wx: float, wy: float, wz: float, tx: float, ty: float, tz: float
 ) -> tuple[float, float, float]:
@@ -185,7 +185,7 @@ def euler(
     return times3(inverse, tx - (wy * hz - wz * hy), ty - (wz * hx - wx * hz), tz - (wx * hy - wy * hx))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def spin(
     inertia: Floats,
     inverse: Floats,
@@ -219,14 +219,14 @@ def spin(
     return ux, uy, uz, theta_x, theta_y, theta_z
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def clip(x: float, limit: float) -> float:
     """Return x, brought within ± the limit."""
     x = x if x < limit else limit
     return x if x > -limit else -limit
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def turn_body(
     world: World,
     q1: float,
@@ -257,7 +257,7 @@ def turn_body(
     return q1, q2, q3, q4, wx, wy, wz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def turn_ball(
     q1: float,
     q2: float,
@@ -285,7 +285,7 @@ def turn_ball(
     return q1, q2, q3, q4, wx + step * mx, wy + step * my, wz + step * mz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def error_and_rate(
     q1: float,
     q2: float,
@@ -312,7 +312,7 @@ def error_and_rate(
     return e1, e2, e3, ux, uy, uz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def torque(
     e1: float, e2: float, e3: float, ux: float, uy: float, uz: float, kp: Floats, kd: Floats, limit: float
 ) -> tuple[float, float, float]:
@@ -322,7 +322,7 @@ def torque(
     return clip(-px - dx, limit), clip(-py - dy, limit), clip(-pz - dz, limit)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def turn_lanes(
     lanes: Floats,
     aims: Floats,
@@ -356,7 +356,7 @@ def turn_lanes(
         lanes[WX + i], lanes[WY + i], lanes[WZ + i] = wx, wy, wz
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def turn_lane(lanes: Floats, aims: Floats, instant: int, i: int, world: World) -> None:
     """Fly the attitude of one lane for one period of the attitude clock, for any inertia."""
     at = 4 * LANES * instant + i
@@ -372,7 +372,7 @@ def turn_lane(lanes: Floats, aims: Floats, instant: int, i: int, world: World) -
     lanes[WX + i], lanes[WY + i], lanes[WZ + i] = wx, wy, wz
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: Log, k: int) -> None:
     """Log attitude, rate and torque of lane 0 at an instant of the attitude clock."""
     at = 4 * LANES * instant
@@ -390,7 +390,7 @@ def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: 
     log.torque[k, instant, 0], log.torque[k, instant, 1], log.torque[k, instant, 2] = mx, my, mz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def turn_deputies(  # noqa: PLR0912 - most branches part the fast way from the general one
     world: World, work: Workspace, num_lanes: int, log: Log, k: int
 ) -> None:

@@ -8,9 +8,9 @@ track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). Written out plainly 
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.kernel.arrays import (
@@ -45,7 +45,7 @@ ANGLES = 2.0 * np.pi * np.arange(1, ORBIT_PARTS + 1) / ORBIT_PARTS
 SINES, COSINES = np.sin(ANGLES), np.cos(ANGLES)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int) -> None:
     """Write the signals of natural motion of every lane."""
     n = world.mean_motion
@@ -83,7 +83,7 @@ def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int)
         signals[LANES * (RING_ERROR + 1) + i] = vx / n - place_sin
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def sense_approach(world: World, work: Workspace) -> None:
     """Write how near every lane comes to the chief within an orbit of free drift.
 

@@ -11,9 +11,9 @@ Single letters follow the equations: r, v position and velocity (Hill), q attitu
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES, infer
 from pipeline.flight.kernel.arrays import (
     ACTED,
@@ -85,7 +85,7 @@ Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def move(world: World, lanes: Floats) -> None:
     """Move all lanes by a control period and add up what they spend."""
     phi, gamma = world.transition, world.control
@@ -105,7 +105,7 @@ def move(world: World, lanes: Floats) -> None:
         lanes[VZ + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
     lanes, signals = work.lanes, work.signals
@@ -124,7 +124,7 @@ def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> 
                 lanes[COASTS + i] = 1.0
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
     world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
 ) -> None:
@@ -179,7 +179,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
         lanes[FZ + i] = clip(fz, world.max_force)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def write_sample(
     world: World, work: Workspace, log: Log, k: int, sun_angle: float, count: int, target: Floats
 ) -> None:
@@ -205,7 +205,7 @@ def write_sample(
     log.delta_v[k] = lanes[SPENT]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> None:
     """Log the force of lane 0: as asked for in body axes, and as applied."""
     for row in range(3):
@@ -218,7 +218,7 @@ def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> Non
         log.force_body[k, row] = asked
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def start_lanes(
     world: World, work: Workspace, starts: Floats, sun_angles: Floats, first: int, num_lanes: int
 ) -> None:
@@ -241,7 +241,7 @@ def start_lanes(
         work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool, bool]:
     """Tell what a law senses: relative angles; free motion, target or Sun; approach; coasting; urgency."""
     needs_angles, needs_orbit, needs_approach, needs_urgency = False, False, False, False
@@ -257,7 +257,7 @@ def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool, bool]:
     return needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
     law: Law,
@@ -341,7 +341,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         row[SAFETY_DELTA_V] = lanes[CORRECTED + lane]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def fly_many(
     world: World,
     law: Law,

@@ -7,9 +7,9 @@ Written out plainly in `pipeline.flight.reference.preview`.
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.kernel.arrays import (
     COASTING_FARTHEST,
@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 
 # Sums over points may be taken in any order: that is what lets them run on vector units. Near and far have a
 # loop each, with no flag to ask inside, so that from afar nobody pays for the test of the cone.
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def strike_out(
     points: Floats,
     sample: int,
@@ -57,7 +57,7 @@ def strike_out(
     return count
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def strike_out_near(
     points: Floats,
     sample: int,
@@ -88,7 +88,7 @@ def strike_out_near(
     return count
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def preview(world: World, work: Workspace, num_lanes: int, k: int) -> None:
     """Write how many points every lane would miss by coasting, and between which distances it would be."""
     lanes, signals, ahead, phi = work.lanes, work.signals, work.ahead, world.preview_transition

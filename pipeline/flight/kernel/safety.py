@@ -30,9 +30,9 @@ Written out plainly in `pipeline.flight.reference.safety`.
 from math import ceil, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.kernel.arrays import (
     ACTED,
@@ -75,7 +75,7 @@ MOST_SWEEPS, LEAST_CHANGE = 200, 1e-12
 HALVINGS = 30
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def look_ahead(world: World, lanes: Floats) -> None:
     """Write where all lanes are led by their forces: the next state, how fast, how near and how far."""
     phi, gamma, guard, stop = world.transition, world.control, world.guard, world.guard.stop
@@ -119,7 +119,7 @@ def look_ahead(world: World, lanes: Floats) -> None:
             lanes[REACH + i] = max(lanes[REACH + i], square * inside)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def position(places: Floats, row: int, ahead: Floats) -> tuple[float, float, float]:
     """Return where a state leads by a row of places."""
     return (
@@ -129,7 +129,7 @@ def position(places: Floats, row: int, ahead: Floats) -> tuple[float, float, flo
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
     """Write the next state under a force from the one without."""
     for i in range(6):
@@ -138,13 +138,13 @@ def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
             ahead[i] += world.control[i, j] * force[j]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def length(a: float, b: float, c: float) -> float:
     """Return the length of a vector."""
     return sqrt(a * a + b * b + c * c)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, int, float]:
     """Return which limit a next state exceeds most among the first places, where, and by how many metres.
 
@@ -177,7 +177,7 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
     return limit, place, excess
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_space: Floats) -> None:
     """Replace a limit by the half-space ``g . f >= b`` that touches it in the direction of a next state.
 
@@ -220,7 +220,7 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
             half_space[j] += world.control[i, j] * l[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force: Floats) -> None:
     """Write the point nearest to a force in half-spaces ``g . f >= b`` and the box of the thruster.
 
@@ -255,7 +255,7 @@ def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force:
             break
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Floats, force: Floats) -> None:
     """Write the force nearest to the one asked for that keeps the limits of the first places, if it is found.
 
@@ -273,7 +273,7 @@ def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Flo
         project(asked, cuts, num_cuts + 1, world.max_force, force)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool:
     """Tell whether a force keeps the limits that are never given up, but for rounding."""
     ahead = np.zeros(6)
@@ -281,7 +281,7 @@ def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool
     return most_exceeded(world, ahead, STANDING)[2] <= tolerance
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
     """Bring a force that is not safe as far towards the stop as it takes, by bisection.
 
@@ -307,7 +307,7 @@ def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
         force[j] = stop[j] + low * (force[j] - stop[j])
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Floats) -> int:
     """Write the force that is applied instead of one that is not safe; return the limit it is for.
 
@@ -332,7 +332,7 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
     return limit
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def assure(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
     lanes = work.lanes

@@ -6,9 +6,9 @@ All points are looked at at once, without branches. Written out plainly in `pipe
 from math import atan2, cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_centre
 from pipeline.flight.kernel.arrays import (
@@ -45,7 +45,7 @@ Integers = NDArray[np.int64]
 
 
 # Sums over points may be taken in any order: that is what lets them run on vector units.
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def look(
     points: Floats,
     sample: int,
@@ -89,7 +89,7 @@ def look(
     return unseen_count, count, cx, cy, cz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def relative_angle(target_a: float, target_b: float, position_a: float, position_b: float) -> float:
     """Return the angle from the position's to the target's projection, in (-pi, pi]; 0 where one vanishes."""
     least = MIN_PROJECTION_M * MIN_PROJECTION_M
@@ -104,7 +104,7 @@ def relative_angle(target_a: float, target_b: float, position_a: float, position
     return pi if angle == -pi else angle
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def are_new(candidate: Floats, clustered: Floats, lane: int) -> bool:
     """Tell whether the candidates differ from those clustered last, and note them as clustered."""
     num_different = 0.0
@@ -114,7 +114,7 @@ def are_new(candidate: Floats, clustered: Floats, lane: int) -> bool:
     return num_different > 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def choose_cluster(
     points: Floats,
     sample: int,
@@ -147,7 +147,7 @@ def choose_cluster(
     return num_centres
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def sense(
     world: World,
     work: Workspace,

@@ -7,9 +7,9 @@ A point's deadline is the last sample of the flight at which it is lit. Written 
 from math import cos, exp, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.kernel.arrays import (
@@ -30,7 +30,7 @@ from pipeline.flight.kernel.arrays import (
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def note_deadlines(world: World, work: Workspace, num_lanes: int) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit."""
     is_turning = len(world.points) > 1
@@ -55,7 +55,7 @@ def note_deadlines(world: World, work: Workspace, num_lanes: int) -> None:
             k -= 1
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", fastmath={"contract"})
 def sense_urgency(
     world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
 ) -> None:

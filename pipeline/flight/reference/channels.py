@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.model import FuzzySystem
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.physics.clohessy_wiltshire import closest_approach
@@ -153,7 +153,7 @@ def _senses(signals: Integers, first: str, last: str) -> bool:
     return bool(((signals >= SIGNALS.index(first)) & (signals <= SIGNALS.index(last))).any())
 
 
-@njit(cache=True)
+@compiled
 def natural_motion(
     position_h: Floats,
     velocity_h: Floats,
@@ -175,7 +175,7 @@ def natural_motion(
     return np.concatenate((centre, offset - place))
 
 
-@njit(cache=True)
+@compiled
 def sun_bearing(position_h: Floats, sun_angle: float) -> Floats:
     """Return cosine and sine of the angle from the deputy to the Sun in the orbit plane."""
     reach = np.sqrt(position_h[0] ** 2 + position_h[1] ** 2)
@@ -185,14 +185,14 @@ def sun_bearing(position_h: Floats, sun_angle: float) -> Floats:
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-@njit(cache=True)
+@compiled
 def direction(target_h: Floats) -> Floats:
     """Return the unit vector towards the target; zeros without one."""
     length = norm(target_h)
     return target_h / length if length >= MIN_PROJECTION_M else np.zeros(3)
 
 
-@njit(cache=True)
+@compiled
 def measure(
     position_h: Floats,
     velocity_h: Floats,

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.guidance import ClusterMemory, choose_centroid, choose_cluster
 from pipeline.flight.reference import inference as reference_inference
 from pipeline.flight.reference.inference import PackedSystems
@@ -37,7 +37,7 @@ def choose_target(
     return target
 
 
-@njit(cache=True)
+@compiled
 def _choose_target(
     is_clustered: bool, candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
 ) -> Floats:

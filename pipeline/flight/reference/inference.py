@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from fis_tools.model import FuzzySystem, rule_table
 from fis_tools.model.membership import sample_terms
 
@@ -106,7 +106,7 @@ def _table(system: FuzzySystem) -> Integers:
     return table
 
 
-@njit(cache=True)
+@compiled
 def _fuzzify(systems: PackedSystems, f: int, inputs: Floats) -> Floats:
     """Return how far each input belongs to each of its terms, shape (I, T)."""
     memberships = np.zeros(systems.input_memberships.shape[1:3])
@@ -121,7 +121,7 @@ def _fuzzify(systems: PackedSystems, f: int, inputs: Floats) -> Floats:
     return memberships
 
 
-@njit(cache=True)
+@compiled
 def _fire(systems: PackedSystems, f: int, memberships: Floats) -> Floats:
     """Return the height each output term is cut at, negative where no rule concludes on it, shape (T,)."""
     cuts = np.full(systems.output_memberships.shape[1], -1.0)
@@ -139,7 +139,7 @@ def _fire(systems: PackedSystems, f: int, memberships: Floats) -> Floats:
     return cuts
 
 
-@njit(cache=True)
+@compiled
 def _crossings(grid: Floats, memberships: Floats, cuts: Floats, num_terms: int) -> Floats:
     """Return where cuts cross their own membership functions, ascending."""
     crossings = np.empty(num_terms * len(grid))
@@ -161,7 +161,7 @@ def _crossings(grid: Floats, memberships: Floats, cuts: Floats, num_terms: int) 
     return np.sort(crossings[:num_crossings])
 
 
-@njit(cache=True)
+@compiled
 def _aggregate(
     grid: Floats, memberships: Floats, cuts: Floats, num_terms: int, crossings: Floats
 ) -> tuple[Floats, Floats]:
@@ -191,7 +191,7 @@ def _aggregate(
     return x, y
 
 
-@njit(cache=True)
+@compiled
 def _centroid(x: Floats, y: Floats) -> float:
     """Return the centre of area of a polygon, summed segment by segment."""
     total_moment = 0.0
@@ -212,7 +212,7 @@ def _centroid(x: Floats, y: Floats) -> float:
     return total_moment / max(total_area, SMALLEST_AREA)
 
 
-@njit(cache=True)
+@compiled
 def infer(systems: PackedSystems, system_index: int, inputs: Floats) -> float:
     """Infer one system's output.
 

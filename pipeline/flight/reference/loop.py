@@ -12,9 +12,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.guidance import (
     ClusterMemory,
     choose_centroid,
@@ -72,13 +72,13 @@ class _Log(NamedTuple):
     safety_force_hill_n: Floats
 
 
-@njit(cache=True)
+@compiled
 def turned_points(points_c: Floats, quaternion_c_from_h: Floats) -> Floats:
     """Return points given in chief axes in Hill axes, shape (P, 3)."""
     return points_c @ dcm_b_from_h(quaternion_c_from_h)
 
 
-@njit(cache=True)
+@compiled
 def lit_points(points_h: Floats, sun_h: Floats) -> Booleans:
     """Tell which points the Sun lights, shape (P,)."""
     is_lit = np.zeros(len(points_h), dtype=np.bool_)
@@ -87,7 +87,7 @@ def lit_points(points_h: Floats, sun_h: Floats) -> Booleans:
     return is_lit
 
 
-@njit(cache=True)
+@compiled
 def inspect(
     world: World, points_h: Floats, position_h: Floats, dcm: Floats, is_lit: Booleans, is_inspected: Booleans
 ) -> None:
@@ -100,7 +100,7 @@ def inspect(
             )
 
 
-@njit(cache=True)
+@compiled
 def gather_candidates(points_h: Floats, is_lit: Booleans, is_inspected: Booleans, candidates: Floats) -> int:
     """Write the points lit and not yet inspected into the columns of `candidates`; return how many."""
     num_candidates = 0
@@ -112,7 +112,7 @@ def gather_candidates(points_h: Floats, is_lit: Booleans, is_inspected: Booleans
     return num_candidates
 
 
-@njit(cache=True)
+@compiled
 def next_y(world: World, position_h: Floats, y_h: Floats) -> Floats:
     """Return the desired second body axis at an attitude instant from the one before, shape (3,)."""
     if world.has_pole_blending:
@@ -120,7 +120,7 @@ def next_y(world: World, position_h: Floats, y_h: Floats) -> Floats:
     return desired_y(position_h, y_h)
 
 
-@njit(cache=True)
+@compiled
 def turn_for_a_tick(
     world: World, quaternion_b_from_h: Floats, angular_velocity_b: Floats, torque_b: Floats
 ) -> tuple[Floats, Floats]:
@@ -139,7 +139,7 @@ def turn_for_a_tick(
     return quaternion_b_from_h, angular_velocity_b
 
 
-@njit(cache=True)
+@compiled
 def turn_deputy(
     world: World,
     state: Floats,
@@ -187,7 +187,7 @@ def turn_deputy(
     return quaternion, rate, y
 
 
-@njit(cache=True)
+@compiled
 def clipped(force_h: Floats, max_force: float) -> Floats:
     """Return a force with each Hill axis clipped to the thrust limit, N, shape (3,)."""
     return np.minimum(np.maximum(force_h, -max_force), max_force)
@@ -328,7 +328,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         delta_v += np.abs(force_h).sum() * world.control_period / world.mass
 
 
-_compiled_episode = njit(cache=True)(_episode)
+_compiled_episode = compiled(_episode)
 
 
 def fly(

@@ -1,9 +1,9 @@
 """What a deputy of the readable reference would see if it fired no more."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.reference.world import World, turn_chief
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 
-@njit(cache=True)
+@compiled
 def preview(
     world: World,
     state: Floats,

@@ -7,9 +7,9 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.settings.experiment import Mission
@@ -80,12 +80,12 @@ def safety_world_of(mission: Mission) -> SafetyWorld:
     )
 
 
-@njit(cache=True)
+@compiled
 def _length(vector: Floats) -> float:
     return float(np.sqrt(np.sum(vector * vector)))
 
 
-@njit(cache=True)
+@compiled
 def excesses(world: SafetyWorld, state: Floats, num_places: int) -> Floats:
     """Return by how many metres a state exceeds each limit, negative where it keeps it.
 
@@ -102,7 +102,7 @@ def excesses(world: SafetyWorld, state: Floats, num_places: int) -> Floats:
     return found
 
 
-@njit(cache=True)
+@compiled
 def name_of(index: int, num_places: int) -> int:
     """Return which limit an entry of `excesses` is about."""
     if index >= 2 * num_places:
@@ -112,7 +112,7 @@ def name_of(index: int, num_places: int) -> int:
     return KEEP_OUT if index < 2 * NUM_STANDING else PASSIVE_SAFETY
 
 
-@njit(cache=True)
+@compiled
 def half_space(world: SafetyWorld, free: Floats, state: Floats, index: int, num_places: int) -> Floats:
     """Return ``[g, b]``, shape (4,): a limit by its entry in `excesses`, linear about a state, g . f >= b."""
     row, level = np.zeros(6), 0.0
@@ -139,7 +139,7 @@ def half_space(world: SafetyWorld, free: Floats, state: Floats, index: int, num_
     return found
 
 
-@njit(cache=True)
+@compiled
 def nearest_force(asked: Floats, half_spaces: Floats, max_force: float) -> Floats:
     """Return the force of the box nearest to one asked for, in half-spaces, shape (n, 4); by Dykstra.
 
@@ -164,7 +164,7 @@ def nearest_force(asked: Floats, half_spaces: Floats, max_force: float) -> Float
     return force
 
 
-@njit(cache=True)
+@compiled
 def corrected(world: SafetyWorld, free: Floats, asked: Floats, num_places: int) -> Floats:
     """Return the force nearest to one asked for that keeps the limits of the first places, if it is found."""
     half_spaces = np.empty((MOST_HALF_SPACES, 4))
@@ -180,7 +180,7 @@ def corrected(world: SafetyWorld, free: Floats, asked: Floats, num_places: int) 
     return force
 
 
-@njit(cache=True)
+@compiled
 def exceeded_limit(world: SafetyWorld, state: Floats) -> int:
     """Return which limit a state exceeds most, first of those that are never given up."""
     for num_places in (NUM_STANDING, len(world.places)):
@@ -191,7 +191,7 @@ def exceeded_limit(world: SafetyWorld, state: Floats) -> int:
     return SAFE
 
 
-@njit(cache=True)
+@compiled
 def assured(world: SafetyWorld, state: Floats, asked: Floats) -> tuple[Floats, int]:
     """Return the force that is applied, N, Hill axes, shape (3,), and the limit it was changed for.
 

@@ -3,9 +3,9 @@
 from math import exp
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.reference.world import World, turn_chief
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 
-@njit(cache=True)
+@compiled
 def deadlines(world: World, initial_sun_angle: float) -> Floats:
     """Return when each point is lit for the last time at a sample of the flight, s, shape (P,).
 
@@ -41,7 +41,7 @@ def deadlines(world: World, initial_sun_angle: float) -> Floats:
     return last_lit
 
 
-@njit(cache=True)
+@compiled
 def urgent_direction(
     points_h: Floats, is_wanted: Booleans, last_lit: Floats, time: float, urgency_time: float
 ) -> Floats:
@@ -77,7 +77,7 @@ def urgent_direction(
     return mean / length if length > MIN_PROJECTION_M * total else np.zeros(3)
 
 
-@njit(cache=True)
+@compiled
 def around_the_chief(
     direction: Floats, position_h: Floats, skirt_distance: float, min_distance: float
 ) -> Floats:

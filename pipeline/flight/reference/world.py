@@ -4,9 +4,9 @@ from math import ceil, cos, radians
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import compiled
 from pipeline.flight.guidance import preview_stride
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
@@ -115,7 +115,7 @@ def world_of(mission: Mission) -> World:
     )
 
 
-@njit(cache=True)
+@compiled
 def turn_chief(world: World, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
     """Turn a tumbling chief for a control period; one that is aligned with Hill stays so."""
     if world.is_chief_tumbling:

@@ -1,51 +1,55 @@
-"""Compiled code is cached by the state of all sources: a changed callee is never missed."""
+"""Where compiled code is kept, what it depends on, and whose code is refused."""
 
 import os
-import shutil
+import stat
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-import numba
 import pytest
 
 import fis_tools
-import pipeline
 from fis_tools.engines import cache
-from pipeline.run.compile_notice import announce_compilation
+from pipeline.flight.kernel import attitude, loop, safety
+from pipeline.physics import vectors
 
 DAY_S = 86400.0
-PROJECT = Path(fis_tools.__file__).parents[1]
+FOLDER = Path(fis_tools.__file__).parent
+PROJECT = FOLDER.parent
+
+
+def sources(function: Callable[..., object]) -> set[str]:
+    module = sys.modules[function.__module__]
+    found = cache.sources_of(module.__name__, str(module.__file__)).files
+    return {Path(file).relative_to(PROJECT).as_posix() for file in found}
+
+
+def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
+    decorator = {"fis_tools/engines/compiled.py", "fis_tools/engines/__init__.py"}
+    assert sources(vectors.dot) == {"pipeline/physics/vectors.py", *decorator}
+    flight = sources(loop.fly_many)
+    assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(vectors.dot)
+    assert "fis_tools/engines/kernel.py" in flight
+    assert not {file for file in flight if "reference" in file or "formats" in file or "notice" in file}
 
 
 @pytest.fixture
-def package(tmp_path: Path) -> Path:
-    """A copy of the fuzzy tools' sources."""
-    folder = tmp_path / "fis_tools"
-    shutil.copytree(Path(fis_tools.__file__).parent, folder, ignore=shutil.ignore_patterns("__pycache__"))
-    return folder
+def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., cache.Sources]:
+    """Writes a package `kernels` of files and looks up what `caller` depends on."""
+    monkeypatch.setitem(cache._roots, "kernels", tmp_path)
 
+    def written(**texts: str) -> cache.Sources:
+        for name, text in texts.items():
+            path = tmp_path / "kernels" / f"{name}.py"
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text)
+        for memo in (cache.sources_of, cache._read, cache._file_of):
+            memo.cache_clear()
+        return cache.sources_of("kernels.caller", str(tmp_path / "kernels" / "caller.py"))
 
-#: What compiled code of the fuzzy tools depends on: the kernel, and all that it imports.
-TAKING_PART = ["engines/kernel.py", "model/membership.py", "model/shapes.py", "model/validate.py"]
-
-
-@pytest.mark.parametrize("name", TAKING_PART)
-def test_a_change_of_a_file_that_compiled_code_depends_on_is_another_state(package: Path, name: str) -> None:
-    before = cache.source_hash((package,))
-    with (package / name).open("a") as file:
-        file.write("\n")
-    assert cache.source_hash((package,)) != before
-
-
-def test_a_change_of_any_other_file_is_the_same_state(package: Path) -> None:
-    before = cache.source_hash((package,))
-    (package / "formats" / "serialize.py").write_text("")
-    (package / "formats" / "new.py").write_text("x = 1\n")
-    assert cache.source_hash((package,)) == before
-    (package / "formats" / "new.py").write_text("@njit(cache=True)\ndef f():\n    return 1\n")
-    assert cache.source_hash((package,)) != before
+    return written
 
 
 @pytest.mark.parametrize(
@@ -56,62 +60,42 @@ def test_a_change_of_any_other_file_is_the_same_state(package: Path) -> None:
         "import kernels.inner",
         "from kernels import (\n    caller,\n    inner,\n)",
         "from kernels import inner as other, caller",
+        "from . import inner",
+        "from .inner import width",
+        "def late():\n    from kernels.inner import width",
     ],
 )
-def test_imports_count_at_any_remove_and_in_any_form(tmp_path: Path, line: str) -> None:
-    (tmp_path / "kernels").mkdir()
-    texts = KERNELS | {"between": line + "\n", "inner": "width = 3\n"}
-    texts["caller"] = "from kernels import between\n" + texts["caller"]
-    for name, text in texts.items():
-        (tmp_path / "kernels" / f"{name}.py").write_text(text)
-    before = cache.source_hash((tmp_path / "kernels",))
-    (tmp_path / "kernels" / "inner.py").write_text("width = 4\n")
-    assert cache.source_hash((tmp_path / "kernels",)) != before
+def test_imports_count_at_any_remove_and_in_any_form(
+    kernels: Callable[..., cache.Sources], line: str
+) -> None:
+    before = kernels(caller="from kernels import between\n", between=f"{line}\n", inner="width = 3\n")
+    assert [Path(file).stem for file in before.files] == ["caller", "between", "inner"]
+    assert kernels(inner="width = 4\n").digest != before.digest
+    assert kernels(inner="width = 3\n").digest == before.digest
 
 
-def test_other_files_and_the_place_do_not_count(package: Path, tmp_path: Path) -> None:
-    (package / "notes.txt").write_text("x")
-    shutil.copytree(package, tmp_path / "elsewhere" / "fis_tools")
-    states = {cache.source_hash((p,)) for p in (package, tmp_path / "elsewhere" / "fis_tools")}
-    assert states == {cache.source_hash((Path(fis_tools.__file__).parent,))}
+def test_imports_for_type_checkers_and_from_other_packages_do_not_count(
+    kernels: Callable[..., cache.Sources],
+) -> None:
+    text = (
+        "from typing import TYPE_CHECKING\nimport numpy as np\n\n"
+        "if TYPE_CHECKING:\n    from kernels import inner\n\n    from kernels import between\n\nX = 1\n"
+    )
+    found = kernels(caller=text, between="", inner="")
+    assert [Path(file).stem for file in found.files] == ["caller"]
 
 
-def test_the_pipelines_cache_is_keyed_by_both_packages() -> None:
-    packages = tuple(Path(module.__file__ or "").parent for module in (fis_tools, pipeline))
-    assert Path(numba.config.CACHE_DIR) == cache.cache_root() / cache.source_hash(packages)
-
-
-KERNELS = {
-    "__init__": "from pathlib import Path\nfrom fis_tools.engines import cache\n"
-    "cache.use_cache_keyed_by(Path(__file__).parent)\n",
-    "callee": "from numba import njit\n\n\n@njit(cache=True)\ndef step(x):\n    return x + 1\n",
-    "caller": "from numba import njit\nfrom kernels.callee import step\n\n\n"
-    "@njit(cache=True)\ndef twice(x):\n    return step(step(x))\n",
-}
-CALL = "from kernels.caller import twice; print(twice(5), sum(twice.stats.cache_hits.values()))"
-
-
-def test_a_changed_callee_in_another_file_is_compiled_anew(tmp_path: Path) -> None:
-    (tmp_path / "kernels").mkdir()
-    for name, text in KERNELS.items():
-        (tmp_path / "kernels" / f"{name}.py").write_text(text)
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(PROJECT)]),
-        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
-        "NUMBA_DISABLE_JIT": "0",
-    }
-
-    def call() -> str:
-        command = [sys.executable, "-c", CALL]
-        return subprocess.run(  # noqa: S603
-            command, env=environment, check=True, capture_output=True, text=True
-        ).stdout.strip()
-
-    assert call() == "7 0"
-    assert call() == "7 1"
-    callee = tmp_path / "kernels" / "callee.py"
-    callee.write_text(callee.read_text().replace("x + 1", "x * 3"))
-    assert call() == "45 0"
+def test_the_place_of_the_sources_does_not_count(
+    kernels: Callable[..., cache.Sources], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = kernels(caller="from kernels import inner\n", inner="")
+    (tmp_path / "kernels").rename(tmp_path / "moved")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "moved").rename(tmp_path / "elsewhere" / "kernels")
+    monkeypatch.setitem(cache._roots, "kernels", tmp_path / "elsewhere")
+    cache._file_of.cache_clear()
+    there = cache.sources_of("kernels.caller", str(tmp_path / "elsewhere" / "kernels" / "caller.py"))
+    assert there.digest == here.digest
 
 
 @pytest.mark.parametrize(
@@ -129,62 +113,145 @@ def test_the_cache_lies_where_the_environment_says(
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    assert cache.cache_root() == Path(root).expanduser() / "fuzzy-spacecraft-inspection"
+    assert cache.cache_root() == Path(root).expanduser() / "fis-tools"
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where numba is told to cache, not made yet."""
-    root = tmp_path / "fuzzy-spacecraft-inspection"
-    path = root / "0123456789abcdef"
-    monkeypatch.setattr(cache, "cache_root", lambda: root)
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(path))
-    return path
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where compiled code is kept, not made yet."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "own"))
+    monkeypatch.setattr(cache, "_loaded_ns", time.time_ns())
+    return tmp_path / "own" / "fis-tools"
 
 
-def test_it_is_cold_until_something_has_been_compiled(folder: Path) -> None:
-    assert cache.is_cold()
-    (folder / "episode_123").mkdir(parents=True)
-    assert cache.is_cold()
-    (folder / "episode_123" / "fly.nbc").write_text("code without an index")
-    assert cache.is_cold()
-    (folder / "episode_123" / "fly.nbi").write_text("index")
-    assert not cache.is_cold()
+def test_a_new_cache_is_closed_to_others(root: Path) -> None:
+    place = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    assert isinstance(place, Path)
+    assert place.parent == root
+    assert place.name.startswith("pipeline.physics.vectors-")
+    for folder in (root, place):
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
-def test_compilation_is_announced_once(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    announce_compilation()
-    told = capsys.readouterr().err
-    assert "compiling the flight kernel" in told
-    assert told.count("\n") == 1
-    folder.mkdir(parents=True)
-    (folder / "fly.nbi").write_text("index")
-    announce_compilation()
-    assert capsys.readouterr().err == ""
+posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners and modes are those of POSIX systems")
 
 
-def aged(path: Path, days: float) -> None:
-    moment = time.time() - days * DAY_S
-    os.utime(path, (moment, moment), follow_symlinks=False)
+def refused() -> str:
+    place = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    assert isinstance(place, cache.Refused)
+    assert "set NUMBA_CACHE_DIR to a folder of your own" in place.reason
+    return place.reason
 
 
-def test_caches_nothing_was_added_to_for_a_month_are_dropped(folder: Path) -> None:
-    root = folder.parent
-    for name, days in (("recent", 29.0), ("old", 31.0), ("touched", 31.0), ("empty", 31.0), ("broken", 31.0)):
+@posix
+@pytest.mark.parametrize("mode", [0o777, 0o702])
+def test_a_folder_that_others_may_write_to_is_refused(root: Path, mode: int) -> None:
+    root.mkdir(parents=True)
+    root.chmod(mode)
+    assert f"others may write to {root}" in refused()
+    root.chmod(0o700)
+    root.parent.chmod(mode)
+    assert f"others may write to {root.parent}" in refused()
+    root.parent.chmod(mode | stat.S_ISVTX)  # as /tmp is: nobody can replace what belongs to another
+    assert isinstance(cache.place_for(vectors.dot.py_func), Path)  # type: ignore[attr-defined]
+
+
+@posix
+@pytest.mark.parametrize("is_private", [True, False])
+def test_a_group_may_write_where_nobody_else_is_in_it(
+    root: Path, is_private: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import grp  # noqa: PLC0415 - not on every system
+    import pwd  # noqa: PLC0415
+
+    user = pwd.getpwuid(os.getuid()).pw_name
+    group = grp.struct_group((user, "x", os.getgid(), [user] if is_private else [user, "somebody"]))
+    monkeypatch.setattr(grp, "getgrgid", lambda _: group)
+    root.mkdir(parents=True)
+    root.chmod(0o770)
+    if is_private:
+        assert isinstance(cache.place_for(vectors.dot.py_func), Path)  # type: ignore[attr-defined]
+    else:
+        assert f"others may write to {root}" in refused()
+
+
+@posix
+def test_a_folder_of_somebody_else_and_a_link_are_refused(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "planted").mkdir(mode=0o700)
+    root.parent.mkdir()
+    root.symlink_to(tmp_path / "planted")
+    assert f"{root} is a link" in refused()
+    root.unlink()
+    root.mkdir(mode=0o700)
+    monkeypatch.setattr(os, "getuid", lambda: root.stat().st_uid + 1)
+    assert f"{root} belongs to somebody else" in refused()
+
+
+def test_where_no_folder_can_be_made_code_is_not_kept(root: Path) -> None:
+    root.parent.write_text("a file where a folder should be")
+    assert f"{root} cannot be written" in refused()
+
+
+def test_a_source_that_is_newer_than_the_process_is_not_kept(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "_loaded_ns", 0)
+    place = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    assert isinstance(place, cache.Refused)
+    assert "vectors.py has changed since it was loaded" in place.reason
+
+
+def test_caches_that_nobody_has_used_for_a_month_are_dropped(root: Path) -> None:
+    for name, days in (("recent", 29.0), ("old", 31.0)):
         (root / name / "sub").mkdir(parents=True)
-        if name == "broken":  # a file that is gone when one looks at it
-            (root / name / "sub" / "fly.nbi").symlink_to(root / "nowhere")
-        elif name != "empty":
-            (root / name / "sub" / "fly.nbi").write_text("index")
-            aged(root / name / "sub" / "fly.nbi", 1.0 if name == "touched" else days)
-        aged(root / name / "sub", days)
-        aged(root / name, days)
+        (root / name / "sub" / "fly.nbi").write_text("index")
+        moment = time.time() - days * DAY_S
+        os.utime(root / name, (moment, moment))
     (root / "note.txt").write_text("not a cache")
-    aged(root / "note.txt", 400.0)
-    cache.drop_old_caches()
-    assert sorted(path.name for path in root.iterdir()) == ["note.txt", "recent", "touched"]
+    os.utime(root / "note.txt", (0.0, 0.0))
+    root.chmod(0o700)
+    used = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    assert isinstance(used, Path)
+    assert sorted(path.name for path in root.iterdir()) == ["note.txt", used.name, "recent"]
 
 
-def test_without_any_cache_there_is_nothing_to_drop(folder: Path) -> None:
-    cache.drop_old_caches()
-    assert not folder.parent.exists()
+def test_using_a_cache_keeps_it(root: Path) -> None:
+    used = cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    assert isinstance(used, Path)
+    os.utime(used, (0.0, 0.0))
+    cache.place_for(vectors.dot.py_func)  # type: ignore[attr-defined]
+    cache.drop_old_caches(root)
+    assert used.is_dir()
+
+
+@posix
+def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path: Path) -> None:
+    """numba would fall back to `__pycache__` beside the sources, which ignores a changed callee."""
+    (tmp_path / "kernels").mkdir()
+    head = "from fis_tools.engines.compiled import compiled\n"
+    callee = head + "\n\n@compiled\ndef step(x):\n    return x + 1\n"
+    (tmp_path / "kernels" / "__init__.py").touch()
+    (tmp_path / "kernels" / "callee.py").write_text(callee)
+    (tmp_path / "kernels" / "caller.py").write_text(
+        head + "from kernels.callee import step\n\n\n@compiled\ndef twice(x):\n    return step(step(x))\n"
+    )
+    (tmp_path / "cache").write_text("a file where a folder should be")
+
+    def call() -> subprocess.CompletedProcess[str]:
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join([str(tmp_path), str(PROJECT)]),
+            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+            "NUMBA_DISABLE_JIT": "0",
+        }
+        command = [sys.executable, "-c", "from kernels.caller import twice; print(twice(5))"]
+        return subprocess.run(command, env=environment, check=True, capture_output=True, text=True)  # noqa: S603
+
+    first = call()
+    assert first.stdout == "7\n"
+    assert first.stderr.startswith(f"  compiled code is not kept: {tmp_path / 'cache' / 'fis-tools'} cannot")
+    assert first.stderr.count("\n") == 1
+    (tmp_path / "kernels" / "callee.py").write_text(callee.replace("x + 1", "x * 3"))
+    assert call().stdout == "45\n"
+    assert not list(tmp_path.rglob("*.nbi"))

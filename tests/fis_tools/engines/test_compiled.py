@@ -29,6 +29,11 @@ CALL = (
 )
 
 
+#: shows what is compiled from the first millisecond on
+AT_ONCE = "from fis_tools.engines import notice\nnotice.SHORTEST_S, notice.REFRESH_S = 0.0, 0.001\n"
+ERASE_LINE = "\x1b[2K"
+
+
 class Package:
     """The package `kernels` in a folder, and programs that use it."""
 
@@ -41,7 +46,9 @@ class Package:
     def write(self, name: str, text: str) -> None:
         (self.folder / "kernels" / f"{name}.py").write_text(text)
 
-    def run(self, program: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    def run(
+        self, program: str, stderr: int = subprocess.PIPE, **variables: str
+    ) -> subprocess.CompletedProcess[str]:
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join([str(self.folder), str(PROJECT)]),
             "NUMBA_CACHE_DIR": str(self.folder / "cache"),
@@ -50,7 +57,13 @@ class Package:
         }
         command = [sys.executable, "-c", program]
         return subprocess.run(  # noqa: S603
-            command, env=environment, check=True, capture_output=True, text=True, cwd=self.folder
+            command,
+            env=environment,
+            check=True,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+            cwd=self.folder,
         )
 
     def call(self) -> str:
@@ -85,6 +98,26 @@ def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(
     assert package.call() == "7 8 1 1"
 
 
+def test_the_caches_of_other_functions_stay_where_they_are(package: Package) -> None:
+    package.write("foreign", "from numba import njit\n\n\n@njit(cache=True)\ndef f(x):\n    return x\n")
+    look = (
+        "import numba\nbefore = dict(vars(numba.config))\nimport kernels.foreign\n"
+        "import fis_tools, pipeline\nfrom kernels.caller import twice\ntwice(5)\n"
+        "import kernels.foreign as late\nimport importlib\nlate = importlib.reload(late)\n"
+        "assert vars(numba.config) == before, 'changed'\nprint(late.f.stats.cache_path)"
+    )
+    place = package.run(look, NUMBA_CACHE_DIR="", XDG_CACHE_HOME=str(package.folder / "cache")).stdout.strip()
+    assert Path(place) == package.folder / "kernels" / "__pycache__"
+
+
+def test_nothing_imports_numba_before_the_first_call(package: Package) -> None:
+    look = (
+        "import sys\nfrom kernels.caller import twice\nbefore = 'numba' in sys.modules\n"
+        "print(before, twice(5), 'numba' in sys.modules, twice.__doc__, twice.__name__)"
+    )
+    assert package.run(look).stdout.strip() == "False 7 True Take two steps. twice"
+
+
 def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
     call = (
         "from numba import njit\nfrom kernels.caller import twice\n"
@@ -111,7 +144,17 @@ def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Packa
 
 
 def test_compilation_tells_the_function_and_the_seconds_and_a_warm_start_is_silent(package: Package) -> None:
-    patient = "from fis_tools.engines import notice\nnotice.SHORTEST_S, notice.REFRESH_S = 0.0, 0.001\n"
-    told = package.run(patient + CALL).stderr
-    assert re.match(r"  compiling kernels\.caller\.twice, \d+ s so far\n", told)
-    assert package.run(patient + CALL).stderr == ""
+    told = package.run(AT_ONCE + CALL).stderr
+    assert re.match(r"  compiling kernels\.(caller\.twice|callee\.step), \d+ s so far\n", told)
+    assert package.run(AT_ONCE + CALL).stderr == ""
+
+
+def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) -> None:
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    package.run(AT_ONCE + CALL, stderr=theirs, TERM="xterm", COLUMNS="120")
+    os.close(theirs)
+    told = os.read(ours, 100_000).decode()
+    os.close(ours)
+    assert re.search(r"compiling kernels\.(caller\.twice|callee\.step), \d+ s so far", told)
+    assert told.rstrip().endswith(ERASE_LINE)
