@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from pipeline.flight.simulation import Outcomes
 from pipeline.settings.experiment import Penalty
@@ -171,4 +170,6 @@ def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
 
 
 def _z(confidence_percent: float) -> float:
+    from scipy.special import ndtri  # noqa: PLC0415 - takes longer to import than a thousand flights take
+
     return float(ndtri(0.5 + confidence_percent / 200.0))

@@ -1,13 +1,14 @@
-"""Which planner a kind of controller has."""
+"""Which planner a kind of controller has.
+
+Planners are imported when they are asked for: two of them need scipy, which takes longer to import than a
+flight takes.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.controllers.planned.lqr import LqrPlanner
-from pipeline.controllers.planned.natural_motion import NaturalMotionPlanner
-from pipeline.controllers.planned.receding_horizon import RecedingHorizonPlanner
 from pipeline.flight.log import Scenario
 from pipeline.settings.controllers import Lqr, NaturalMotion, Planned
 from pipeline.settings.experiment import Mission
@@ -24,7 +25,13 @@ def planner_of(settings: Planned, mission: Mission) -> Planner:
         If the settings do not fit the mission.
     """
     if isinstance(settings, NaturalMotion):
+        from pipeline.controllers.planned.natural_motion import NaturalMotionPlanner  # noqa: PLC0415
+
         return NaturalMotionPlanner(settings, mission)
     if isinstance(settings, Lqr):
+        from pipeline.controllers.planned.lqr import LqrPlanner  # noqa: PLC0415
+
         return LqrPlanner(settings, mission)
+    from pipeline.controllers.planned.receding_horizon import RecedingHorizonPlanner  # noqa: PLC0415
+
     return RecedingHorizonPlanner(settings, mission)
