@@ -24,10 +24,12 @@ ELSEWHERE = {
     "CONTRIBUTING.md": "contributing.md",
     "telemetry/README.md": "reference/recordings.md",
 }
-#: folders that serve the commands, and hold nothing to import
+#: folders that serve the commands, and the twins behind a flight: nothing to import
 INTERNAL = {
     "fis_tools.commands",
     "pipeline.command_line",
+    "pipeline.flight.kernel",
+    "pipeline.flight.reference",
     "pipeline.report",
     "pipeline.report.figures",
     "pipeline.run",

@@ -1,4 +1,4 @@
-"""Conditions on variables as a person writes them, and the region of inputs that they leave."""
+"""Conditions on variables as a person writes them, and the region of inputs that they define."""
 
 import re
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What each rule contributes: the output less the output had the rule been silent."""
+"""What each rule contributes: the output minus the output without the rule."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ BATCH = 4096
 
 
 def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
-    """Tell how far each rule moved each output, leaving out one rule at a time.
+    """Compute how far each rule moved each output, leaving out one rule at a time.
 
     A rule contributes nothing where it does not fire, or where another one that concludes the same fires as
     strongly. Contributions need not add up to the output: what two rules do together is lost with either.
@@ -55,7 +55,7 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
-    """Tell how much each rule matters over some samples.
+    """Compute how much each rule matters over some samples.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ class Nauck:
 
 @dataclass(frozen=True)
 class Completeness:
-    """Where the rules of a system know least: the least of the strongest firings, and where it is.
+    """Where the rules of a system say least: the least of the strongest firings, and where it is.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class Measures:
 
 
 def measure(system: FuzzySystem) -> Measures:
-    """Take every index of a system without problems."""
+    """Compute every index of a valid system."""
     variables = (*system.inputs, *system.outputs)
     return Measures(
         complexity=complexity(system),
@@ -250,7 +250,7 @@ def _evenness(variable: Variable) -> float:
 
 
 def centre(variable: Variable, term: Term) -> float:
-    """Return where a term is most itself: its peak, or the middle of its top.
+    """Return the centre of a term: its peak, or the middle of its top.
 
     Of a shape without a stated peak it is the middle between the first and the last of its highest points.
     """

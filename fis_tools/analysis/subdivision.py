@@ -1,4 +1,4 @@
-"""Branch and bound over boxes of inputs: where outputs keep a promise, and where they cannot.
+"""Branch and bound over boxes of inputs: where conditions on outputs hold, and where they cannot.
 
 The box that promises most is split next, at the middle of the input whose memberships vary most over it.
 Nothing is random, and ties go to the older box, so that the same search always takes the same way.
@@ -68,7 +68,7 @@ def subdivide(
     max_boxes: int,
     progress: Progress | None = None,
 ) -> Subdivision:
-    """Search a region for the input whose outputs are worth most.
+    """Search a region for the input whose outputs have the greatest value.
 
     Parameters
     ----------

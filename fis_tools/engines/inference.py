@@ -24,7 +24,7 @@ SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True)
 class OutputInference:
-    """How one output came about.
+    """The steps that lead to one output.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = r
 class Antecedents(NamedTuple):
     """Inputs and rules up to their firing strengths.
 
-    Parameters
+    Attributes
     ----------
     inputs : (num_inputs, 4) int
         A row an input: number of terms, number of points, where its points begin in `universes` and its
@@ -70,7 +70,7 @@ class Antecedents(NamedTuple):
 class Conclusion(NamedTuple):
     """One output from firing strengths on, with the terms that some rule concludes.
 
-    Parameters
+    Attributes
     ----------
     universe : (num_points,) float
         Its points.

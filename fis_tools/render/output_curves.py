@@ -24,7 +24,7 @@ def output_curve(
     samples: Floats | None = None,
     theme: Theme = LIGHT,
 ) -> Axes:
-    """Draw an output over one input, the others held.
+    """Draw an output over one input, with the others fixed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""An output over two inputs in space."""
+"""An output over two inputs as a surface in three dimensions."""
 
 from typing import Any
 
@@ -27,7 +27,7 @@ def surface_space(
     title: str | None = None,
     theme: Theme = LIGHT,
 ) -> Any:
-    """Draw an output over two inputs in space, coloured as the map is, over a floor with contours.
+    """Draw an output over two inputs in three dimensions, coloured as the map is, over a floor with contours.
 
     On the floor the contour where the sign changes is thick, and nothing is hidden behind the surface.
 

@@ -67,7 +67,7 @@ _EXACT_TYPES = ("float64", "int32", "int64")
 
 
 class UnreadableControlSystem(ValueError):  # noqa: N818 - the sentence is the message
-    """A scikit-fuzzy control system that no `FuzzySystem` says; the text tells why, and what to do."""
+    """Raised for a control system that a `FuzzySystem` cannot express; says why, and what to do."""
 
 
 def read_control_system(

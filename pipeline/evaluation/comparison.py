@@ -64,7 +64,7 @@ def rules_of(controller: Controller) -> int | None:
 
 
 def planned_row(solved: Solved, sun: str, num_points: int, threshold: float, confidence: float) -> Row:
-    """Return the row of the plans of least fuel."""
+    """Return the row of the minimum-fuel plans."""
     cases = solved.cases
     episodes = {
         **cases,
@@ -75,7 +75,7 @@ def planned_row(solved: Solved, sun: str, num_points: int, threshold: float, con
 
 
 def published_row(name: str, num_cases: int, means: Mapping[str, float], spreads: Mapping[str, float]) -> Row:
-    """Return a row of means and standard deviations that somebody has published."""
+    """Return a row of published means and standard deviations."""
     summary = {part: {"mean": means[part], "standard_deviation": spreads[part]} for part in means}
     return Row(name, PUBLISHED, "", "none", num_cases, None, summary)
 
@@ -187,7 +187,7 @@ def lines_of(rows: Sequence[Row], sun: str) -> list[list[str]]:
 
 
 def in_words(rows: Sequence[Row]) -> str:
-    """Write the table as plain text, one part a Sun setting."""
+    """Write the table as plain text, one section per Sun setting."""
     parts = []
     for sun in dict.fromkeys(row.sun for row in rows if row.sun):
         lines = [[heading for heading, _ in COLUMNS], *lines_of(rows, sun)]

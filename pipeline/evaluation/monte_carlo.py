@@ -34,7 +34,7 @@ def fly_cases(
 
 
 def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outcomes) -> dict[str, Column]:
-    """Return the columns of `evaluate/episodes.parquet`, one entry a case."""
+    """Return the columns of `evaluate/episodes.parquet`, one entry per case."""
     num_points = len(inspection_points(mission))
     positions = np.array([scenario.position_m for scenario in scenarios])
     needed = points_needed(num_points, mission.inspection_threshold_percent)

@@ -47,7 +47,7 @@ def preview_stride(mission: Mission) -> int:
 class ClusterMemory(NamedTuple):
     """Arrays that clustering works in; `centres` and `num_centres` carry over from step to step.
 
-    Parameters
+    Attributes
     ----------
     centres : array, shape (C, 3)
         Of the last step, m, Hill axes; the first ``num_centres[0]`` rows count.

@@ -1,1 +1,1 @@
-"""The least fuel that an inspection can do with, for somebody who knows its whole course beforehand."""
+"""Minimum-fuel plans, computed with the whole flight known in advance."""

@@ -1,4 +1,4 @@
-"""What solved cases come to: a row a case, a summary, and how many times the optimum others burn."""
+"""Results of solved cases: a row per case, a summary, and how many times the optimum others burn."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""A case solved: searched from several beginnings, polished, and flown by the simulator.
+"""Solving a case: a search with several restarts, polishing, and a flight by the simulator.
 
 What is told of a plan is what its flight showed, never what the linear model promised.
 """

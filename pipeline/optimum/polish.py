@@ -1,4 +1,4 @@
-"""Polishing by the convex-concave procedure: a linear program a step, until the fuel no longer falls.
+"""Polishing by the convex-concave procedure: one linear program per step, until the fuel stops falling.
 
 A point must be above its horizon at one of many samples, and the deputy outside a sphere: both ask that a
 convex function of the forces be large. Such a function lies above its tangent, so a step asks that of the

@@ -1,4 +1,4 @@
-"""Cases whose plans of least fuel are known: those that ship, or those of a run of the stage optimum."""
+"""Cases whose minimum-fuel plans are known: those that ship, or those of a run of the stage optimum."""
 
 import json
 from collections.abc import Mapping

@@ -10,7 +10,7 @@ import numpy as np
 
 
 class SettingError(ValueError):
-    """A setting that cannot be."""
+    """Raised for a setting that is impossible."""
 
 
 def number(key: str, value: float, unit: str = "") -> None:

@@ -83,7 +83,7 @@ class Lqr(Ring):
 
 @dataclass(frozen=True, kw_only=True)
 class RecedingHorizon(Ring):
-    """A controller that solves a linear program again and again to come to a ring at the least fuel."""
+    """A controller that repeatedly solves a linear program to reach a ring with the least fuel."""
 
     #: looked ahead at the start, s; the horizon ends at this time until it is nearer than the next key says
     first_horizon_s: float

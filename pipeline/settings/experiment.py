@@ -87,7 +87,7 @@ class MonteCarlo:
 
 @dataclass(frozen=True, kw_only=True)
 class Optimum:
-    """The plan of least fuel, made with the whole flight known."""
+    """The minimum-fuel plan, made with the whole flight known."""
 
     #: those of the evaluation, or the start that the deputy is given
     cases: Literal["evaluation", "start"]

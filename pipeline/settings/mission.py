@@ -184,7 +184,7 @@ UNGUARDED = Safety(
 
 @dataclass(frozen=True, kw_only=True)
 class Mission:
-    """One inspection flight: everything the simulation depends on but the start and the controller."""
+    """One inspection flight: everything the simulation depends on except the start and the controller."""
 
     orbit: Orbit
     deputy: Deputy

@@ -45,7 +45,7 @@ class Starts:
 
 @dataclass(frozen=True, kw_only=True)
 class Encoding:
-    """How far genes can move what they tune."""
+    """How far genes can change what they tune."""
 
     #: width of the window of an inner mean, a fraction of the spacing of evenly spaced terms
     mean_window: float
@@ -89,7 +89,7 @@ class Encoding:
 
 @dataclass(frozen=True, kw_only=True)
 class Penalty:
-    """Weights of the fitness besides delta-v, m/s: outside the limits, each point short of 95, of 99."""
+    """Weights in the fitness beside delta-v, m/s: outside the limits, each point short of 95, of 99."""
 
     c_d: float
     c_95: float

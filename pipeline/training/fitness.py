@@ -37,7 +37,7 @@ def fitness_parts(
     num_points: int,
     threshold_percent: float,
 ) -> dict[str, Floats]:
-    """Judge a population.
+    """Compute the fitness of a population, in parts.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def objectives(
     num_points: int,
     threshold_percent: float,
 ) -> dict[str, Floats]:
-    """Part the fitness of a population in two; see `fitness_parts`.
+    """Split the fitness of a population into two objectives; see `fitness_parts`.
 
     Returns
     -------

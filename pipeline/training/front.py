@@ -36,7 +36,7 @@ TOLD = (
 def judged_front(
     front: Front, validation: Mapping[str, Floats], num_points: int, num_cases: int
 ) -> tuple[Columns, Floats]:
-    """Put a front together with what its controllers come to on the validation starts.
+    """Combine a front with the results of its controllers on the validation starts.
 
     Parameters
     ----------

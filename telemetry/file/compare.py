@@ -34,7 +34,7 @@ _KEY: Final = np.dtype([("time_s", np.float64), ("occurrence", np.int64)])
 
 @dataclass(frozen=True)
 class Parting:
-    """Where two fields first differ by more than is tolerated.
+    """Where two fields first differ by more than the tolerance.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class LoneMessages:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What two recordings have in common, and what not.
+    """What two recordings have in common, and where they differ.
 
     Parameters
     ----------
@@ -131,12 +131,12 @@ class Comparison:
 
     @property
     def is_equal(self) -> bool:
-        """Whether nothing differs by more than is tolerated."""
+        """Whether nothing differs by more than the tolerance."""
         return not self.lone and all(field.parting is None for field in self.fields)
 
     @property
     def parting(self) -> Parting | LoneMessages | None:
-        """What differs first, None where nothing does."""
+        """The first difference, None if there is none."""
         partings = [field.parting for field in self.fields if field.parting is not None]
         ways: list[Parting | LoneMessages] = [*self.lone, *partings]
         return min(ways, key=lambda way: (way.sample, _flow(way.topic)), default=None)
@@ -299,7 +299,7 @@ def _sample(samples: Floats, time_s: float) -> int:
 
 
 def in_words(comparison: Comparison) -> list[str]:
-    """Spell a comparison out: the first parting, messages of one recording alone, each field that differs."""
+    """Put a comparison into words: the first difference, unmatched messages, each field that differs."""
     pair = f"{comparison.first} and {comparison.second}"
     parting = comparison.parting
     if parting is None:

@@ -30,7 +30,7 @@ class PartialFile:
         self.stream = open_stream(self.partial_path)
 
     def commit(self) -> None:
-        """Bring the file to disk and give it its name, in place of a file that has it.
+        """Flush the file to disk and give it its final name, replacing a file of that name.
 
         Raises
         ------

@@ -28,7 +28,7 @@ _FRAME: Final = struct.Struct("<BQ")
 
 @dataclass(frozen=True)
 class Recovery:
-    """What a rescue found.
+    """The result of a rescue.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class _Salvage:
 
 
 def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
-    """Write what is whole in a cut or damaged recording to a new one.
+    """Write what is intact in a truncated or damaged recording to a new one.
 
     Parameters
     ----------

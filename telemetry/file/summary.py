@@ -10,7 +10,7 @@ from telemetry.file.reader import Recording
 
 
 def summarize(recording: Recording) -> dict[str, Any]:
-    """Sum a recording up as plain data, fit for JSON.
+    """Summarise a recording as plain data, fit for JSON.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def _system(recording: Recording, name: str) -> dict[str, Any]:
 
 
 def in_words(summary: Mapping[str, Any]) -> list[str]:
-    """Spell out what `summarize` gives, a line an entry."""
+    """Put what `summarize` returns into words, one line per entry."""
     has_messages = summary["start_s"] is not None
     span = f"{summary['start_s']:g} to {summary['end_s']:g} s" if has_messages else "no messages"
     lines = [f"{summary['path']}: {summary['bytes'] / 1024:.0f} KiB, {span}"]

@@ -40,7 +40,7 @@ RECOVERY_METADATA: Final = "recovery"
 
 
 class PointState(IntEnum):
-    """What has become of an inspection point; of several that apply, the highest counts."""
+    """The state of an inspection point; if several apply, the highest counts."""
 
     DARK = 0
     LIT = 1

@@ -147,7 +147,7 @@ class EpisodeWriter:
         self._write(topics.DEPUTY_POSE, time_s, messages.pose_in_hill(_nanoseconds(time_s), position, deputy))
 
     def points(self, time_s: float, points_m: ArrayLike, states: ArrayLike) -> None:
-        """Record the inspection points and what has become of them.
+        """Record the inspection points and their states.
 
         Parameters
         ----------
@@ -302,7 +302,7 @@ class EpisodeWriter:
         inspected_mask: ArrayLike,
         delta_v_m_s: float,
     ) -> None:
-        """Record how far the inspection has come; the count and the rate follow from the mask.
+        """Record the progress of the inspection; the count and the rate follow from the mask.
 
         Parameters
         ----------
@@ -330,7 +330,7 @@ class EpisodeWriter:
         self._write(topics.MISSION, time_s, message)
 
     def log(self, time_s: float, level: str, text: str) -> None:
-        """Record an event in words, and bring everything so far to the file.
+        """Record an event in words, and flush everything so far to the file.
 
         Parameters
         ----------

@@ -131,7 +131,7 @@ def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: f
 
 
 def training(plots: Sequence[Plot], *, earlier: str, farthest_m: float) -> rrb.Blueprint:
-    """Lay out a training, also one that goes on.
+    """Lay out a training, finished or running.
 
     Parameters
     ----------

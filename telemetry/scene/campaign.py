@@ -31,7 +31,7 @@ NUM_BARS: Final = 30
 
 @dataclass(frozen=True)
 class Extreme:
-    """A case that is more of something than all others.
+    """A case that is extreme in some quantity.
 
     Parameters
     ----------

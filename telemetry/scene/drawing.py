@@ -94,7 +94,7 @@ def sample_times(recording: Recording) -> Floats:
 
 
 def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap | None:
-    """Draw when which rule fired; None where no fuzzy system decided anything.
+    """Draw which rule fired when; None if no fuzzy system decided anything.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Words as the viewer's own fonts can write them: at any other sign it would end, and its window with it."""
+"""Text that the viewer's fonts can draw: any other character would crash it."""
 
 import re
 import unicodedata

@@ -27,7 +27,7 @@ _HISTORY_COLUMNS: Final = ("round", "generation", "best", "mean", "step_size")
 
 
 class Outcome(IntEnum):
-    """How a case ended; of several that apply, the highest counts."""
+    """How a case ended; if several apply, the highest counts."""
 
     SUCCESS = 0
     SHORT = 1
@@ -174,7 +174,7 @@ def read_evaluation(path: Path) -> Evaluation:
 
 
 def read_training(folder: Path) -> Training:
-    """Read a training, also one that goes on.
+    """Read a training, finished or running.
 
     Raises
     ------

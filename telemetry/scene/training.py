@@ -66,7 +66,7 @@ def scene(folder: Path) -> Scene:
 
 
 def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callable[[str], None]) -> None:
-    """Show a training while it goes on.
+    """Show a training while it runs.
 
     Parameters
     ----------

@@ -297,7 +297,7 @@ def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
 
 
 def require_ending(output: Path) -> None:
-    """Refuse an output that is not called .rrd: rerun would not open it, and it may be a flight, or a folder.
+    """Refuse an output whose name does not end in .rrd: rerun would not open it, and it may be a flight.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the names of terms promise: that a word stands lower or higher than another, or at zero."""
+"""What the names of terms imply: that a term is lower or higher than another, or at zero."""
 
 import re
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ _WEAKER = {"rather", "fairly", "quite", "somewhat"}
 
 @dataclass(frozen=True)
 class Reading:
-    """How high a term stands by its name, among terms that are read the same way.
+    """The rank of a term by its name, among terms whose names are read the same way.
 
     Parameters
     ----------

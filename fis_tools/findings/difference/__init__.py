@@ -61,7 +61,7 @@ class Difference:
 
     @property
     def html(self) -> str:
-        """The difference as a page that needs nothing but itself."""
+        """The difference as a self-contained page."""
         return page.write(f"{self.before} → {self.after}", self.facts, self.systems)
 
     def __repr__(self) -> str:

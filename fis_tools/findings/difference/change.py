@@ -75,7 +75,7 @@ class VariableChange:
 
     @property
     def variable(self) -> Variable:
-        """As it is now; as it was, if it is no more."""
+        """The variable as it is now, or as it was if it was removed."""
         variable = self.after or self.before
         assert variable is not None  # noqa: S101 - one of them stands
         return variable
@@ -100,7 +100,7 @@ class RuleChange:
 
 @dataclass(frozen=True)
 class OutputChange:
-    """How far an output has gone, over some samples.
+    """How far an output moved, over some samples.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class OutputChange:
 
 @dataclass(frozen=True)
 class SystemDifference:
-    """What changed from a system to another of the same name.
+    """What changed between two systems of the same name.
 
     Parameters
     ----------

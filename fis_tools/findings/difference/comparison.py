@@ -22,7 +22,7 @@ Names = dict[tuple[str, str], str]
 
 
 def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
-    """Compare what a system says of itself."""
+    """Compare the general facts of two systems."""
     facts = [
         Fact(what, getattr(before, field), getattr(after, field))
         for what, field in (
@@ -142,7 +142,7 @@ def new_names(variables: Sequence[VariableChange]) -> Names:
 
 
 def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tuple[RuleChange, ...]:
-    """Compare the rules of two systems, by what they ask for; the order of rules and statements is nothing.
+    """Compare the rules of two systems, by their antecedents; the order of rules does not matter.
 
     A term that was renamed counts as the same.
     """

@@ -1,4 +1,4 @@
-"""How far outputs went: two systems evaluated over the same inputs."""
+"""How far outputs moved: two systems evaluated over the same inputs."""
 
 from dataclasses import replace
 

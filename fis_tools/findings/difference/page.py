@@ -72,7 +72,7 @@ tr, svg {{ break-inside: avoid; }} h2, h3, caption {{ break-after: avoid; }} }}
 
 
 def write(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
-    """Write a difference as a page that needs nothing but itself."""
+    """Write a difference as a self-contained page."""
     return _PAGE.format(title=escape(title), body=fragment(title, facts, systems))
 
 

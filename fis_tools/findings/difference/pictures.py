@@ -1,4 +1,4 @@
-"""The terms of a variable as they were and as they are, over each other, as an SVG inside a page."""
+"""The terms of a variable before and after, drawn over each other, as an SVG inside a page."""
 
 from html import escape
 

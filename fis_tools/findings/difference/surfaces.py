@@ -1,4 +1,4 @@
-"""An output over two inputs as it was, as it is, and what lies between, as a picture inside a page."""
+"""An output over two inputs before and after, and the difference, as a picture inside a page."""
 
 import base64
 from dataclasses import replace

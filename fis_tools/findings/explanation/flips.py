@@ -23,7 +23,7 @@ TOUCHING = 1e-12
 
 @dataclass(frozen=True)
 class Flip:
-    """What happens on the way from an input to one end of its range, the other inputs held.
+    """What happens between an input and one end of its range, with the other inputs fixed.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Flip:
 
     @property
     def share(self) -> float:
-        """The size of the change as a share of the input's range; infinite where none does it."""
+        """The size of the change as a share of the input's range; infinite if no change suffices."""
         return np.inf if self.change is None else abs(self.change) / span(self.input)
 
 

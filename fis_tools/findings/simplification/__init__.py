@@ -1,4 +1,4 @@
-"""Simpler controllers: rules, terms and digits taken away while the outputs stay within a budget."""
+"""Simpler controllers: rules, terms and digits removed while the outputs stay within a budget."""
 
 from collections.abc import Mapping
 from dataclasses import replace

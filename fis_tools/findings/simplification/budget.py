@@ -86,7 +86,7 @@ def _used(change: float, allowed: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What a system answered before it was simplified.
+    """The outputs of a system before it was simplified, to compare with.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class Bench:
 
 
 def bench_for(system: FuzzySystem, flown: Floats | None, budget: Budget) -> Bench:
-    """Ask a system along its flights, if there are any, and over the whole ranges of its inputs."""
+    """Evaluate a system along its flights, if there are any, and over the whole ranges of its inputs."""
     samples = {FLOWN: flown} if flown is not None and len(flown) else {}
     samples[SPREAD] = spread_inputs(system, NUM_SPREAD)
     compiled = compile(system)

@@ -1,4 +1,4 @@
-"""A system on its way to a simpler one, and what can be done to it next."""
+"""A system on its way to a simpler one, and the steps that are possible next."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace

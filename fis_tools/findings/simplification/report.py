@@ -62,7 +62,7 @@ class SimplifiedSystem:
 
 @dataclass(frozen=True, repr=False)
 class Simplification:
-    """What became of a controller.
+    """The result of simplifying a controller.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Simplification:
 
     @property
     def summary(self) -> str:
-        """What became of it, in a sentence."""
+        """The result in a sentence."""
         rules = [sum(len(s.rules) for s in c.systems) for c in (self.original, self.controller)]
         terms = [sum(map(num_terms, c.systems)) for c in (self.original, self.controller)]
         return (
@@ -88,7 +88,7 @@ class Simplification:
         )
 
     def text(self) -> str:
-        """Tell the steps in a terminal, a table a system."""
+        """Tell the steps in a terminal, one table per system."""
         lines = [self.summary]
         for system in self.systems:
             lines += ["", *_heads(system), *aligned(list(_rows(system)), 2)]

@@ -1,4 +1,4 @@
-"""Rules and terms rewritten: a rule less, two terms made one, terms that nobody uses taken out."""
+"""Rewriting rules and terms: dropping a rule, merging two terms, removing unused terms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace

@@ -31,7 +31,7 @@ _DUALS = {
 
 
 class NotExpressible(ValueError):  # noqa: N818
-    """What a format cannot say without changing its meaning, told in a sentence."""
+    """What a format cannot express without changing its meaning, told in a sentence."""
 
 
 def with_plain_not(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:

@@ -1,4 +1,4 @@
-"""What a file of another program does not say of a controller, in sentences."""
+"""What a file of another program cannot hold of a controller, in sentences."""
 
 from collections.abc import Iterator, Sequence
 

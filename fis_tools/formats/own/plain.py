@@ -12,7 +12,7 @@ LINE_WIDTH = 110
 
 
 class Unreadable(ValueError):  # noqa: N818
-    """A text that is not acceptable JSON or YAML, told in a sentence."""
+    """Raised for a text that is not acceptable JSON or YAML; says why in a sentence."""
 
 
 def is_scalar(value: object) -> bool:

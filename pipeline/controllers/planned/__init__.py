@@ -1,1 +1,1 @@
-"""Controllers that need no inspection to decide: each plans its forces from the start, by a known method."""
+"""Baseline controllers: each plans the whole flight from its start; none reacts to what is inspected."""

@@ -1,4 +1,4 @@
-"""Natural-motion circumnavigation: one burn at the start, after which free motion does the rest.
+"""Natural-motion circumnavigation: one burn at the start; free motion does the rest.
 
 The burn closes the ellipse: its component along j is the one that leaves the centre no height, ``x_c = 0``,
 so that nothing drifts (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). The component along i chooses

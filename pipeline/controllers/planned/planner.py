@@ -17,7 +17,7 @@ Planner = Callable[[Scenario], NDArray[np.float64]]
 
 
 def planner_of(settings: Planned, mission: Mission) -> Planner:
-    """Return what plans the forces of each start of a mission.
+    """Return the planner of the forces for each start of a mission.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The receding-horizon controller: the least fuel to a place on the ring, solved for again and again.
+"""The receding-horizon controller: solves repeatedly for the least fuel to a place on the ring.
 
 Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, set
 where a solution would break them. What is solved is a linear program (HiGHS, in SciPy) over the forces of the

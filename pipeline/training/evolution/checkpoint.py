@@ -26,7 +26,7 @@ _AFRESH = "delete it to start the training afresh"
 
 
 class CheckpointError(ValueError):
-    """A checkpoint that cannot be gone on from."""
+    """Raised for a checkpoint that cannot be resumed."""
 
 
 @dataclass(frozen=True, kw_only=True)

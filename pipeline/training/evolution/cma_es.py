@@ -1,4 +1,4 @@
-"""Evolution of a distribution: samples around a centre, and the centre goes where the better ones are.
+"""CMA-ES: samples around a centre, which moves towards the better ones.
 
 CMA-ES (Hansen and Ostermeier, Evolutionary Computation 9, 2001), DEAP's `deap.cma`. Genes are sampled
 unbounded; what is judged is the nearest point of [0, 1], and the distance to it is added to the fitness that
@@ -42,7 +42,7 @@ def sample(state: State, settings: Optimizer) -> Floats:
 
 
 def learn(state: State, settings: Optimizer, drawn: Floats, fitness: Floats) -> None:
-    """Move the strategy of a state by what its samples were worth; the centre teaches nothing."""
+    """Update the strategy of a state from the fitness of its samples; the centre does not count."""
     strategy = _restored(state.strategy, settings)
     outside = np.sum(np.abs(drawn - np.clip(drawn, 0.0, 1.0)), axis=1)
     judged = fitness + outside * (np.ptp(fitness) + 1e-12)

@@ -55,7 +55,7 @@ def split_population(settings: Optimizer) -> Split:
 
 
 class Fitness(base.Fitness):  # type: ignore[misc]
-    """One value, to be made small."""
+    """One value, to be minimised."""
 
     weights = (-1.0,)
 

@@ -1,4 +1,4 @@
-"""Evolution of a front: what is better in one objective than all that are no worse in the other survives.
+"""NSGA-II: evolution of a front of individuals that no other dominates.
 
 NSGA-II (Deb, Pratap, Agarwal and Meyarivan, IEEE Transactions on Evolutionary Computation 6, 2002), DEAP's
 selection: parents and children together are sorted into fronts, and of the last front that finds room those
@@ -50,7 +50,7 @@ class Front:
 
 
 class Objectives(base.Fitness):  # type: ignore[misc]
-    """Two values, to be made small; DEAP notes beside them how far off the neighbours in a front are."""
+    """Two values, to be minimised; DEAP notes beside them how far off the neighbours in a front are."""
 
     weights = (-1.0,) * NUM_OBJECTIVES
 

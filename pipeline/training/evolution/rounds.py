@@ -40,7 +40,7 @@ SPAWN_KEY = 0xE70
 
 @dataclass(frozen=True)
 class Evolution:
-    """What came out of an evolution.
+    """The result of an evolution.
 
     Parameters
     ----------
