@@ -25,6 +25,8 @@ _COLOURS: Final = 128
 #: how long a scene may take until it stands still
 _PATIENCE_S: Final = 120.0
 _PAUSE_S: Final = 0.6
+#: how long a viewer that no longer answers may take to end
+_END_S: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -146,9 +148,9 @@ def headless() -> Iterator[ViewerClient]:
         try:
             yield ViewerClient.connect(running.url)
         except (OSError, RuntimeError) as error:
-            # a viewer that ends takes a moment for it
+            # a viewer that is ending takes a moment
             with suppress(subprocess.TimeoutExpired):
-                code = running.process.wait(1.0)
+                code = running.process.wait(_END_S)
                 raise RecordingError(
                     f"the viewer ended with exit code {code}: {_last_words(log)}; "
                     "without a render context it needs a Vulkan driver "

@@ -12,8 +12,7 @@ import pytest
 from mcap.writer import Writer
 
 import telemetry
-from telemetry import commands
-from telemetry.commands import main
+from telemetry.commands import files, main
 from tests.telemetry import synthetic_run
 
 
@@ -191,7 +190,7 @@ def test_an_interrupted_command_ends_in_a_sentence(
     def interrupted(_path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(commands, "read", interrupted)
+    monkeypatch.setattr(files, "read", interrupted)
     assert main(["info", str(short_file)]) == 130
     assert capsys.readouterr().err == "telemetry: interrupted\n"
 

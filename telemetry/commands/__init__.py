@@ -1,0 +1,73 @@
+"""The command line: ``python -m telemetry``."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from telemetry.commands import files, scenes
+from telemetry.file.errors import RecordingError
+
+COMMANDS = (
+    *(scenes.replay, scenes.campaign, scenes.training, scenes.screenshot),
+    *(files.info, files.recover, files.export, files.compare),
+)
+
+DESCRIPTION = """\
+Look at recorded inspection flights (MCAP files).
+
+`python -m pipeline +experiment=fly` writes its flight to episodes/*.mcap in its run folder.
+Any MCAP tool reads it too: open it in Foxglove, or run `rerun FILE.mcap`."""
+
+EXIT_CODES = """\
+exit codes: 0 success; 1 compared flights differ; 2 usage error, explained in one sentence;
+130 Ctrl-C"""
+
+MISTAKE = 2
+#: as shells do for SIGINT
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        By default those of the process.
+
+    Returns
+    -------
+    int
+        0; 1 if compared flights differ; 2 after a usage error, which has been explained on the standard error
+        stream; 130 after Ctrl-C.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        status = int(options.run(options) or 0)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # the reader has closed the pipe, as `| head` does; nothing more can be printed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except RecordingError as error:
+        print(f"telemetry: {error}", file=sys.stderr)
+        return MISTAKE
+    except KeyboardInterrupt:
+        print("telemetry: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    examples = [line for command in COMMANDS for line in command.lines]
+    parser = argparse.ArgumentParser(
+        prog="python -m telemetry",
+        description=DESCRIPTION,
+        epilog="\n".join(["examples:", *examples, "", EXIT_CODES]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        command.add_to(commands)
+    return parser
