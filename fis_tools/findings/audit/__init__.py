@@ -1,4 +1,4 @@
-"""Audits of fuzzy controllers: what a reviewer should look at before signing, and the numbers behind it."""
+"""Audits of fuzzy controllers: what a reviewer should look at before signing, with the numbers behind it."""
 
 from collections.abc import Iterator, Mapping
 
@@ -18,7 +18,7 @@ def audit(
     samples: Mapping[str, Floats] | None = None,
     thresholds: Thresholds | None = None,
 ) -> Audit:
-    """Look for everything in a controller that its reviewer should know.
+    """Look for everything that the reviewer of a controller should know.
 
     Parameters
     ----------
@@ -26,16 +26,16 @@ def audit(
         What is audited.
     samples : mapping of str to (n, num_inputs), optional
         Inputs by the system's name, such as `fis_tools.analysis.flights.inputs_along` returns; with them, the
-        audit tells what the rules did there.
+        audit reports what the rules did there.
     thresholds : Thresholds, optional
-        From where on something is a finding.
+        The limits beyond which something is a finding.
 
     Raises
     ------
     InvalidSystem
         If a system has problems, with one line for each.
     ValueError
-        If samples are for a system that there is not, or of another width than its inputs.
+        If samples are given for an unknown system, or their number of columns is not its number of inputs.
     """
     alone = isinstance(controller, FuzzySystem)
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
@@ -69,8 +69,8 @@ def _used(system: FuzzySystem, rows: Floats | None, thresholds: Thresholds) -> I
         "never-asked",
         Severity.NOTE,
         system.name,
-        f"{system.name} was never asked on these flights.",
-        "Fly starts on which it has to decide.",
+        f"{system.name} made no inference on these flights.",
+        "Fly starts in which it is used.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Findings on what a system answers over the box of its universes: gaps, ways back, ends never reached."""
+"""Findings on the outputs over the whole input ranges: gaps, reversals, parts of the range never reached."""
 
 from collections.abc import Iterator
 
@@ -10,12 +10,12 @@ from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem
 from fis_tools.words.amounts import NEGLIGIBLE, Floats, amount, percent, place, span
 
-#: About so many points of the box are evaluated.
+#: About how many points of the input ranges are evaluated.
 NUM_POINTS = 20_000
 
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
-    """Yield what is to be said of the answers of a system, wherever its inputs may be."""
+    """Yield the findings on the outputs of a system, over the whole ranges of its inputs."""
     yield from _complete(system, measures, thresholds)
     axes = _axes(system)
     grid = np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=1)
@@ -40,15 +40,15 @@ def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -
         return
     if found.least == 0.0:
         given = [f"{v.name} = {amount(v, v.default)}" for v in system.outputs if v.default is not None]
-        answer = f"the answer is the default, {', '.join(given)}" if given else "there is no answer"
+        answer = f"the output is the default, {', '.join(given)}" if given else "there is no output"
         sentence = f"No rule fires at {place(system, found.at)}: {answer}."
     else:
         sentence = (
-            f"At {place(system, found.at)} no rule fires by more than {found.least:.2g}: the answer "
-            "rests on what is hardly true."
+            f"At {place(system, found.at)} no rule fires with a strength above {found.least:.2g}: "
+            "the output rests on weak evidence."
         )
     if not found.is_exact:
-        sentence += " (The least of samples; it may be less elsewhere.)"
+        sentence += " (The lowest of the points sampled; it may be lower elsewhere.)"
     yield Finding(
         "completeness",
         Severity.SERIOUS if found.least < thresholds.fired else Severity.WARNING,
@@ -70,16 +70,14 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
     is_constant = part < NEGLIGIBLE
     if is_constant:
         told = f"is {amount(output, low)}"
-    by_area = (
-        "; a centre of area never reaches the ends" if system.defuzzifier_of(output) == "centroid" else ""
-    )
+    by_area = "; a centroid never reaches the ends" if system.defuzzifier_of(output) == "centroid" else ""
     yield Finding(
         "output-reach",
         Severity.SERIOUS if is_constant else Severity.WARNING,
         system.name,
-        f"{output.name} {told} at {values.size} inputs all over their ranges ({extent} is declared).",
-        f"Narrow the range to what is used, or narrow the outer terms{by_area} (fis_tools bounds proves how "
-        "far it goes).",
+        f"{output.name} {told} at {values.size} points over the input ranges ({extent} is declared).",
+        f"Narrow the range to what is used, or narrow the outer terms{by_area} (fis_tools bounds proves what "
+        "is reached).",
         output.name,
         evidence={"low": low, "high": high, "part": part},
     )
@@ -115,7 +113,7 @@ def _ways_back(
         f"{output.name} mostly {ways[0]} with {variable.name}, but {ways[1]} by {by} from {variable.name} = "
         f"{amount(variable, axes[axis][start])} to {amount(variable, axes[axis][end])}"
         + (f", where {', '.join(held)}." if held else "."),
-        "Look at the surface there; the rules of these terms pull against the rest.",
+        "Look at the output surface there; the rules for these terms work against the others.",
         variable.name,
         evidence={
             "back": float(back[worst]),

@@ -1,4 +1,4 @@
-"""What an audit is made of: findings, how serious they are, and from where on something is one."""
+"""What an audit consists of: findings, their severity, and the thresholds beyond which something is one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Severity(IntEnum):
-    """How much a finding weighs; higher is worse."""
+    """How serious a finding is; higher is worse."""
 
     NOTE = 1
     WARNING = 2
@@ -15,7 +15,7 @@ class Severity(IntEnum):
 
     @property
     def word(self) -> str:
-        """Its name as people write it."""
+        """The name in lower case."""
         return self.name.lower()
 
 
@@ -57,40 +57,40 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Thresholds:
-    """From where on something is a finding.
+    """The limits beyond which something is a finding.
 
     Parameters
     ----------
     fired : float
-        A rule counts as fired, and a value as covered at all, from this strength on.
+        The strength from which a rule counts as fired, and a value as covered at all.
     coverage : float
-        Each value of a variable should belong to a term this much, and each input to a rule.
+        The membership that each value should have in some term, and the strength that some rule should have.
     look_alike : float
-        Two terms whose areas are shared by more than this (Jaccard) mean the same.
+        Two terms whose shared area exceeds this share of their joint area (Jaccard) mean the same.
     possibility : float
-        Two terms that hold together by more than this are hard to tell apart.
+        Two terms whose intersection is higher than this are hard to tell apart.
     inside : float
-        A term of which more than this lies under another one says little of its own.
+        A term with more than this share of its area under another one adds little.
     zero : float
-        How much 0 should belong to a term called zero.
+        The membership that 0 should have in a term called zero.
     jump : float
         The most that neighbouring rules should differ by, as a fraction of the output's range.
     against : float
-        Up to this fraction of steps against the rest, an input counts as meant to act one way.
+        Up to this fraction of opposite steps, an input counts as intended to act in one direction.
     reversal : float
-        The least way back of the output that counts, as a fraction of its range.
+        The smallest reversal of the output that counts, as a fraction of its range.
     meaning : float
-        The least that an answer should be like the consequent of a rule that holds in full.
+        The least agreement of the output with the consequent of a rule that fires fully.
     reach : float
-        The least part of the output's range that should be reached.
+        The least fraction of the output's range that should be reached.
     partition : float
         The least GM3M, of a variable's terms against an even partition.
     clipped : float
-        The most inferences in which an input should lie outside its universe, as a fraction.
+        The largest fraction of inferences in which an input may lie outside its universe.
     dead : float
-        The most rules that should never fire on flights, as a fraction.
+        The largest fraction of rules that may never fire on flights.
     dominant : float
-        The most that one rule should lead, or matter, as a fraction of all.
+        The largest fraction of inferences that one rule may lead, or of the effect of all rules.
     idle : float
         A rule that moves the output by less than this on average, as a fraction of its range, hardly matters.
     rules, terms : int

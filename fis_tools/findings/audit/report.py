@@ -1,4 +1,4 @@
-"""An audit as a whole, and how it is told: in a terminal, as plain data, in a notebook."""
+"""An audit as text for a terminal, as plain data, and as HTML for a notebook."""
 
 import textwrap
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True, repr=False)
 class AuditedSystem:
-    """What was measured of one system.
+    """The measures of one system.
 
     Parameters
     ----------
     name : str
     measures : Measures
     num_samples : int or None
-        Inferences on flights that were looked at; None without flights.
+        Inferences on the flights that were read; None without flights.
     """
 
     name: str
@@ -48,11 +48,11 @@ class Audit:
     findings: tuple[Finding, ...]
 
     def at_least(self, severity: Severity) -> tuple[Finding, ...]:
-        """Return the findings that weigh so much or more."""
+        """Return the findings of a severity or above."""
         return tuple(finding for finding in self.findings if finding.severity >= severity)
 
     def summary(self) -> str:
-        """Say in one line how many findings there are, and of what."""
+        """Return how many findings there are of each severity, in one line."""
         counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in _WORST_FIRST]
         told = ", ".join(f"{count} {_plural(severity, count)}" for count, severity in counts if count)
         flown = [system.num_samples for system in self.systems if system.num_samples is not None]
@@ -79,7 +79,7 @@ def _plural(severity: Severity, count: int) -> str:
 
 
 def text(audit: Audit, width: int = 110) -> str:
-    """Tell an audit in a terminal: a summary, the findings by severity, then the measures."""
+    """Write an audit for a terminal: a summary, the findings by severity, then the measures."""
     lines = [audit.summary()]
     for severity in _WORST_FIRST:
         found = [finding for finding in audit.findings if finding.severity == severity]
@@ -98,7 +98,7 @@ def _wrapped(words: str, width: int, first: str, others: str) -> list[str]:
 
 
 def _measure_rows(audit: Audit) -> list[list[str]]:
-    """Lay the measures out as a table with a column a system."""
+    """Return the measures as a table with one column per system."""
     rows = [["", *(system.name for system in audit.systems)]]
     measured = [system.measures for system in audit.systems]
     rows.append(["rules", *(str(m.complexity.rules) for m in measured)])
@@ -106,10 +106,10 @@ def _measure_rows(audit: Audit) -> list[list[str]]:
     rows.append(
         ["terms in, out", *(f"{m.complexity.input_terms}, {m.complexity.output_terms}" for m in measured)]
     )
-    rows.append(["completeness, the least of the best firing", *(_completeness(m) for m in measured)])
+    rows.append(["completeness (lowest strongest firing)", *(_completeness(m) for m in measured)])
     rows.append(["Nauck index", *(f"{m.nauck.index:.4f}" for m in measured)])
     rows.append(["GM3M against an even partition", *(f"{m.gm3m:.2f}" for m in measured)])
-    rows.append(["RMI, the least of the rules", *(f"{m.rule_meaning.index:.2f}" for m in measured)])
+    rows.append(["RMI (lowest of the rules)", *(f"{m.rule_meaning.index:.2f}" for m in measured)])
     if any(system.num_samples is not None for system in audit.systems):
         rows.append(["inferences on flights", *(str(system.num_samples) for system in audit.systems)])
     return rows
@@ -126,8 +126,8 @@ def plain(audit: Audit) -> dict[str, Any]:
     Keys are ``schema`` (fuzzy-audit), ``schema_version`` (1), ``controller``, ``summary`` (how many findings
     of each severity), ``systems`` (each with ``name``, ``samples`` and ``measures``) and ``findings``, the
     most serious first, each with ``id``, ``severity``, ``system``, ``variable``, ``terms``, ``rules``
-    (numbers from 1), ``sentence``, ``cure`` and ``evidence``. New keys may come; the version changes when one
-    changes its meaning or goes.
+    (numbers from 1), ``sentence``, ``cure`` and ``evidence``. Keys may be added; the version changes when one
+    changes its meaning or is removed.
     """
     return {
         "schema": SCHEMA,
@@ -191,8 +191,7 @@ def html(audit: Audit) -> str:
         for name, *cells in rows
     )
     heads = "".join(
-        f'<th scope="col">{word}</th>'
-        for word in ("severity", "system", "kind", "what was found, and what to do")
+        f'<th scope="col">{word}</th>' for word in ("severity", "system", "kind", "finding and cure")
     )
     return (
         f'<section class="audit"><p>{escape(audit.summary())}</p>'

@@ -1,4 +1,4 @@
-"""Findings on rules as they are written: doubles, contradictions, neighbours that differ, meaning, number."""
+"""Findings on rules as written: duplicates, contradictions, jumps between neighbours, meaning, number."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ class Step:
 
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
-    """Yield what is to be said of the rules of a system."""
+    """Yield the findings on the rules of a system."""
     yield from _weightless(system)
     yield from _repeated(system)
     yield from _overlapping(system)
@@ -75,7 +75,7 @@ def _weightless(system: FuzzySystem) -> Iterator[Finding]:
                 Severity.WARNING,
                 system.name,
                 f"Rule {number} concludes {words} with weight 0, which changes nothing.",
-                "Drop the conclusion, or give it the weight that is meant.",
+                "Remove the conclusion, or give it the intended weight.",
                 rules=(number,),
             )
 
@@ -102,9 +102,9 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
                 f"the other {told[1]}."
                 if differ
                 else f"Rules {first} and {second} say the same: if {words} then {told[0]}.",
-                "Decide which of the two is meant, and drop the other."
+                "Decide which of the two is intended, and remove the other."
                 if differ
-                else f"Drop one of the two{'' if adds_up else '; it counts no more for being said twice'}.",
+                else f"Remove one of the two{'' if adds_up else '; it counts no more for being said twice'}.",
                 rules=(first, second),
             )
 
@@ -133,8 +133,8 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
                 system.name,
                 f"Rule {wide + 1} (if {antecedent_words(rule.antecedent)} then "
                 f"{consequent_words(rule.consequents)}) holds wherever {listed(told)} does, which says "
-                "otherwise: the answer lies between them.",
-                "Make the wider rule ask for what the narrower ones leave, or let them conclude the same.",
+                "otherwise: the output lies between the two.",
+                "Restrict the wider rule to what the narrower ones leave, or let them conclude the same.",
                 rules=(int(wide) + 1, *(int(number) + 1 for number in against)),
             )
 
@@ -201,9 +201,9 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
         system.name,
         f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
         f"{'is' if len(far) == 1 else 'are'} more than "
-        f"{percent(thresholds.jump)} of the range of {output.name}; the greatest goes "
+        f"{percent(thresholds.jump)} of the range of {output.name}; the largest goes "
         f"{_told(system, far[0])}, {jump} apart.",
-        "Look at these rules in the table; put a value in between unless the switch is meant.",
+        "Look at these rules in the table; put a value in between unless the jump is intended.",
         variable.name,
         rules=tuple(sorted({rule for step in far for rule in step.rules})),
         evidence={"steps": len(steps), "jumps": [[*step.rules, step.change] for step in far]},
@@ -231,9 +231,12 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
         severity = Severity.NOTE
         sentence = (
             f"The rule table has no direction along {variable.name}: {output.name} rises in "
-            f"{_counted(rising)} and falls in {len(falling)}, {_told(system, worst)} for one."
+            f"{_counted(rising)} and falls in {len(falling)}, for example {_told(system, worst)}."
         )
-        cure = f"Ask whether {output.name} should follow {variable.name} one way; if so, sort the rules."
+        cure = (
+            f"Ask whether {output.name} should change with {variable.name} in one direction; if so, correct "
+            "the rules."
+        )
     yield Finding(
         "monotonicity-table",
         severity,
@@ -265,10 +268,10 @@ def _meaning(system: FuzzySystem, measures: Measures, thresholds: Thresholds) ->
         Severity.WARNING if len(weak) > thresholds.against * len(system.rules) else Severity.NOTE,
         system.name,
         f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
-        f"{'it holds' if len(weak) == 1 else 'they hold'} most. The worst is "
+        f"{'it fires' if len(weak) == 1 else 'they fire'} most strongly. The worst is "
         f"rule {worst + 1} (RMI {found.values[worst]:.2f}): it concludes "
         f"{consequent_words(rule.consequents)}, but at {place(system, found.points[worst])} "
-        f"the system answers {' and '.join(answers)}.",
+        f"the system gives {' and '.join(answers)}.",
         "Do not read these rules one by one; narrow the terms that overlap them, or make them agree.",
         rules=tuple(index + 1 for index in weak),
         evidence={"rmi": found.index, "values": [float(found.values[index]) for index in weak]},
@@ -283,7 +286,7 @@ def _many(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> It
             Severity.NOTE,
             system.name,
             f"{counted.rules} rules with {counted.premises} premises over {counted.input_terms} terms are "
-            f"more than a person keeps in mind (Nauck index {measures.nauck.index:.4f}).",
-            "Drop rules that never matter and merge terms (fis_tools simplify proposes which).",
+            f"more than a person can keep in mind (Nauck index {measures.nauck.index:.4f}).",
+            "Remove rules that never matter and merge terms (fis_tools simplify proposes which).",
             evidence={"rules": counted.rules, "premises": counted.premises, "nauck": measures.nauck.index},
         )

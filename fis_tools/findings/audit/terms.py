@@ -1,4 +1,4 @@
-"""Findings on variables: whether terms are whole, apart, in order, and what their names say."""
+"""Findings on variables: gaps between terms, overlaps, their order, and whether their names fit."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -16,7 +16,7 @@ from fis_tools.words.text import number
 
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
-    """Yield what is to be said of the variables of a system."""
+    """Yield the findings on the variables of a system."""
     yield from _unused(system)
     for variable in (*system.inputs, *system.outputs):
         yield from _low(system, variable)
@@ -36,17 +36,17 @@ def _unused(system: FuzzySystem) -> Iterator[Finding]:
         idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]
         is_input = variable in system.inputs
         if len(idle) == len(variable.terms):
-            does = "no rule asks for it, so it changes nothing" if is_input else "no rule concludes on it"
+            does = "no rule uses it, so it changes nothing" if is_input else "no rule concludes on it"
             yield Finding(
                 "unused-variable",
                 Severity.SERIOUS,
                 system.name,
                 f"{variable.name} is declared, but {does}.",
-                f"Write rules with {variable.name}, or drop it.",
+                f"Write rules that use {variable.name}, or remove it.",
                 variable.name,
             )
         elif idle:
-            does = "asked for by no rule" if is_input else "concluded by no rule"
+            does = "used by no rule" if is_input else "concluded by no rule"
             terms = f"{listed(idle, len(idle))} of {variable.name}"
             yield Finding(
                 "unused-term",
@@ -66,7 +66,7 @@ def _low(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
                 "term-height",
                 Severity.SERIOUS if highest == 0 else Severity.WARNING,
                 system.name,
-                f"No value of {variable.name} belongs to {term.name} by more than "
+                f"No value of {variable.name} belongs to {term.name} with a degree above "
                 f"{number(round(highest, 3))}: its peak lies outside the range or between the "
                 f"{variable.num_points} points of the universe.",
                 "Move the peak into the range, widen the term, or give the universe more points.",
@@ -89,22 +89,23 @@ def _covered(
         "coverage",
         Severity.SERIOUS if fired < thresholds.fired else severity,
         system.name,
-        f"{variable.name} has a gap from {amount(variable, low)} to {amount(variable, high)}: no term holds "
-        f"by {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the best one by {least}.",
-        f"Widen the terms on both sides until each value belongs to one by {thresholds.coverage:g} or more.",
+        f"{variable.name} has a gap from {amount(variable, low)} to {amount(variable, high)}: no term "
+        f"reaches a membership of {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the "
+        f"best one reaches {least}.",
+        f"Widen the terms on both sides until each value has a membership of {thresholds.coverage:g} in one.",
         variable.name,
         evidence={"least": worst.least, "at": worst.at, "from": low, "to": high},
     )
 
 
 def _gap(variable: Variable, at: float, level: float) -> tuple[float, float]:
-    """Return from where to where, about a value, no term holds by a level."""
+    """Return the interval around a value in which no term reaches a membership."""
     x, terms = variable.universe, sample_terms(variable)
     return _covered_up_to(x, terms, at, level), _covered_up_to(x[::-1], terms[:, ::-1], at, level)
 
 
 def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
-    """Return where, on the way along x to a value that is not covered, some term holds by a level last."""
+    """Return the last point before an uncovered value, along x, at which some term reaches a membership."""
     is_before = (x - at) * (x[-1] - x[0]) <= 0.0
     covered = np.flatnonzero(is_before & (terms.max(axis=0) >= level))
     if not len(covered):
@@ -135,11 +136,13 @@ def _alike(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> I
         elif inside > thresholds.inside:
             kind, severity = "term-inside-another", Severity.NOTE
             sentence = f"{percent(inside)} of {inner} of {variable.name} lies under {outer}: "
-            sentence += f"hardly a value is {inner} without being {outer} as much."
+            sentence += f"hardly any value is {inner} without being {outer} to the same degree."
             cure = f"Narrow {outer}, or check that its rules should act together with those of {inner}."
         elif possibility > thresholds.possibility:
             kind, severity = "overlapping-terms", Severity.NOTE
-            sentence = f"{inner} and {outer} of {variable.name} hold together by up to {possibility:.2f}: "
+            sentence = (
+                f"{inner} and {outer} of {variable.name} overlap with a membership of {possibility:.2f}: "
+            )
             sentence += "they are hard to tell apart."
             cure = "Move the two terms apart, or narrow them."
         else:
@@ -159,7 +162,7 @@ def _ordered(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
                 "term-order",
                 Severity.WARNING,
                 system.name,
-                f"{before} of {variable.name} stands before {after} in the list, but lies higher "
+                f"{before} of {variable.name} is listed before {after}, but lies higher "
                 f"({amount(variable, centres[place])} against {amount(variable, centres[place + 1])}).",
                 "List terms from the lowest to the highest: tables and neighbours are read in this order.",
                 variable.name,
@@ -188,8 +191,8 @@ def _named(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
             system.name,
             f"{low.name} of {variable.name} lies at {amount(variable, low_at)}, above {high.name} at "
             f"{amount(variable, high_at)}"
-            + (", and so it is with all its terms: they are named from high to low." if falling else "."),
-            "Exchange the names or the membership functions: every rule that uses them reads wrongly.",
+            + ("; all its terms are named from high to low." if falling else "."),
+            "Swap the names or the membership functions: every rule that uses them reads wrongly.",
             variable.name,
             (low.name, high.name),
             evidence={"centres": [low_at, high_at]},
@@ -206,7 +209,7 @@ def _signs(system: FuzzySystem, variable: Variable) -> Iterator[Finding]:
                 Severity.SERIOUS,
                 system.name,
                 f"{term.name} of {variable.name} peaks at {amount(variable, here)}, on the other side of 0.",
-                "Rename the term, or move it to the side that its name says.",
+                "Rename the term, or move it to the side that its name implies.",
                 variable.name,
                 (term.name,),
                 evidence={"centre": here},
@@ -222,15 +225,15 @@ def _zero(system: FuzzySystem, variable: Variable, thresholds: Thresholds) -> It
         if reading is None or reading.sign != 0 or at_zero[place] >= thresholds.zero:
             continue
         here, best = centre(variable, term), int(np.argmax(at_zero))
-        instead = f", and more to {variable.terms[best].name} ({at_zero[best]:.2f})" if best != place else ""
+        instead = f", but {at_zero[best]:.2f} in {variable.terms[best].name}" if best != place else ""
         yield Finding(
             "zero-off-zero",
             Severity.SERIOUS if best != place and at_zero[place] < 0.5 else Severity.WARNING,
             system.name,
             f"{term.name} of {variable.name} peaks at {amount(variable, here)}, "
-            f"{percent(abs(here) / span(variable))} of the range away from 0: 0 belongs to it by "
-            f"{at_zero[place]:.2f} only{instead}.",
-            f"Move {term.name} to 0, or give it a name that says where it is.",
+            f"{percent(abs(here) / span(variable))} of the range away from 0: 0 has a membership "
+            f"of only {at_zero[place]:.2f} in it{instead}.",
+            f"Move {term.name} to 0, or rename it after where it lies.",
             variable.name,
             (term.name,),
             evidence={"centre": here, "membership_of_zero": at_zero[place]},
@@ -246,7 +249,7 @@ def _even(
             "many-terms",
             Severity.NOTE,
             system.name,
-            f"{variable.name} has {len(variable.terms)} terms; people keep about {thresholds.terms} apart.",
+            f"{variable.name} has {len(variable.terms)} terms; people tell about {thresholds.terms} apart.",
             "Merge terms that act alike (fis_tools simplify proposes some).",
             variable.name,
             evidence={"terms": len(variable.terms)},
@@ -265,7 +268,7 @@ def _even(
         system.name,
         f"The terms of {variable.name} are far from an even partition, GM3M {found.gm3m:.2f}: "
         f"{' and '.join(parts)}.",
-        "Read the words by their pictures, not by their names, or tune within narrower bounds.",
+        "Judge the terms by their pictures, not by their names, or tune within narrower bounds.",
         variable.name,
         (variable.terms[moved].name, variable.terms[stretched].name),
         evidence={"gm3m": found.gm3m},

@@ -1,4 +1,4 @@
-"""Findings on what flights, or other samples, make of a system: dead, dominant and idle rules, clipping."""
+"""Findings along flights or other samples: rules that never fire, dominate or do nothing; clipped inputs."""
 
 from collections.abc import Iterator
 
@@ -12,12 +12,12 @@ from fis_tools.model import FuzzySystem
 from fis_tools.words.amounts import Floats, amount, listed, percent
 from fis_tools.words.text import antecedent_words, consequent_words
 
-#: How much each rule matters is taken over at most so many samples, evenly picked.
+#: The most samples over which the importance of rules is averaged; they are picked evenly.
 MOST_SAMPLES = 2_000
 
 
 def find(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Iterator[Finding]:
-    """Yield what is to be said of a system at the inputs that it was given, shape (n, num_inputs)."""
+    """Yield the findings on a system at the inputs that it was given, shape (n, num_inputs)."""
     yield from _clipped(system, samples, thresholds)
     strengths = firing(system, samples)
     usage = rule_usage(strengths, thresholds.fired)
@@ -47,8 +47,8 @@ def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> It
             Severity.WARNING if part > thresholds.clipped else Severity.NOTE,
             system.name,
             f"{variable.name} was outside its range of {extent} in {percent(part)} of {len(column)} "
-            f"inferences, as far as {' and '.join(beyond)}: there the system saw only the end of the range.",
-            "Widen the range to what occurs, if the answer should change out there.",
+            f"inferences, up to {' and '.join(beyond)}: there the system saw only the end of its range.",
+            "Widen the range to the values that occur, if the output should change there.",
             variable.name,
             evidence={"part": part, "low": low, "high": high},
         )
@@ -61,8 +61,8 @@ def _silent(system: FuzzySystem, strengths: Floats) -> Iterator[Finding]:
             "default-taken",
             Severity.SERIOUS,
             system.name,
-            f"No rule fired in {percent(part)} of {len(strengths)} inferences: the defaults were taken.",
-            "Add rules for what occurred there, or widen the terms.",
+            f"No rule fired in {percent(part)} of {len(strengths)} inferences: the defaults applied.",
+            "Add rules for these inputs, or widen the terms.",
             evidence={"part": part, "first": int(np.argmax(strengths.max(axis=1) == 0.0))},
         )
 
@@ -76,9 +76,9 @@ def _dead(system: FuzzySystem, fired: Floats, num_samples: int, thresholds: Thre
         "dead-rules",
         Severity.WARNING if part > thresholds.dead else Severity.NOTE,
         system.name,
-        f"{len(dead)} of {len(fired)} rules never fired by {thresholds.fired:g} or more in {num_samples} "
-        f"inferences: {listed([str(number) for number in dead], 12)}.",
-        "Fly starts that need them, or drop them; what never fires has not been tried.",
+        f"{len(dead)} of {len(fired)} rules never reached a firing strength of {thresholds.fired:g} in "
+        f"{num_samples} inferences: {listed([str(number) for number in dead], 12)}.",
+        "Fly starts that need them, or remove them; a rule that never fired is untested.",
         rules=tuple(dead),
         evidence={"part": part, "samples": num_samples},
     )
@@ -98,7 +98,9 @@ def _dominant(
             if lead > thresholds.dominant
             else []
         )
-        told += [f"makes {percent(share)} of what all rules change"] if share > thresholds.dominant else []
+        told += (
+            [f"makes up {percent(share)} of the effect of all rules"] if share > thresholds.dominant else []
+        )
         yield Finding(
             "dominant-rule",
             Severity.NOTE,
@@ -121,7 +123,7 @@ def _idle(system: FuzzySystem, fired: Floats, matters: Floats, thresholds: Thres
             f"{len(idle)} rule{'s' if len(idle) > 1 else ''} fired, but without "
             f"{'them' if len(idle) > 1 else 'it'} the outputs would differ by less than "
             f"{percent(thresholds.idle)} of their range on average: {listed([str(n) for n in idle], 12)}.",
-            "Drop them (fis_tools simplify tells the largest change), or keep them for what was not flown.",
+            "Remove them (fis_tools simplify shows the largest change), or keep them for what was not flown.",
             rules=tuple(idle),
             evidence={"importance": {str(number): float(matters[number - 1]) for number in idle}},
         )

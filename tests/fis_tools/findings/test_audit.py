@@ -147,7 +147,7 @@ def test_a_missing_rule_leaves_a_hole() -> None:
     finding = the_one(system, "completeness")
     assert finding.severity is Severity.SERIOUS
     assert finding.evidence["at"] == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert "error = 0 deg, rate = 0 deg/s: the answer is the default, torque = 0 N m" in finding.sentence
+    assert "error = 0 deg, rate = 0 deg/s: the output is the default, torque = 0 N m" in finding.sentence
 
 
 def test_terms_that_look_alike_overlap_or_lie_inside() -> None:
@@ -204,7 +204,7 @@ def test_a_zero_that_is_not_at_zero() -> None:
     assert (finding.severity, finding.terms) == (Severity.SERIOUS, ("ZE",))
     # 0 belongs to ZE by 2 / 5 and to NS by 3 / 5
     assert finding.evidence["membership_of_zero"] == pytest.approx(0.4, abs=0.01)
-    assert "more to NS (0.60)" in finding.sentence
+    assert "0.40 in it, but 0.60 in NS" in finding.sentence
 
 
 def test_an_uneven_partition_and_many_terms() -> None:
@@ -309,7 +309,7 @@ def test_an_output_that_stays_in_the_middle() -> None:
     assert finding.evidence["high"] < 1.0
     constant = the_one(controller_of(["ZE"] * 25), "output-reach")
     assert constant.severity is Severity.SERIOUS
-    assert "torque is 0 N m at 19881 inputs all over their ranges" in constant.sentence
+    assert "torque is 0 N m at 19881 points over the input ranges" in constant.sentence
 
 
 def test_more_rules_than_a_person_keeps_in_mind() -> None:
@@ -327,7 +327,7 @@ def test_inputs_outside_their_range() -> None:
     finding = the_one(controller_of(), "input-clipped", samples)
     assert (finding.variable, finding.severity) == ("rate", Severity.WARNING)
     assert finding.evidence["part"] == 0.1
-    assert "as far as 2.5 deg/s" in finding.sentence
+    assert "up to 2.5 deg/s" in finding.sentence
     samples[1:, 1] = 0.0
     assert the_one(controller_of(), "input-clipped", samples).severity is Severity.NOTE
 
