@@ -41,8 +41,8 @@ def __getattr__(name: str) -> Any:
 
 #: For each kind of content, which function of `fis_tools.review.notebook` shows which noun.
 _SHOWN = {
-    "text/html": {"FuzzyController": "controller_tables", "FuzzySystem": "system_tables"},
-    "image/svg+xml": {"Variable": "variable_picture"},
+    "text/html": {"systems.FuzzyController": "controller_tables", "systems.FuzzySystem": "system_tables"},
+    "image/svg+xml": {"variables.Variable": "variable_picture"},
 }
 
 
@@ -50,8 +50,9 @@ def show_in(shell: Any) -> None:
     """Tell an IPython shell how to show controllers, systems and variables; it imports when it shows one."""
     for kind, ways in _SHOWN.items():
         for noun, way in ways.items():
+            module, _, name = noun.rpartition(".")
             formatter = shell.display_formatter.formatters[kind]
-            formatter.for_type_by_name(f"{__name__}.model.system", noun, _shown_by(way))
+            formatter.for_type_by_name(f"{__name__}.model.{module}", name, _shown_by(way))
 
 
 def _shown_by(way: str) -> Callable[[Any], str | None]:
