@@ -21,13 +21,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 _making = threading.RLock()
 
 
+#: numba's options for a function that only compiled code calls: what Python calls it by is a quarter of the
+#: time that compiling it takes.
+INSIDE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 class Compiled:
     """A function that numba compiles when it is first called, from Python or from another one.
 
-    It has every attribute of numba's dispatcher, which is made when the first of them is asked for.
+    It has every attribute of numba's dispatcher, which is made when the first of them is asked for. There is
+    one for calls from Python, and one without an entry for Python for calls from compiled functions.
     """
 
     dispatcher: Any
+    inside: Any
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
@@ -44,12 +51,13 @@ class Compiled:
         # of a function that it compiles for its type: the type is that of the dispatcher.
         if name.startswith("__") or name in {"py_func", "_options"}:
             raise AttributeError(name)
-        if name != "dispatcher":
-            return getattr(self.dispatcher, name)
+        if name not in {"dispatcher", "inside"}:
+            return getattr(self.inside if name == "_numba_type_" else self.dispatcher, name)
         with _making:
             if name not in self.__dict__:
-                self.dispatcher = _dispatcher(self.py_func, self._options)
-        return self.dispatcher
+                options = self._options | (INSIDE if name == "inside" else {})
+                self.__dict__[name] = _dispatcher(self.py_func, options, name)
+        return self.__dict__[name]
 
 
 @overload
@@ -78,15 +86,15 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
     return decorate if function is None else decorate(function)
 
 
-def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Make numba's dispatcher, with a cache folder where one can be trusted."""
+def _dispatcher(function: Callable[..., Any], options: dict[str, Any], use: str) -> Any:
+    """Make numba's dispatcher for a use, with a cache folder where one can be trusted."""
     from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
 
     from fis_tools.engines import notice  # noqa: PLC0415 - imports numba
 
     place = cache.place_for(function)
     if isinstance(place, Path):
-        with _numba_caching_in(place):
+        with _numba_caching_in(place / use):  # numba does not tell the two uses apart by itself
             dispatcher = njit(cache=True, **options)(function)
         stats = getattr(dispatcher, "stats", None)  # a plain function where numba is switched off
         if stats is not None and not Path(stats.cache_path).is_relative_to(place):

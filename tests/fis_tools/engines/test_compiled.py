@@ -158,3 +158,12 @@ def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) ->
     os.close(ours)
     assert re.search(r"compiling kernels\.(caller\.twice|callee\.step), \d+ s so far", told)
     assert told.rstrip().endswith(ERASE_LINE)
+
+
+def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(package: Package) -> None:
+    look = (
+        "from kernels.callee import step\nfrom kernels.caller import twice\n"
+        "print(twice(5), len(step.inside.signatures), 'dispatcher' in vars(step), step(5))"
+    )
+    for _ in range(2):  # compiled, and found again
+        assert package.run(look).stdout.strip() == "7 1 False 6"
