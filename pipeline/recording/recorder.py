@@ -196,23 +196,6 @@ def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int,
     writer.control(time_s, log.force_body_n[k], log.force_hill_n[k])
 
 
-def record_flight(
-    path: Path,
-    mission: Mission,
-    controller: Controller,
-    scenario: Scenario,
-    log: FlightLog,
-    *,
-    scenario_id: str,
-    seed: int,
-    config: Mapping[str, Any],
-    near_limit_m: float,
-) -> None:
-    """Record one flight; for several of one controller, make one `FlightRecorder`, which takes the same."""
-    recorder = FlightRecorder(mission, controller, seed=seed, config=config, near_limit_m=near_limit_m)
-    recorder.record(path, scenario, log, scenario_id)
-
-
 def describe(system: FuzzySystem) -> FisDescription:
     """Say what the numbers of a system's topic mean."""
     output = system.outputs[0]

@@ -26,7 +26,7 @@ from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of

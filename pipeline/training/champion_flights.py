@@ -9,7 +9,7 @@ from pipeline.flight.controller import law_of
 from pipeline.flight.simulation import fly_population, pack_world, stack_starts
 from pipeline.flight.starts import given_start
 from pipeline.settings.experiment import Experiment
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome
 
 Floats = NDArray[np.float64]
