@@ -19,7 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, Encoding
 from fis_tools.genes.reduction import GREATEST_GAIN, Planes
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from pipeline.flight.controller import SIGNALS
+from pipeline.flight.signals import SIGNALS
 
 WORDS = {
     2: ("negative", "positive"),

@@ -11,10 +11,11 @@ from fis_tools.engines.kernel import LANES, Packed, evaluate, padded, scratch_fo
 from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
 from pipeline.flight.guidance import num_clusters, preview_stride
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, NUM_SIGNALS, Law, Log, Workspace, World
+from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, Law, Log, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS, guard_of
 from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.signals import SIGNALS
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
@@ -159,7 +160,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         candidate=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
-        signals=np.zeros(NUM_SIGNALS * LANES),
+        signals=np.zeros(len(SIGNALS) * LANES),
         passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),

@@ -18,18 +18,9 @@ from fis_tools.engines.kernel import LANES, infer
 from pipeline.flight.kernel.arrays import (
     ACTED,
     BEYOND,
-    BODY,
-    CENTRE,
-    CLOSEST_APPROACH,
-    COAST_BELOW,
-    COAST_MARGIN,
-    COASTING_FARTHEST,
-    COASTING_NEAREST,
     COASTS,
     CORRECTED,
-    DEAD_BAND,
     DELTA_V,
-    ETA_U,
     FARTHEST,
     FX,
     FY,
@@ -37,14 +28,11 @@ from pipeline.flight.kernel.arrays import (
     GX,
     GY,
     GZ,
-    HILL,
     INSPECTED,
-    LAMBDA_U,
     LEFT,
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
-    MISSED,
     NEAREST,
     OUTSIDE,
     Q1,
@@ -60,7 +48,6 @@ from pipeline.flight.kernel.arrays import (
     SUN_COS,
     SUN_SIN,
     TRAVELLED,
-    URGENT,
     VX,
     VY,
     VZ,
@@ -78,11 +65,27 @@ from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
+from pipeline.flight.signals import (
+    ANGLES,
+    APPROACH,
+    BODY,
+    DEAD_BAND,
+    HILL,
+    ORBIT,
+    PREVIEW,
+    URGENCY,
+    constant,
+    slot,
+)
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
+
+LAMBDA_U, ETA_U, MISSED = slot("lambda_u"), slot("eta_u"), slot("missed")
+COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
+COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -105,13 +108,19 @@ def move(world: World, lanes: Floats) -> None:
         lanes[VZ + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
 
 
+@compiled(error_model="numpy")
+def may_coast(law: Law, values: Floats) -> bool:
+    """Tell whether a controller coasts where that shows enough."""
+    return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
+
+
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
     lanes, signals = work.lanes, work.signals
     for i in range(LANES):
         lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
-    if law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0:
+    if may_coast(law, values):
         most = values[law.constants + COAST_BELOW]
         nearest = world.min_distance + values[law.constants + COAST_MARGIN]
         farthest = world.max_distance - values[law.constants + COAST_MARGIN]
@@ -241,22 +250,6 @@ def start_lanes(
         work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
 
 
-@compiled(error_model="numpy")
-def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool, bool]:
-    """Tell what a law senses: relative angles; free motion, target or Sun; approach; coasting; urgency."""
-    needs_angles, needs_orbit, needs_approach, needs_urgency = False, False, False, False
-    needs_preview = law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
-    for system in range(len(law.axes)):
-        for place in range(3):
-            signal = law.signals[system, place]
-            needs_angles |= signal in (LAMBDA_U, ETA_U)
-            needs_orbit |= signal >= CENTRE
-            needs_approach |= signal == CLOSEST_APPROACH
-            needs_preview |= MISSED <= signal <= COASTING_FARTHEST
-            needs_urgency |= signal >= URGENT
-    return needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency
-
-
 @compiled(error_model="numpy", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
@@ -289,10 +282,10 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
     is_logged = len(log.position) > 0
-    needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency = needs_of(law, values)
-    needs_angles |= is_logged
+    needs_angles = law.needs & ANGLES != 0 or is_logged
+    needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
-    if needs_urgency:
+    if law.needs & URGENCY:
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
     target, count = np.zeros(3), 0
@@ -304,15 +297,15 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             for component in range(4):
                 lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
         count = sense(world, work, num_lanes, k, needs_angles, target)
-        if needs_orbit:
+        if law.needs & ORBIT:
             sense_orbit(world, law, values, work, k)
-        if needs_approach:
+        if law.needs & APPROACH:
             sense_approach(world, work)
         if needs_preview:
             preview(world, work, num_lanes, k)
         if not law.has_plan:
             decide_to_coast(world, law, values, work)
-        if needs_urgency:
+        if law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):

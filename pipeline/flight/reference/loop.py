@@ -31,6 +31,7 @@ from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import SafetyWorld, assured, safety_world_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.flight.reference.world import World, turn_chief, world_of
+from pipeline.flight.signals import DEAD_BAND, PREVIEW, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.clohessy_wiltshire import propagate
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
@@ -43,6 +44,9 @@ from pipeline.settings.experiment import Mission
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
+
+COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 
 
 class _Log(NamedTuple):
@@ -217,8 +221,8 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
     is_inspected = np.zeros(num_points, dtype=np.bool_)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
-    has_plan = len(channels.plan_h) > 0
-    last_lit = deadlines(world, initial_sun_angle) if channels.senses_urgency else np.zeros(num_points)
+    has_plan, constants = len(channels.plan_h) > 0, channels.constants
+    last_lit = deadlines(world, initial_sun_angle) if channels.needs & URGENCY else np.zeros(num_points)
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -263,18 +267,18 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         commanded = np.zeros(3)
         if is_decided:
             foreseen = np.zeros(3)
-            if channels.senses_preview:
+            if channels.needs & PREVIEW:
                 foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
             urgent = np.zeros(3)
-            if channels.senses_urgency:
+            if channels.needs & URGENCY:
                 is_wanted = is_lit & ~is_inspected
                 time = k * world.control_period
-                urgent = urgent_direction(points_h, is_wanted, last_lit, time, channels.urgency_time)
-                urgent = around_the_chief(urgent, position, channels.skirt_distance, world.min_distance)
+                urgent = urgent_direction(points_h, is_wanted, last_lit, time, constants[URGENCY_TIME])
+                urgent = around_the_chief(urgent, position, constants[SKIRT_DISTANCE], world.min_distance)
             is_coasting = (
-                foreseen[0] < channels.coast_below
-                and foreseen[1] >= world.min_distance + channels.coast_margin
-                and foreseen[2] <= world.max_distance - channels.coast_margin
+                foreseen[0] < constants[COAST_BELOW]
+                and foreseen[1] >= world.min_distance + constants[COAST_MARGIN]
+                and foreseen[2] <= world.max_distance - constants[COAST_MARGIN]
             )
             signals = measure(
                 position,
@@ -295,7 +299,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                     if channels.signals[f, i] >= 0:
                         inputs[i] = signals[channels.signals[f, i]]
                 output = infer(inference, f, inputs)
-                if abs(output) >= channels.dead_band[channels.axes[f]] and not is_coasting:
+                if abs(output) >= constants[DEAD_BAND + channels.axes[f]] and not is_coasting:
                     commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = output
