@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
+from pipeline.flight.log import points_needed
 from pipeline.optimum.solved import Solved
-from pipeline.training.fitness import points_needed
 
 Column = NDArray[Any]
 

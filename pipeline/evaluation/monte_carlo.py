@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.statistics import fraction, statistic
 from pipeline.flight.controller import Controller
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import Outcomes, fly_all, inspection_points
+from pipeline.flight.log import Outcomes, Scenario, points_needed
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.world import inspection_points
 from pipeline.settings.experiment import Mission
-from pipeline.training.fitness import points_needed
 
 Column = NDArray[Any]
 

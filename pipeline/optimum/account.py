@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import inspection_points
+from pipeline.flight.world import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.settings.experiment import Mission, SettingError
 

@@ -20,7 +20,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences
 from pipeline.flight.controller import Controller, packed
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import inspection_points
+from pipeline.flight.world import inspection_points
 from pipeline.physics.illumination import is_illuminated, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import transposed_times

@@ -14,14 +14,9 @@ from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.controller import ControllerError, law_of
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import (
-    fly_population,
-    inspection_points,
-    is_by_the_reference,
-    pack_world,
-    stack_starts,
-)
+from pipeline.flight.simulation import fly_population, is_by_the_reference, stack_starts
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.world import inspection_points, pack_world
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.champion_flights import ChampionFlights

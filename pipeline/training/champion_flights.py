@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.controller import law_of
-from pipeline.flight.simulation import fly_population, pack_world, stack_starts
+from pipeline.flight.simulation import fly_population, stack_starts
 from pipeline.flight.starts import given_start
+from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome

@@ -13,20 +13,14 @@ front: what is spent and what is missed. Faults, to leave the limits or to fall 
 a success, are paid for half and half, so that no controller buys one objective with them.
 """
 
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.simulation import Outcomes
+from pipeline.flight.log import Outcomes, points_needed
 from pipeline.settings.experiment import Penalty
 
 Floats = NDArray[np.float64]
-
-
-def points_needed(num_points: int, threshold_percent: float) -> int:
-    """Return the least number of inspected points whose rate reaches the threshold."""
-    return math.ceil(num_points * threshold_percent / 100.0 - 1e-9)
 
 
 def fitness_parts(

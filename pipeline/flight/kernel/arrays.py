@@ -124,29 +124,3 @@ ACTED, CORRECTED, AHEAD = (LANES * row for row in range(28, 31))
 CLOSEST, REACH, HASTE = (LANES * row for row in range(36, 39))
 COASTS = LANES * 39  # 1 where nothing is fired
 NUM_ROWS = 40
-
-
-class Log(NamedTuple):
-    """The arrays of `pipeline.flight.log.FlightLog`, in its order; all empty where nothing is logged."""
-
-    position: Floats
-    velocity: Floats
-    quaternion: Floats
-    angular_velocity: Floats
-    attitude_quaternion: Floats
-    attitude_rate: Floats
-    torque: Floats
-    force_body: Floats
-    force_hill: Floats
-    num_candidates: Integers
-    target: Floats
-    lambda_u: Floats
-    eta_u: Floats
-    fis_input: Floats
-    fis_output: Floats
-    is_decided: NDArray[np.bool_]
-    sun_angle: Floats
-    is_inspected: NDArray[np.bool_]
-    delta_v: Floats
-    safety_limit: Integers
-    safety_force: Floats

@@ -55,7 +55,6 @@ from pipeline.flight.kernel.arrays import (
     WY,
     WZ,
     Law,
-    Log,
     Workspace,
     World,
 )
@@ -65,6 +64,7 @@ from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
+from pipeline.flight.log import FlightLog
 from pipeline.flight.signals import (
     ANGLES,
     APPROACH,
@@ -135,11 +135,18 @@ def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
-    world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
+    world: World,
+    law: Law,
+    values: Floats,
+    rules: Indices,
+    work: Workspace,
+    num_lanes: int,
+    log: FlightLog,
+    k: int,
 ) -> None:
     """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
     lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
-    is_logged = len(log.position) > 0
+    is_logged = len(log.position_m) > 0
     for i in range(3 * LANES):
         lanes[GX + i] = 0.0
     if law.has_plan:
@@ -169,7 +176,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
                 lanes[force + i] += 0.0 if is_still else outputs[i]
             if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
                 log.is_decided[k] = True
-                log.fis_output[k, system] = outputs[0]
+                log.fis_output_n[k, system] = outputs[0]
                 for place in range(law.num_inputs[system]):
                     log.fis_input[k, system, place] = inputs[LANES * place]
     for i in range(LANES):
@@ -190,41 +197,41 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def write_sample(
-    world: World, work: Workspace, log: Log, k: int, sun_angle: float, count: int, target: Floats
+    world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float, count: int, target: Floats
 ) -> None:
     """Log what is known at a sample before the force is, of lane 0."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
-        log.position[k, component] = lanes[RX + LANES * component]
-        log.velocity[k, component] = lanes[VX + LANES * component]
+        log.position_m[k, component] = lanes[RX + LANES * component]
+        log.velocity_m_s[k, component] = lanes[VX + LANES * component]
     for component in range(4):
-        log.quaternion[k, component] = lanes[Q1 + LANES * component]
+        log.quaternion_b_from_h[k, component] = lanes[Q1 + LANES * component]
     if not world.is_attitude_ideal:
         q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
-        log.angular_velocity[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
-        log.angular_velocity[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
-        log.angular_velocity[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+        log.angular_velocity_b_rad_s[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
+        log.angular_velocity_b_rad_s[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
+        log.angular_velocity_b_rad_s[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
     log.num_candidates[k] = count
     for component in range(3 if count > 0 else 0):
-        log.target[k, component] = target[component]
-    log.lambda_u[k], log.eta_u[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
-    log.sun_angle[k] = sun_angle - n * world.control_period * k
+        log.target_m[k, component] = target[component]
+    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
+    log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0
-    log.delta_v[k] = lanes[SPENT]
+    log.delta_v_m_s[k] = lanes[SPENT]
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> None:
+def write_force(work: Workspace, law: Law, log: FlightLog, k: int, dcm: Floats) -> None:
     """Log the force of lane 0: as asked for in body axes, and as applied."""
     for row in range(3):
-        log.force_hill[k, row] = work.lanes[FX + LANES * row]
+        log.force_hill_n[k, row] = work.lanes[FX + LANES * row]
         asked = work.lanes[GX + LANES * row]
         if law.force_axes == HILL:
             asked = 0.0
             for column in range(3):
                 asked += dcm[row, column] * work.lanes[GX + LANES * column]
-        log.force_body[k, row] = asked
+        log.force_body_n[k, row] = asked
 
 
 @compiled(error_model="numpy")
@@ -261,7 +268,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     first: int,
     num_lanes: int,
     work: Workspace,
-    log: Log,
+    log: FlightLog,
     tracks: NDArray[np.float32],
     flight: int,
     outcomes: Floats,
@@ -276,12 +283,12 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     sun_angles : (m,) rad, at k = 0
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
-    log : Log, whose arrays are filled unless they are empty; for one flight alone
+    log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
     tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
-    is_logged = len(log.position) > 0
+    is_logged = len(log.position_m) > 0
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
@@ -318,7 +325,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if world.guard.is_on:  # asked here, for a call hands over all of the world's numbers
             assure(world, work, num_lanes, log, k)
         if is_logged:
-            write_force(work, law, log, k, dcm_b_from_h(log.quaternion[k]))
+            write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         turn_deputies(world, work, num_lanes, log, k)
         move(world, lanes)
 
@@ -343,7 +350,7 @@ def fly_many(
     starts: Floats,
     sun_angles: Floats,
     work: Workspace,
-    log: Log,
+    log: FlightLog,
     tracks: NDArray[np.float32],
     first: int,
     last: int,

@@ -9,7 +9,7 @@ compiled, with the inference of `pipeline.flight.reference.inference`: the basel
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from pipeline.flight.guidance import (
     cluster_memory,
     relative_angle,
 )
-from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.log import FlightLog, Scenario, empty_log
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
 from pipeline.flight.reference.engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.flight.reference.inference import PackedSystems
@@ -47,33 +47,6 @@ Booleans = NDArray[np.bool_]
 
 COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
-
-
-class _Log(NamedTuple):
-    """The arrays of a `FlightLog`, in its order."""
-
-    position_m: Floats
-    velocity_m_s: Floats
-    quaternion_b_from_h: Floats
-    angular_velocity_b_rad_s: Floats
-    quaternion_c_from_h: Floats
-    attitude_quaternion: Floats
-    attitude_rate_b_rad_s: Floats
-    torque_b_n_m: Floats
-    force_body_n: Floats
-    force_hill_n: Floats
-    num_candidates: Integers
-    target_m: Floats
-    lambda_u_rad: Floats
-    eta_u_rad: Floats
-    fis_input: Floats
-    fis_output_n: Floats
-    is_decided: Booleans
-    sun_angle_rad: Floats
-    is_inspected: Booleans
-    delta_v_m_s: Floats
-    safety_limit: Integers
-    safety_force_hill_n: Floats
 
 
 @compiled
@@ -206,7 +179,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
     inference: Any,
     guidance: Any,
     memory: ClusterMemory,
-    log: _Log,
+    log: FlightLog,
 ) -> None:
     """Fly from a start of shape (6,), m and m/s in Hill axes, and write the log."""
     num_points = len(world.points_c)
@@ -395,37 +368,8 @@ def _fly(
     guidance: Any,
 ) -> FlightLog:
     world, safety = world_of(mission), safety_world_of(mission)
-    log = _empty_log(world, len(channels.axes))
+    log = empty_log(world.num_controls, world.num_ticks, len(world.points_c), len(channels.axes))
     memory = cluster_memory(len(world.points_c))
     start = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
     episode(world, safety, channels, start, float(scenario.sun_angle_rad), inference, guidance, memory, log)
-    return FlightLog(*log)
-
-
-def _empty_log(world: World, num_systems: int) -> _Log:
-    num_samples = world.num_controls + 1
-    ticks = (world.num_controls, world.num_ticks)
-    return _Log(
-        position_m=np.zeros((num_samples, 3)),
-        velocity_m_s=np.zeros((num_samples, 3)),
-        quaternion_b_from_h=np.zeros((num_samples, 4)),
-        angular_velocity_b_rad_s=np.zeros((num_samples, 3)),
-        quaternion_c_from_h=np.zeros((num_samples, 4)),
-        attitude_quaternion=np.zeros((*ticks, 4)),
-        attitude_rate_b_rad_s=np.zeros((*ticks, 3)),
-        torque_b_n_m=np.zeros((*ticks, 3)),
-        force_body_n=np.zeros((world.num_controls, 3)),
-        force_hill_n=np.zeros((world.num_controls, 3)),
-        num_candidates=np.zeros(num_samples, dtype=np.int64),
-        target_m=np.zeros((num_samples, 3)),
-        lambda_u_rad=np.zeros(num_samples),
-        eta_u_rad=np.zeros(num_samples),
-        fis_input=np.zeros((world.num_controls, num_systems, MAX_INPUTS)),
-        fis_output_n=np.zeros((world.num_controls, num_systems)),
-        is_decided=np.zeros(world.num_controls, dtype=np.bool_),
-        sun_angle_rad=np.zeros(num_samples),
-        is_inspected=np.zeros((num_samples, len(world.points_c)), dtype=np.bool_),
-        delta_v_m_s=np.zeros(num_samples),
-        safety_limit=np.zeros(world.num_controls, dtype=np.int64),
-        safety_force_hill_n=np.zeros((world.num_controls, 3)),
-    )
+    return log

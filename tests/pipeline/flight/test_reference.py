@@ -36,7 +36,7 @@ def complete_flight():
 
 
 def assert_same(log, other, tolerance):
-    for name, values in vars(log).items():
+    for name, values in log._asdict().items():
         expected = getattr(other, name)
         assert values.shape == expected.shape, name
         if values.dtype == np.float64:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.flight.simulation import Outcomes
+from pipeline.flight.log import Outcomes, points_needed
 from pipeline.settings.experiment import Penalty
-from pipeline.training.fitness import fitness_parts, objectives, points_needed
+from pipeline.training.fitness import fitness_parts, objectives
 
 LIMITS_M = (15.0, 200.0)
 PENALTY = Penalty(c_d=1000.0, c_95=10.0, c_99=0.5)
