@@ -17,14 +17,14 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import episode_columns, summarise
 from pipeline.flight.controller import Controller, open_loop
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_all, fly_logged, inspection_points
+from pipeline.flight.log import FlightLog, Scenario, points_needed
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.world import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
 from pipeline.report.figures.side_by_side import side_by_side
 from pipeline.report.figures.style import save, style
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.training.fitness import points_needed
 
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[np.generic]]

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from fis_tools.formats import serialize
-from fis_tools.genes.parameters import Bounds, Encoding
+from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import GREATEST_GAIN, Planes
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from pipeline.flight.controller import SIGNALS
+from pipeline.flight.signals import SIGNALS
 
 WORDS = {
     2: ("negative", "positive"),
@@ -85,7 +85,7 @@ def variable(name: str, num_terms: int, known: Mapping[str, Variable]) -> Variab
 
 def leaning(systems: Sequence[FuzzySystem], gains: Mapping[str, float]) -> tuple[FuzzySystem, ...]:
     """Return systems whose tables lean by a gain for each input."""
-    planes = Planes(Encoding(tuple(systems), Bounds()))
+    planes = Planes(SystemEncoding(tuple(systems), Bounds()))
     genes = planes.reduce(planes.encoding.encode(tuple(systems)))
     names = planes.gene_names()
     for system in systems:
@@ -97,7 +97,7 @@ def leaning(systems: Sequence[FuzzySystem], gains: Mapping[str, float]) -> tuple
 
 def gains_of(systems: Sequence[FuzzySystem]) -> dict[str, float]:
     """Return how much each input of some systems leans their tables."""
-    planes = Planes(Encoding(tuple(systems), Bounds()))
+    planes = Planes(SystemEncoding(tuple(systems), Bounds()))
     genes = planes.reduce(planes.encoding.encode(tuple(systems)))
     pairs = zip(planes.gene_names(), genes, strict=True)
     return {

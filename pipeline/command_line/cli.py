@@ -7,7 +7,7 @@ on standard error), 130 stopped from the keyboard.
 import argparse
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -40,9 +40,6 @@ from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import experiment_from
 
 OK, MISTAKE, INTERRUPTED = 0, 2, 130
-
-#: commands that are no experiment: name to a function of the words after it that returns an exit code
-SUBCOMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {}
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry",), "report": ("report",)}
@@ -92,7 +89,10 @@ def _dispatch(arguments: list[str]) -> int:
     words = [word for word in arguments if not word.startswith("-")]
     first = arguments[0] if arguments else ""
     if first and first[0] not in "+-~" and "=" not in first:
-        return _subcommand(first, arguments[1:])
+        raise ConfigError(
+            f"there is no subcommand {first} (there are none); an experiment is started with "
+            "+experiment=NAME and settings with key=value, see python -m pipeline --help"
+        )
     if "--version" in arguments:
         sys.stdout.write(f"{artifacts.DISTRIBUTION} {artifacts.product_version()}\n")
         return OK
@@ -106,17 +106,6 @@ def _dispatch(arguments: list[str]) -> int:
         sys.stdout.write(help_text(_folders(asked)) + "\n")
         return OK if asked.help else MISTAKE
     return _experiment(arguments, asked, overrides)
-
-
-def _subcommand(name: str, arguments: Sequence[str]) -> int:
-    """Run a subcommand."""
-    if name in SUBCOMMANDS:
-        return SUBCOMMANDS[name](arguments)
-    known = f"the subcommands are {', '.join(SUBCOMMANDS)}" if SUBCOMMANDS else "there are none"
-    raise ConfigError(
-        f"there is no subcommand {name}{did_you_mean(name, SUBCOMMANDS)} ({known}); an experiment is started "
-        "with +experiment=NAME and settings with key=value, see python -m pipeline --help"
-    )
 
 
 def _read_options(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:

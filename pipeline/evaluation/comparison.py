@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.evaluation.monte_carlo import summarise
+from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
+from pipeline.flight.log import points_needed
 from pipeline.optimum.solved import Solved
-from pipeline.training.fitness import Fraction, Statistic, points_needed
 
 Column = NDArray[Any]
 

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.evaluation.statistics import fraction, statistic
 from pipeline.flight.controller import Controller
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import Outcomes, fly_all, inspection_points
+from pipeline.flight.log import Outcomes, Scenario, points_needed
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.world import inspection_points
 from pipeline.settings.experiment import Mission
-from pipeline.training.fitness import fraction, points_needed, statistic
 
 Column = NDArray[Any]
 

@@ -1,8 +1,6 @@
-"""Which fuzzy system senses which signal and drives which axis: where both vocabularies meet.
+"""Controllers: which fuzzy system senses which signal and drives which axis, or which forces are planned.
 
-An input of a fuzzy system is named after the signal that it senses, its output after the force component that
-it commands; the controller's attribute ``force_axes`` says whether components are the deputy's body axes or
-Hill's.
+The names of signals, components and constants are those of `pipeline.flight.signals`.
 """
 
 from collections.abc import Callable
@@ -13,115 +11,11 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
-from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import Law
 from pipeline.flight.log import Scenario
+from pipeline.flight.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, URGENCY, constant, needs_of, slot
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Signal:
-    """Something that a controller may sense."""
-
-    index: int
-    unit: str
-    description: str
-
-
-SIGNALS = {
-    "distance": Signal(arrays.DISTANCE, "m", "distance from the chief's centre, |r|"),
-    "velocity_body_x": Signal(
-        arrays.VELOCITY_BODY,
-        "m/s",
-        "velocity relative to Hill along the deputy's x axis; the camera looks along -x",
-    ),
-    "velocity_body_y": Signal(arrays.VELOCITY_BODY + 1, "m/s", "the same along the deputy's y axis"),
-    "velocity_body_z": Signal(arrays.VELOCITY_BODY + 2, "m/s", "the same along the deputy's z axis"),
-    "lambda_u": Signal(
-        arrays.LAMBDA_U,
-        "rad",
-        "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi",
-    ),
-    "eta_u": Signal(
-        arrays.ETA_U, "rad", "angle from the deputy to the target in the i-k plane, from -pi to pi"
-    ),
-    "position_radial": Signal(arrays.POSITION_HILL, "m", "position along Hill i, away from the Earth"),
-    "position_along_track": Signal(
-        arrays.POSITION_HILL + 1, "m", "position along Hill j, the way the chief flies"
-    ),
-    "position_cross_track": Signal(arrays.POSITION_HILL + 2, "m", "position along Hill k, the orbit normal"),
-    "velocity_radial": Signal(arrays.VELOCITY_HILL, "m/s", "velocity relative to Hill along i"),
-    "velocity_along_track": Signal(arrays.VELOCITY_HILL + 1, "m/s", "velocity relative to Hill along j"),
-    "velocity_cross_track": Signal(arrays.VELOCITY_HILL + 2, "m/s", "velocity relative to Hill along k"),
-    "centre_radial": Signal(
-        arrays.CENTRE,
-        "m",
-        "centre of the ellipse of free motion along i; above zero the ellipse falls behind",
-    ),
-    "centre_along_track": Signal(arrays.CENTRE + 1, "m", "centre of the ellipse of free motion along j"),
-    "predicted_centre_along_track": Signal(
-        arrays.PREDICTED_CENTRE, "m", "where that centre drifts to within prediction_time_s, along j"
-    ),
-    "closest_approach": Signal(
-        arrays.CLOSEST_APPROACH, "m", "least distance to the chief within an orbit of free drift from here"
-    ),
-    "ring_error_radial": Signal(
-        arrays.RING_ERROR, "m", "along i, from the place on the ring that follows the Sun to the deputy's"
-    ),
-    "ring_error_along_track": Signal(
-        arrays.RING_ERROR + 1, "m", "along j, the same, halved as the ellipse is twice as long as high"
-    ),
-    "target_radial": Signal(arrays.TARGET_DIRECTION, "", "direction of the target along i, from -1 to 1"),
-    "target_along_track": Signal(arrays.TARGET_DIRECTION + 1, "", "direction of the target along j"),
-    "target_cross_track": Signal(arrays.TARGET_DIRECTION + 2, "", "direction of the target along k"),
-    "sun_alignment": Signal(
-        arrays.SUN_BEARING,
-        "",
-        "cosine of the angle from the deputy to the Sun in the orbit plane; 1 with the Sun behind the deputy",
-    ),
-    "sun_ahead": Signal(
-        arrays.SUN_BEARING + 1,
-        "",
-        "sine of the same angle; above zero the Sun has yet to come to the deputy",
-    ),
-    "target_setting": Signal(
-        arrays.TARGET_SETTING,
-        "",
-        "direction of the target across the Sun's, in the orbit plane; above zero where it soon goes dark",
-    ),
-    "missed": Signal(arrays.MISSED, "", "how many points coasting to the flight's end would leave unseen"),
-    "coasting_nearest": Signal(
-        arrays.COASTING_NEAREST,
-        "m",
-        "least distance from the chief while coasting to the flight's end",
-    ),
-    "coasting_farthest": Signal(arrays.COASTING_FARTHEST, "m", "greatest distance on the way"),
-    "urgent_radial": Signal(
-        arrays.URGENT,
-        "",
-        "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
-    ),
-    "urgent_along_track": Signal(arrays.URGENT + 1, "", "the same along j"),
-    "urgent_cross_track": Signal(arrays.URGENT + 2, "", "the same along k"),
-}
-
-#: numbers that a controller may set besides its systems, as attributes, each with what it means
-CONSTANTS = {
-    "ring_size_m": "height of the ring that ring_error_* refer to, m",
-    "ring_lead_rad": "how far the Sun is ahead of the deputy's place on the ring, rad",
-    "dead_band_force_x_n": "a force_x smaller than this is not fired, N",
-    "dead_band_force_y_n": "the same for force_y",
-    "dead_band_force_z_n": "the same for force_z",
-    "prediction_time_s": "how far ahead predicted_centre_along_track looks, s",
-    "coast_below_points": "with fewer points than this missed by coasting to the end, coast",
-    "coast_margin_m": "unless that would come nearer than this to a distance limit, m",
-    "urgency_time_s": "time before its last light within which a point becomes urgent, for urgent_*, s",
-    "skirt_distance_m": "nearer than this to the chief, urgent_* turns aside from it, m",
-}
-
-AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
-FORCE_AXES = {"hill": arrays.HILL, "body": arrays.BODY}
 
 
 class ControllerError(ValueError):
@@ -251,11 +145,12 @@ def law_of(controller: Controller, num_controls: int) -> Law:
         plan[: len(controller.plan)] = controller.plan
     signals = np.zeros((len(controller.systems), 3), dtype=np.int64)
     for row, system in zip(signals, controller.systems, strict=True):
-        indices = [SIGNALS[variable.name].index for variable in system.inputs]
-        row[:] = (indices + [indices[-1]] * 3)[:3]
+        slots = [slot(variable.name) for variable in system.inputs]
+        row[:] = (slots + [slots[-1]] * 3)[:3]
     return Law(
         axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
         signals=signals,
+        needs=needs_of(sensed_by(controller)),
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
         layout=layout_of(controller.systems)[0].ravel(),
         constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
@@ -280,16 +175,16 @@ def constants_of(controller: Controller) -> Floats:
     """
     attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
     values = np.zeros(len(CONSTANTS))
-    for place, name in enumerate(CONSTANTS):
+    for place, (name, kind) in enumerate(CONSTANTS.items()):
         text = attributes.get(name, "0")
         try:
             values[place] = float(text)
         except ValueError:
             values[place] = np.nan
-        if not np.isfinite(values[place]) or (values[place] < 0 and name != "ring_lead_rad"):
-            least = "a number" if name == "ring_lead_rad" else "a number from 0 on"
+        if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
+            least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
-    if senses_urgency(controller) and values[arrays.URGENCY_TIME] == 0.0:
+    if needs_of(sensed_by(controller)) & URGENCY and values[constant("urgency_time_s")] == 0.0:
         raise ControllerError(
             f"controller {controller.name!r} senses urgent_* but sets no urgency_time_s; give it as an "
             "attribute, the time before its last light within which a point becomes urgent, say 200 (s)"
@@ -297,10 +192,9 @@ def constants_of(controller: Controller) -> Floats:
     return values
 
 
-def senses_urgency(controller: Controller) -> bool:
-    """Tell whether a system of a controller senses ``urgent_*``."""
-    names = {variable.name for system in controller.systems for variable in system.inputs}
-    return not names.isdisjoint(("urgent_radial", "urgent_along_track", "urgent_cross_track"))
+def sensed_by(controller: Controller) -> list[str]:
+    """Return the signals that a controller's systems sense, one for each input."""
+    return [variable.name for system in controller.systems for variable in system.inputs]
 
 
 def with_constants(numbers: Packed, controller: Controller) -> Packed:

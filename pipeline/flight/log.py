@@ -1,6 +1,8 @@
 """What goes into a flight and what comes out of it, as arrays."""
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +22,7 @@ class Scenario:
     sun_angle_rad: float
 
 
-@dataclass(frozen=True)
-class FlightLog:
+class FlightLog(NamedTuple):
     """Everything that happened in one flight of K control periods with S attitude steps each.
 
     Samples run over k = 0 … K, controls over k = 0 … K-1. All axes are Hill's unless a name says otherwise.
@@ -88,3 +89,82 @@ class FlightLog:
     delta_v_m_s: Floats
     safety_limit: NDArray[np.int64]
     safety_force_hill_n: Floats
+
+
+def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
+    """Allocate the log of a flight, all zeros.
+
+    Parameters
+    ----------
+    num_controls, num_attitude_steps, num_points, num_systems : int
+        K, S, P and F of `FlightLog`.
+    """
+    samples, controls = num_controls + 1, num_controls
+    return FlightLog(
+        position_m=np.zeros((samples, 3)),
+        velocity_m_s=np.zeros((samples, 3)),
+        quaternion_b_from_h=np.zeros((samples, 4)),
+        angular_velocity_b_rad_s=np.zeros((samples, 3)),
+        quaternion_c_from_h=np.zeros((samples, 4)),
+        attitude_quaternion=np.zeros((controls, num_attitude_steps, 4)),
+        attitude_rate_b_rad_s=np.zeros((controls, num_attitude_steps, 3)),
+        torque_b_n_m=np.zeros((controls, num_attitude_steps, 3)),
+        force_body_n=np.zeros((controls, 3)),
+        force_hill_n=np.zeros((controls, 3)),
+        num_candidates=np.zeros(samples, dtype=np.int64),
+        target_m=np.zeros((samples, 3)),
+        lambda_u_rad=np.zeros(samples),
+        eta_u_rad=np.zeros(samples),
+        fis_input=np.zeros((controls, num_systems, 3)),
+        fis_output_n=np.zeros((controls, num_systems)),
+        is_decided=np.zeros(controls, dtype=np.bool_),
+        sun_angle_rad=np.zeros(samples),
+        is_inspected=np.zeros((samples, num_points), dtype=np.bool_),
+        delta_v_m_s=np.zeros(samples),
+        safety_limit=np.zeros(controls, dtype=np.int64),
+        safety_force_hill_n=np.zeros((controls, 3)),
+    )
+
+
+def no_log() -> FlightLog:
+    """Return the log of flights that are not logged: arrays without samples."""
+    return FlightLog._make(values[:0] for values in empty_log(0, 0, 0, 0))
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """How flights ended, one entry a flight; controllers by scenarios where there are several controllers.
+
+    Parameters
+    ----------
+    delta_v_m_s : array of float
+    inspected_count : array of int
+    mean_distance_m, min_distance_m, max_distance_m : array of float
+        Over samples 0 … K.
+    outside_m : array of float
+        How far samples 1 … K were outside the distance limits at worst; zero inside.
+    safety_periods : array of int
+        In how many control periods the safety layer changed the force; zero where it is off.
+    safety_delta_v_m_s : array of float
+        Delta-v of its changes, ``sum |applied - asked| T/m`` over Hill components; what they add to
+        `delta_v_m_s` may be less, or below zero.
+    """
+
+    delta_v_m_s: Floats
+    inspected_count: NDArray[np.int64]
+    mean_distance_m: Floats
+    min_distance_m: Floats
+    max_distance_m: Floats
+    outside_m: Floats
+    safety_periods: NDArray[np.int64]
+    safety_delta_v_m_s: Floats
+
+    @property
+    def is_violated(self) -> NDArray[np.bool_]:
+        """Whether a sample 1 … K was outside the distance limits."""
+        return self.outside_m > 0.0
+
+
+def points_needed(num_points: int, threshold_percent: float) -> int:
+    """Return the least number of inspected points whose rate reaches the threshold."""
+    return math.ceil(num_points * threshold_percent / 100.0 - 1e-9)

@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import inspection_points
+from pipeline.flight.world import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.settings.experiment import Mission, SettingError
 
 Column = NDArray[Any]
 
-#: starts nearer to one another than this are the same case, m and rad
-SAME_START = 1e-9
 _START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad")
 _VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
 
@@ -123,35 +121,4 @@ def summarise_times(columns: Mapping[str, Column]) -> dict[str, Any]:
         },
         "delta_v_m_s": {"mean": float(columns["delta_v_m_s"].mean())},
         "optimum_delta_v_m_s": {"mean": float(columns["optimum_delta_v_m_s"].mean())},
-    }
-
-
-def ratio_to_optimum(episodes: Mapping[str, Column], optimum: Mapping[str, Column]) -> dict[str, Column]:
-    """Say case by case how many times the optimum an evaluation burns.
-
-    Parameters
-    ----------
-    episodes : mapping of columns
-        Of `evaluate/episodes.parquet`.
-    optimum : mapping of columns
-        Of `optimum/cases.parquet`.
-
-    Returns
-    -------
-    dict of (m,) arrays
-        ``case``, ``delta_v_m_s``, ``optimum_delta_v_m_s``, ``times_optimum``: the episodes that begin where a
-        feasible case of the optimum does, whatever their numbers. NaN where the optimum needs no fuel.
-    """
-    solved = np.flatnonzero(np.asarray(optimum["is_feasible"], dtype=np.bool_))
-    theirs = np.stack([np.asarray(optimum[name], dtype=np.float64)[solved] for name in _START], axis=1)
-    ours = np.stack([np.asarray(episodes[name], dtype=np.float64) for name in _START], axis=1)
-    apart = np.abs(ours[:, np.newaxis] - theirs[np.newaxis]).max(axis=2)
-    rows, places = np.nonzero(apart <= SAME_START)
-    spent = np.asarray(episodes["delta_v_m_s"], dtype=np.float64)[rows]
-    least = np.asarray(optimum["delta_v_m_s"], dtype=np.float64)[solved[places]]
-    return {
-        "case": np.asarray(episodes["case"])[rows],
-        "delta_v_m_s": spent,
-        "optimum_delta_v_m_s": least,
-        "times_optimum": np.divide(spent, least, out=np.full(len(rows), np.nan), where=least > 0.0),
     }

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from pipeline.flight.controller import open_loop
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged, pack_world
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.world import pack_world
 from pipeline.physics.illumination import sun_angle
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission

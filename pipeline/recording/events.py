@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, FlightLog
+from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, FlightLog, points_needed
 from pipeline.settings.experiment import Mission
-from pipeline.training.fitness import points_needed
 
 Floats = NDArray[np.float64]
 Level = Literal["info", "warning", "error"]

@@ -20,7 +20,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences
 from pipeline.flight.controller import Controller, packed
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import inspection_points
+from pipeline.flight.world import inspection_points
 from pipeline.physics.illumination import is_illuminated, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import transposed_times
@@ -194,23 +194,6 @@ def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int,
     attitudes, rates = log.attitude_quaternion[k], log.attitude_rate_b_rad_s[k]
     writer.attitude_history(time_s, offsets, attitudes, rates, log.torque_b_n_m[k])
     writer.control(time_s, log.force_body_n[k], log.force_hill_n[k])
-
-
-def record_flight(
-    path: Path,
-    mission: Mission,
-    controller: Controller,
-    scenario: Scenario,
-    log: FlightLog,
-    *,
-    scenario_id: str,
-    seed: int,
-    config: Mapping[str, Any],
-    near_limit_m: float,
-) -> None:
-    """Record one flight; for several of one controller, make one `FlightRecorder`, which takes the same."""
-    recorder = FlightRecorder(mission, controller, seed=seed, config=config, near_limit_m=near_limit_m)
-    recorder.record(path, scenario, log, scenario_id)
 
 
 def describe(system: FuzzySystem) -> FisDescription:

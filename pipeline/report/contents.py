@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.comparison import Row
 from pipeline.evaluation.monte_carlo import fly_cases, rank, summarise
+from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
@@ -24,7 +25,6 @@ from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.safety import Without, fly_without
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
-from pipeline.training.fitness import Fraction, Statistic
 
 Columns = Mapping[str, NDArray[Any]]
 

@@ -12,6 +12,7 @@ from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
 from pipeline.evaluation.published import Reported
+from pipeline.flight.log import points_needed
 from pipeline.report.comparison import headings, tables_of
 from pipeline.report.contents import POSITION, Columns, Contents, Flights, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS
@@ -20,7 +21,6 @@ from pipeline.report.pictures import Illustration
 from pipeline.report.safety import safety_words
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
-from pipeline.training.fitness import points_needed
 
 #: metric of a summary: decimals on the page
 DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.evaluation import published
-from pipeline.flight.simulation import inspection_points
+from pipeline.flight.log import points_needed
+from pipeline.flight.world import inspection_points
 from pipeline.report.comparison import marks_of
 from pipeline.report.contents import Contents, Flights, ShownFlight
 from pipeline.report.figures.comparison import LINEAR, compared
@@ -24,7 +25,6 @@ from pipeline.report.optimum import Pair
 from pipeline.report.safety import Without
 from pipeline.report.svg import inline
 from pipeline.settings.experiment import Mission
-from pipeline.training.fitness import points_needed
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
 OWN_FILES = re.compile(

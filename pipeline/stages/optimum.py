@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.controllers.source import COLUMNS, read_forces
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import inspection_points
 from pipeline.flight.starts import EVALUATION, evaluation_scenarios, given_start
+from pipeline.flight.world import inspection_points
 from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import terms_of

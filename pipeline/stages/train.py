@@ -14,19 +14,14 @@ from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.controller import ControllerError, law_of
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import (
-    fly_population,
-    inspection_points,
-    is_by_the_reference,
-    pack_world,
-    stack_starts,
-)
+from pipeline.flight.simulation import fly_population, is_by_the_reference, stack_starts
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.world import inspection_points, pack_world
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.controller import law_of
-from pipeline.flight.simulation import fly_population, pack_world, stack_starts
+from pipeline.flight.simulation import fly_population, stack_starts
 from pipeline.flight.starts import given_start
+from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome
 
 Floats = NDArray[np.float64]

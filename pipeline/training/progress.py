@@ -15,7 +15,7 @@ from rich.progress import (
 )
 
 from pipeline.settings.experiment import Experiment
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 
 SECONDS_BETWEEN_LINES = 15.0
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import pack_world
+from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -15,21 +15,9 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 
-#: positions of the signals that a controller may sense, see `pipeline.flight.controller.SIGNALS`
-DISTANCE, VELOCITY_BODY, LAMBDA_U, ETA_U, POSITION_HILL, VELOCITY_HILL = 0, 1, 4, 5, 6, 9
-CENTRE, RING_ERROR, TARGET_DIRECTION, SUN_BEARING = 12, 14, 16, 19
-PREDICTED_CENTRE, CLOSEST_APPROACH, TARGET_SETTING = 21, 22, 23
-MISSED, COASTING_NEAREST, COASTING_FARTHEST, URGENT, NUM_SIGNALS = 24, 25, 26, 27, 30
-
-#: positions of the constants that a controller may set, see `pipeline.flight.controller.CONSTANTS`
-RING_SIZE, RING_LEAD, DEAD_BAND, PREDICTION_TIME, COAST_BELOW, COAST_MARGIN = 0, 1, 2, 5, 6, 7
-URGENCY_TIME, SKIRT_DISTANCE = 8, 9
-
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
 SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
-
-HILL, BODY = 0, 1
 
 
 class Guard(NamedTuple):
@@ -88,7 +76,8 @@ class Law(NamedTuple):
     """What one controller commands, for a controller with fuzzy systems or with a plan of forces."""
 
     axes: Integers  # (F,) which component each system drives
-    signals: Integers  # (F, 3) which signals it senses
+    signals: Integers  # (F, 3) slots of the signals it senses
+    needs: int  # what must be computed for them, see `pipeline.flight.signals`
     num_inputs: Integers  # (F,)
     layout: Indices  # of `fis_tools.engines.kernel.Packed`, flat
     constants: int  # where the controller's constants begin among its values; -1 where it has none
@@ -106,7 +95,7 @@ class Workspace(NamedTuple):
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
     deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
-    signals: Floats  # (NUM_SIGNALS * LANES,)
+    signals: Floats  # (signals * LANES,) in the order of `pipeline.flight.signals.SIGNALS`
     passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
@@ -135,29 +124,3 @@ ACTED, CORRECTED, AHEAD = (LANES * row for row in range(28, 31))
 CLOSEST, REACH, HASTE = (LANES * row for row in range(36, 39))
 COASTS = LANES * 39  # 1 where nothing is fired
 NUM_ROWS = 40
-
-
-class Log(NamedTuple):
-    """The arrays of `pipeline.flight.log.FlightLog`, in its order; all empty where nothing is logged."""
-
-    position: Floats
-    velocity: Floats
-    quaternion: Floats
-    angular_velocity: Floats
-    attitude_quaternion: Floats
-    attitude_rate: Floats
-    torque: Floats
-    force_body: Floats
-    force_hill: Floats
-    num_candidates: Integers
-    target: Floats
-    lambda_u: Floats
-    eta_u: Floats
-    fis_input: Floats
-    fis_output: Floats
-    is_decided: NDArray[np.bool_]
-    sun_angle: Floats
-    is_inspected: NDArray[np.bool_]
-    delta_v: Floats
-    safety_limit: Integers
-    safety_force: Floats

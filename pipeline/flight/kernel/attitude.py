@@ -38,10 +38,10 @@ from pipeline.flight.kernel.arrays import (
     WX,
     WY,
     WZ,
-    Log,
     Workspace,
     World,
 )
+from pipeline.flight.log import FlightLog
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
 from pipeline.physics.quaternion import from_dcm
 
@@ -373,7 +373,7 @@ def turn_lane(lanes: Floats, aims: Floats, instant: int, i: int, world: World) -
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: Log, k: int) -> None:
+def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: FlightLog, k: int) -> None:
     """Log attitude, rate and torque of lane 0 at an instant of the attitude clock."""
     at = 4 * LANES * instant
     q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
@@ -385,14 +385,15 @@ def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: 
     )
     log.attitude_quaternion[k, instant, 0], log.attitude_quaternion[k, instant, 1] = q1, q2
     log.attitude_quaternion[k, instant, 2], log.attitude_quaternion[k, instant, 3] = q3, q4
-    log.attitude_rate[k, instant, 0], log.attitude_rate[k, instant, 1] = ux, uy
-    log.attitude_rate[k, instant, 2] = uz
-    log.torque[k, instant, 0], log.torque[k, instant, 1], log.torque[k, instant, 2] = mx, my, mz
+    log.attitude_rate_b_rad_s[k, instant, 0], log.attitude_rate_b_rad_s[k, instant, 1] = ux, uy
+    log.attitude_rate_b_rad_s[k, instant, 2] = uz
+    log.torque_b_n_m[k, instant, 0], log.torque_b_n_m[k, instant, 1] = mx, my
+    log.torque_b_n_m[k, instant, 2] = mz
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def turn_deputies(  # noqa: PLR0912 - most branches part the fast way from the general one
-    world: World, work: Workspace, num_lanes: int, log: Log, k: int
+    world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int
 ) -> None:
     """Aim and turn over the control period that follows sample k."""
     lanes, last = work.lanes, world.num_attitude_steps - 1
@@ -411,7 +412,7 @@ def turn_deputies(  # noqa: PLR0912 - most branches part the fast way from the g
             work.y_before[i, 0] = 2 * (a1 * a2 - a3 * a4)
             work.y_before[i, 1] = -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
             work.y_before[i, 2] = 0.0
-    is_logged = len(log.position) > 0
+    is_logged = len(log.position_m) > 0
     if world.is_attitude_ideal:
         for j in range(world.num_attitude_steps if is_logged else 0):
             for component in range(4):

@@ -14,21 +14,11 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.kernel.arrays import (
-    CENTRE,
-    CLOSEST_APPROACH,
-    PREDICTED_CENTRE,
-    PREDICTION_TIME,
-    RING_ERROR,
-    RING_LEAD,
-    RING_SIZE,
     RX,
     RY,
     RZ,
-    SUN_BEARING,
     SUN_COS,
     SUN_SIN,
-    TARGET_DIRECTION,
-    TARGET_SETTING,
     VX,
     VY,
     VZ,
@@ -36,9 +26,18 @@ from pipeline.flight.kernel.arrays import (
     Workspace,
     World,
 )
+from pipeline.flight.signals import constant, slot
 from pipeline.physics.clohessy_wiltshire import ORBIT_PARTS
 
 Floats = NDArray[np.float64]
+
+CENTRE = slot("centre_radial", "centre_along_track")
+PREDICTED_CENTRE, CLOSEST_APPROACH = slot("predicted_centre_along_track"), slot("closest_approach")
+RING_ERROR = slot("ring_error_radial", "ring_error_along_track")
+TARGET_DIRECTION = slot("target_radial", "target_along_track", "target_cross_track")
+SUN_BEARING, TARGET_SETTING = slot("sun_alignment", "sun_ahead"), slot("target_setting")
+RING_SIZE, RING_LEAD = constant("ring_size_m"), constant("ring_lead_rad")
+PREDICTION_TIME = constant("prediction_time_s")
 
 #: angles of the orbit at which free drift is looked at, their sines and cosines
 ANGLES = 2.0 * np.pi * np.arange(1, ORBIT_PARTS + 1) / ORBIT_PARTS

@@ -18,18 +18,9 @@ from fis_tools.engines.kernel import LANES, infer
 from pipeline.flight.kernel.arrays import (
     ACTED,
     BEYOND,
-    BODY,
-    CENTRE,
-    CLOSEST_APPROACH,
-    COAST_BELOW,
-    COAST_MARGIN,
-    COASTING_FARTHEST,
-    COASTING_NEAREST,
     COASTS,
     CORRECTED,
-    DEAD_BAND,
     DELTA_V,
-    ETA_U,
     FARTHEST,
     FX,
     FY,
@@ -37,14 +28,11 @@ from pipeline.flight.kernel.arrays import (
     GX,
     GY,
     GZ,
-    HILL,
     INSPECTED,
-    LAMBDA_U,
     LEFT,
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
-    MISSED,
     NEAREST,
     OUTSIDE,
     Q1,
@@ -60,7 +48,6 @@ from pipeline.flight.kernel.arrays import (
     SUN_COS,
     SUN_SIN,
     TRAVELLED,
-    URGENT,
     VX,
     VY,
     VZ,
@@ -68,7 +55,6 @@ from pipeline.flight.kernel.arrays import (
     WY,
     WZ,
     Law,
-    Log,
     Workspace,
     World,
 )
@@ -78,11 +64,28 @@ from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
+from pipeline.flight.log import FlightLog
+from pipeline.flight.signals import (
+    ANGLES,
+    APPROACH,
+    BODY,
+    DEAD_BAND,
+    HILL,
+    ORBIT,
+    PREVIEW,
+    URGENCY,
+    constant,
+    slot,
+)
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
+
+LAMBDA_U, ETA_U, MISSED = slot("lambda_u"), slot("eta_u"), slot("missed")
+COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
+COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -105,13 +108,19 @@ def move(world: World, lanes: Floats) -> None:
         lanes[VZ + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
 
 
+@compiled(error_model="numpy")
+def may_coast(law: Law, values: Floats) -> bool:
+    """Tell whether a controller coasts where that shows enough."""
+    return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
+
+
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
     lanes, signals = work.lanes, work.signals
     for i in range(LANES):
         lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
-    if law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0:
+    if may_coast(law, values):
         most = values[law.constants + COAST_BELOW]
         nearest = world.min_distance + values[law.constants + COAST_MARGIN]
         farthest = world.max_distance - values[law.constants + COAST_MARGIN]
@@ -126,11 +135,18 @@ def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
-    world: World, law: Law, values: Floats, rules: Indices, work: Workspace, num_lanes: int, log: Log, k: int
+    world: World,
+    law: Law,
+    values: Floats,
+    rules: Indices,
+    work: Workspace,
+    num_lanes: int,
+    log: FlightLog,
+    k: int,
 ) -> None:
     """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
     lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
-    is_logged = len(log.position) > 0
+    is_logged = len(log.position_m) > 0
     for i in range(3 * LANES):
         lanes[GX + i] = 0.0
     if law.has_plan:
@@ -160,7 +176,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
                 lanes[force + i] += 0.0 if is_still else outputs[i]
             if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
                 log.is_decided[k] = True
-                log.fis_output[k, system] = outputs[0]
+                log.fis_output_n[k, system] = outputs[0]
                 for place in range(law.num_inputs[system]):
                     log.fis_input[k, system, place] = inputs[LANES * place]
     for i in range(LANES):
@@ -181,41 +197,41 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def write_sample(
-    world: World, work: Workspace, log: Log, k: int, sun_angle: float, count: int, target: Floats
+    world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float, count: int, target: Floats
 ) -> None:
     """Log what is known at a sample before the force is, of lane 0."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
-        log.position[k, component] = lanes[RX + LANES * component]
-        log.velocity[k, component] = lanes[VX + LANES * component]
+        log.position_m[k, component] = lanes[RX + LANES * component]
+        log.velocity_m_s[k, component] = lanes[VX + LANES * component]
     for component in range(4):
-        log.quaternion[k, component] = lanes[Q1 + LANES * component]
+        log.quaternion_b_from_h[k, component] = lanes[Q1 + LANES * component]
     if not world.is_attitude_ideal:
         q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
-        log.angular_velocity[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
-        log.angular_velocity[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
-        log.angular_velocity[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+        log.angular_velocity_b_rad_s[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
+        log.angular_velocity_b_rad_s[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
+        log.angular_velocity_b_rad_s[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
     log.num_candidates[k] = count
     for component in range(3 if count > 0 else 0):
-        log.target[k, component] = target[component]
-    log.lambda_u[k], log.eta_u[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
-    log.sun_angle[k] = sun_angle - n * world.control_period * k
+        log.target_m[k, component] = target[component]
+    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
+    log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0
-    log.delta_v[k] = lanes[SPENT]
+    log.delta_v_m_s[k] = lanes[SPENT]
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_force(work: Workspace, law: Law, log: Log, k: int, dcm: Floats) -> None:
+def write_force(work: Workspace, law: Law, log: FlightLog, k: int, dcm: Floats) -> None:
     """Log the force of lane 0: as asked for in body axes, and as applied."""
     for row in range(3):
-        log.force_hill[k, row] = work.lanes[FX + LANES * row]
+        log.force_hill_n[k, row] = work.lanes[FX + LANES * row]
         asked = work.lanes[GX + LANES * row]
         if law.force_axes == HILL:
             asked = 0.0
             for column in range(3):
                 asked += dcm[row, column] * work.lanes[GX + LANES * column]
-        log.force_body[k, row] = asked
+        log.force_body_n[k, row] = asked
 
 
 @compiled(error_model="numpy")
@@ -241,22 +257,6 @@ def start_lanes(
         work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
 
 
-@compiled(error_model="numpy")
-def needs_of(law: Law, values: Floats) -> tuple[bool, bool, bool, bool, bool]:
-    """Tell what a law senses: relative angles; free motion, target or Sun; approach; coasting; urgency."""
-    needs_angles, needs_orbit, needs_approach, needs_urgency = False, False, False, False
-    needs_preview = law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
-    for system in range(len(law.axes)):
-        for place in range(3):
-            signal = law.signals[system, place]
-            needs_angles |= signal in (LAMBDA_U, ETA_U)
-            needs_orbit |= signal >= CENTRE
-            needs_approach |= signal == CLOSEST_APPROACH
-            needs_preview |= MISSED <= signal <= COASTING_FARTHEST
-            needs_urgency |= signal >= URGENT
-    return needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency
-
-
 @compiled(error_model="numpy", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
@@ -268,7 +268,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     first: int,
     num_lanes: int,
     work: Workspace,
-    log: Log,
+    log: FlightLog,
     tracks: NDArray[np.float32],
     flight: int,
     outcomes: Floats,
@@ -283,16 +283,16 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     sun_angles : (m,) rad, at k = 0
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
-    log : Log, whose arrays are filled unless they are empty; for one flight alone
+    log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
     tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
-    is_logged = len(log.position) > 0
-    needs_angles, needs_orbit, needs_approach, needs_preview, needs_urgency = needs_of(law, values)
-    needs_angles |= is_logged
+    is_logged = len(log.position_m) > 0
+    needs_angles = law.needs & ANGLES != 0 or is_logged
+    needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
-    if needs_urgency:
+    if law.needs & URGENCY:
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
     target, count = np.zeros(3), 0
@@ -304,15 +304,15 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             for component in range(4):
                 lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
         count = sense(world, work, num_lanes, k, needs_angles, target)
-        if needs_orbit:
+        if law.needs & ORBIT:
             sense_orbit(world, law, values, work, k)
-        if needs_approach:
+        if law.needs & APPROACH:
             sense_approach(world, work)
         if needs_preview:
             preview(world, work, num_lanes, k)
         if not law.has_plan:
             decide_to_coast(world, law, values, work)
-        if needs_urgency:
+        if law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
@@ -325,7 +325,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if world.guard.is_on:  # asked here, for a call hands over all of the world's numbers
             assure(world, work, num_lanes, log, k)
         if is_logged:
-            write_force(work, law, log, k, dcm_b_from_h(log.quaternion[k]))
+            write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         turn_deputies(world, work, num_lanes, log, k)
         move(world, lanes)
 
@@ -350,7 +350,7 @@ def fly_many(
     starts: Floats,
     sun_angles: Floats,
     work: Workspace,
-    log: Log,
+    log: FlightLog,
     tracks: NDArray[np.float32],
     first: int,
     last: int,

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.kernel.arrays import (
-    COASTING_FARTHEST,
-    COASTING_NEAREST,
     LEFT,
-    MISSED,
     RX,
     RY,
     RZ,
@@ -27,8 +24,12 @@ from pipeline.flight.kernel.arrays import (
     Workspace,
     World,
 )
+from pipeline.flight.signals import slot
 
 Floats = NDArray[np.float64]
+
+MISSED = slot("missed")
+COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
 
 
 # Sums over points may be taken in any order: that is what lets them run on vector units. Near and far have a

@@ -51,11 +51,10 @@ from pipeline.flight.kernel.arrays import (
     VY,
     VZ,
     Guard,
-    Log,
     Workspace,
     World,
 )
-from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
+from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.settings.experiment import Mission
 
@@ -333,7 +332,7 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def assure(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> None:
+def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
     lanes = work.lanes
     look_ahead(world, lanes)
@@ -355,10 +354,10 @@ def assure(world: World, work: Workspace, num_lanes: int, log: Log, k: int) -> N
         for j in range(3):
             lanes[CORRECTED + lane] += abs(force[j] - asked[j]) * per_force
             lanes[FX + LANES * j + lane] = force[j]
-        if len(log.position) > 0:
+        if len(log.position_m) > 0:
             log.safety_limit[k] = limit
             for j in range(3):
-                log.safety_force[k, j] = force[j] - asked[j]
+                log.safety_force_hill_n[k, j] = force[j] - asked[j]
 
 
 def guard_of(mission: Mission) -> Guard:

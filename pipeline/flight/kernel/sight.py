@@ -13,13 +13,9 @@ from fis_tools.engines.kernel import LANES
 from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_centre
 from pipeline.flight.kernel.arrays import (
     BEYOND,
-    DISTANCE,
-    ETA_U,
     FARTHEST,
-    LAMBDA_U,
     LEFT,
     NEAREST,
-    POSITION_HILL,
     Q1,
     Q2,
     Q3,
@@ -29,19 +25,31 @@ from pipeline.flight.kernel.arrays import (
     RZ,
     SUN_COS,
     SUN_SIN,
-    TARGET_DIRECTION,
     TRAVELLED,
-    VELOCITY_BODY,
     VX,
     VY,
     VZ,
     Workspace,
     World,
 )
+from pipeline.flight.signals import slot
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
+
+DISTANCE, LAMBDA_U, ETA_U = slot("distance"), slot("lambda_u"), slot("eta_u")
+VELOCITY_BODY = slot("velocity_body_x", "velocity_body_y", "velocity_body_z")
+TARGET_DIRECTION = slot("target_radial", "target_along_track", "target_cross_track")
+#: position, then velocity
+STATE_HILL = slot(
+    "position_radial",
+    "position_along_track",
+    "position_cross_track",
+    "velocity_radial",
+    "velocity_along_track",
+    "velocity_cross_track",
+)
 
 
 # Sums over points may be taken in any order: that is what lets them run on vector units.
@@ -255,6 +263,6 @@ def sense(
         signals[LANES * (VELOCITY_BODY + 2) + lane] = c31 * vx + c32 * vy + c33 * vz
         signals[LANES * LAMBDA_U + lane] = lambda_u
         signals[LANES * ETA_U + lane] = eta_u
-        for component in range(6):  # position, then velocity
-            signals[LANES * (POSITION_HILL + component) + lane] = lanes[RX + LANES * component + lane]
+        for component in range(6):
+            signals[LANES * (STATE_HILL + component) + lane] = lanes[RX + LANES * component + lane]
     return int(count)

@@ -17,17 +17,18 @@ from pipeline.flight.kernel.arrays import (
     RX,
     RY,
     RZ,
-    SKIRT_DISTANCE,
     SUN_COS,
     SUN_SIN,
-    URGENCY_TIME,
-    URGENT,
     Law,
     Workspace,
     World,
 )
+from pipeline.flight.signals import constant, slot
 
 Floats = NDArray[np.float64]
+
+URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
+URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 
 
 @compiled(error_model="numpy", fastmath={"contract"})

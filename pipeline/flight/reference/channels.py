@@ -9,49 +9,39 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.model import FuzzySystem
 from pipeline.flight.guidance import MIN_PROJECTION_M
+from pipeline.flight.signals import (
+    APPROACH,
+    AXES,
+    CONSTANTS,
+    FORCE_AXES,
+    HILL,
+    PREVIEW,
+    SIGNALS,
+    constant,
+    needs_of,
+    slot,
+)
 from pipeline.physics.clohessy_wiltshire import closest_approach
 from pipeline.physics.vectors import norm, times
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: what a fuzzy system can sense, in the order of `measure`
-SIGNALS = (
-    "distance",
-    "velocity_body_x",
-    "velocity_body_y",
-    "velocity_body_z",
-    "lambda_u",
-    "eta_u",
-    "position_radial",
-    "position_along_track",
-    "position_cross_track",
-    "velocity_radial",
-    "velocity_along_track",
-    "velocity_cross_track",
-    "centre_radial",
-    "centre_along_track",
-    "ring_error_radial",
-    "ring_error_along_track",
-    "target_radial",
-    "target_along_track",
-    "target_cross_track",
-    "sun_alignment",
-    "sun_ahead",
-    "predicted_centre_along_track",
-    "closest_approach",
-    "target_setting",
-    "missed",
-    "coasting_nearest",
-    "coasting_farthest",
-    "urgent_radial",
-    "urgent_along_track",
-    "urgent_cross_track",
-)
+DISTANCE, LAMBDA_U, ETA_U = slot("distance"), slot("lambda_u"), slot("eta_u")
+VELOCITY_BODY = slot("velocity_body_x", "velocity_body_y", "velocity_body_z")
+POSITION_HILL = slot("position_radial", "position_along_track", "position_cross_track")
+VELOCITY_HILL = slot("velocity_radial", "velocity_along_track", "velocity_cross_track")
+CENTRE = slot("centre_radial", "centre_along_track")
+PREDICTED_CENTRE, CLOSEST_APPROACH = slot("predicted_centre_along_track"), slot("closest_approach")
+RING_ERROR = slot("ring_error_radial", "ring_error_along_track")
+TARGET_DIRECTION = slot("target_radial", "target_along_track", "target_cross_track")
+SUN_BEARING, TARGET_SETTING = slot("sun_alignment", "sun_ahead"), slot("target_setting")
+FORESEEN = slot("missed", "coasting_nearest", "coasting_farthest")
+URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
+RING_SIZE, RING_LEAD = constant("ring_size_m"), constant("ring_lead_rad")
+PREDICTION_TIME = constant("prediction_time_s")
 
-#: what a fuzzy system can command, along the axes of body or Hill
-OUTPUTS = ("force_x", "force_y", "force_z")
-
+NUM_SIGNALS = len(SIGNALS)
 MAX_INPUTS = 3
 
 
@@ -63,43 +53,23 @@ class Channels(NamedTuple):
     axes : array of int, shape (F,)
         0, 1 or 2; systems on one axis add up.
     signals : array of int, shape (F, 3)
-        Places in `SIGNALS`, -1 where there is no further input.
+        Slots of `pipeline.flight.signals`, -1 where there is no further input.
     is_force_hill : bool
         Whether the systems command Hill axes instead of body axes.
     plan_h : array, shape (K, 3) or (0, 3)
         Forces to play instead of any inference, N, Hill axes; no rows where there is no plan.
-    ring_size, ring_lead : float
-        Height of the ring that follows the Sun, m, and how far the Sun is ahead of the place on it, rad.
-    dead_band : array, shape (3,)
-        Smallest force along each axis that is fired, N.
-    prediction_time : float
-        How far ahead the predicted centre is, s.
-    coast_below, coast_margin : float
-        With fewer points missed by coasting it coasts, unless that comes nearer to a distance limit, m.
-    urgency_time : float
-        How long before it is dark for good a point becomes urgent, s.
-    skirt_distance : float
-        Nearer than this to the chief the urgent direction turns aside from it, m.
-    senses_approach, senses_preview, senses_urgency : bool
-        Whether the closest approach is sensed, or what coasting comes to, or what is urgent, which take long
-        to compute.
+    constants : array
+        In the order of `pipeline.flight.signals.CONSTANTS`.
+    needs : int
+        What must be computed, as flags of `pipeline.flight.signals`.
     """
 
     axes: Integers
     signals: Integers
     is_force_hill: bool
     plan_h: Floats
-    ring_size: float
-    ring_lead: float
-    dead_band: Floats
-    prediction_time: float
-    coast_below: float
-    coast_margin: float
-    urgency_time: float
-    skirt_distance: float
-    senses_approach: bool
-    senses_preview: bool
-    senses_urgency: bool
+    constants: Floats
+    needs: int
 
 
 def channels_of(
@@ -113,44 +83,29 @@ def channels_of(
     Parameters
     ----------
     systems : sequence of FuzzySystem
-        Inputs are named after signals, of `SIGNALS`, the output after the force it commands, of `OUTPUTS`.
+        Inputs are named after signals, the output after the force component that it commands.
     force_axes : str
         ``body`` or ``hill``.
     plan_h : array, optional
         Shape (K, 3), N, Hill axes: forces to play instead of any inference.
     constants : array, optional
-        Ring size (m), ring lead (rad), three dead bands (N), prediction time (s), points
-        below which it coasts, margin of coasting (m), urgency time (s), skirt distance (m); zero unless
-        given.
+        In the order of `pipeline.flight.signals.CONSTANTS`; zero unless given.
     """
-    constants = np.zeros(10) if constants is None else constants
-    ring_size, ring_lead, dead_band = constants[0], constants[1], constants[2:5]
-    prediction_time, coast_below, coast_margin, urgency_time, skirt_distance = constants[5:]
+    constants = np.zeros(len(CONSTANTS)) if constants is None else constants
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
     for f, system in enumerate(systems):
-        signals[f, : len(system.inputs)] = [SIGNALS.index(variable.name) for variable in system.inputs]
+        signals[f, : len(system.inputs)] = [slot(variable.name) for variable in system.inputs]
+    needs = needs_of(variable.name for system in systems for variable in system.inputs)
+    if constants[constant("coast_below_points")] > 0.0:
+        needs |= PREVIEW
     return Channels(
-        axes=np.array([OUTPUTS.index(system.outputs[0].name) for system in systems], dtype=np.int64),
+        axes=np.array([AXES[system.outputs[0].name] for system in systems], dtype=np.int64),
         signals=signals,
-        is_force_hill=force_axes == "hill",
+        is_force_hill=FORCE_AXES[force_axes] == HILL,
         plan_h=np.zeros((0, 3)) if plan_h is None else np.ascontiguousarray(plan_h, dtype=np.float64),
-        ring_size=float(ring_size),
-        ring_lead=float(ring_lead),
-        dead_band=np.array(dead_band, dtype=np.float64),
-        prediction_time=float(prediction_time),
-        coast_below=float(coast_below),
-        coast_margin=float(coast_margin),
-        urgency_time=float(urgency_time),
-        skirt_distance=float(skirt_distance),
-        senses_approach=_senses(signals, "closest_approach", "closest_approach"),
-        senses_preview=bool(coast_below > 0.0 or _senses(signals, "missed", "coasting_farthest")),
-        senses_urgency=_senses(signals, "urgent_radial", "urgent_cross_track"),
+        constants=constants,
+        needs=needs,
     )
-
-
-def _senses(signals: Integers, first: str, last: str) -> bool:
-    """Tell whether any of these places in `SIGNALS` lies between two signals, both included."""
-    return bool(((signals >= SIGNALS.index(first)) & (signals <= SIGNALS.index(last))).any())
 
 
 @compiled
@@ -206,7 +161,7 @@ def measure(
     urgent: Floats,
     channels: Channels,
 ) -> Floats:
-    """Return every signal, in the order of `SIGNALS`, in m, m/s, rad and pure numbers.
+    """Return every signal, in its slot, in the unit of `pipeline.flight.signals.SIGNALS`.
 
     Parameters
     ----------
@@ -227,30 +182,24 @@ def measure(
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
-    velocity_b = times(dcm, velocity_h)
-    known = np.array(
-        [
-            norm(position_h),
-            velocity_b[0],
-            velocity_b[1],
-            velocity_b[2],
-            lambda_u,
-            eta_u,
-            position_h[0],
-            position_h[1],
-            position_h[2],
-            velocity_h[0],
-            velocity_h[1],
-            velocity_h[2],
-        ]
-    )
-    towards = direction(target_h)
-    setting = np.cos(sun_angle) * towards[1] - np.sin(sun_angle) * towards[0]
-    size, lead = channels.ring_size, channels.ring_lead
+    signals = np.zeros(NUM_SIGNALS)
+    signals[DISTANCE] = norm(position_h)
+    signals[VELOCITY_BODY : VELOCITY_BODY + 3] = times(dcm, velocity_h)
+    signals[LAMBDA_U], signals[ETA_U] = lambda_u, eta_u
+    signals[POSITION_HILL : POSITION_HILL + 3] = position_h
+    signals[VELOCITY_HILL : VELOCITY_HILL + 3] = velocity_h
+    size, lead = channels.constants[RING_SIZE], channels.constants[RING_LEAD]
     motion = natural_motion(position_h, velocity_h, mean_motion, sun_angle, size, lead)
+    signals[CENTRE : CENTRE + 2], signals[RING_ERROR : RING_ERROR + 2] = motion[:2], motion[2:]
     # the centre drifts at -1.5 n times its height
-    predicted = motion[1] - 1.5 * mean_motion * motion[0] * channels.prediction_time
-    approach = closest_approach(position_h, velocity_h, mean_motion) if channels.senses_approach else 0.0
-    bearing = sun_bearing(position_h, sun_angle)
-    others = np.array([predicted, approach, setting])
-    return np.concatenate((known, motion, towards, bearing, others, foreseen, urgent))
+    drift = 1.5 * mean_motion * motion[0] * channels.constants[PREDICTION_TIME]
+    signals[PREDICTED_CENTRE] = motion[1] - drift
+    if channels.needs & APPROACH:
+        signals[CLOSEST_APPROACH] = closest_approach(position_h, velocity_h, mean_motion)
+    towards = direction(target_h)
+    signals[TARGET_DIRECTION : TARGET_DIRECTION + 3] = towards
+    signals[TARGET_SETTING] = np.cos(sun_angle) * towards[1] - np.sin(sun_angle) * towards[0]
+    signals[SUN_BEARING : SUN_BEARING + 2] = sun_bearing(position_h, sun_angle)
+    signals[FORESEEN : FORESEEN + 3] = foreseen
+    signals[URGENT : URGENT + 3] = urgent
+    return signals

@@ -9,7 +9,7 @@ compiled, with the inference of `pipeline.flight.reference.inference`: the basel
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from pipeline.flight.guidance import (
     cluster_memory,
     relative_angle,
 )
-from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.log import FlightLog, Scenario, empty_log
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
 from pipeline.flight.reference.engines import ChooseTarget, Infer, choose_target, infer
 from pipeline.flight.reference.inference import PackedSystems
@@ -31,6 +31,7 @@ from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import SafetyWorld, assured, safety_world_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.flight.reference.world import World, turn_chief, world_of
+from pipeline.flight.signals import DEAD_BAND, PREVIEW, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.clohessy_wiltshire import propagate
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
@@ -44,32 +45,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
-
-class _Log(NamedTuple):
-    """The arrays of a `FlightLog`, in its order."""
-
-    position_m: Floats
-    velocity_m_s: Floats
-    quaternion_b_from_h: Floats
-    angular_velocity_b_rad_s: Floats
-    quaternion_c_from_h: Floats
-    attitude_quaternion: Floats
-    attitude_rate_b_rad_s: Floats
-    torque_b_n_m: Floats
-    force_body_n: Floats
-    force_hill_n: Floats
-    num_candidates: Integers
-    target_m: Floats
-    lambda_u_rad: Floats
-    eta_u_rad: Floats
-    fis_input: Floats
-    fis_output_n: Floats
-    is_decided: Booleans
-    sun_angle_rad: Floats
-    is_inspected: Booleans
-    delta_v_m_s: Floats
-    safety_limit: Integers
-    safety_force_hill_n: Floats
+COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 
 
 @compiled
@@ -202,7 +179,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
     inference: Any,
     guidance: Any,
     memory: ClusterMemory,
-    log: _Log,
+    log: FlightLog,
 ) -> None:
     """Fly from a start of shape (6,), m and m/s in Hill axes, and write the log."""
     num_points = len(world.points_c)
@@ -217,8 +194,8 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
     is_inspected = np.zeros(num_points, dtype=np.bool_)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
-    has_plan = len(channels.plan_h) > 0
-    last_lit = deadlines(world, initial_sun_angle) if channels.senses_urgency else np.zeros(num_points)
+    has_plan, constants = len(channels.plan_h) > 0, channels.constants
+    last_lit = deadlines(world, initial_sun_angle) if channels.needs & URGENCY else np.zeros(num_points)
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -263,18 +240,18 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         commanded = np.zeros(3)
         if is_decided:
             foreseen = np.zeros(3)
-            if channels.senses_preview:
+            if channels.needs & PREVIEW:
                 foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
             urgent = np.zeros(3)
-            if channels.senses_urgency:
+            if channels.needs & URGENCY:
                 is_wanted = is_lit & ~is_inspected
                 time = k * world.control_period
-                urgent = urgent_direction(points_h, is_wanted, last_lit, time, channels.urgency_time)
-                urgent = around_the_chief(urgent, position, channels.skirt_distance, world.min_distance)
+                urgent = urgent_direction(points_h, is_wanted, last_lit, time, constants[URGENCY_TIME])
+                urgent = around_the_chief(urgent, position, constants[SKIRT_DISTANCE], world.min_distance)
             is_coasting = (
-                foreseen[0] < channels.coast_below
-                and foreseen[1] >= world.min_distance + channels.coast_margin
-                and foreseen[2] <= world.max_distance - channels.coast_margin
+                foreseen[0] < constants[COAST_BELOW]
+                and foreseen[1] >= world.min_distance + constants[COAST_MARGIN]
+                and foreseen[2] <= world.max_distance - constants[COAST_MARGIN]
             )
             signals = measure(
                 position,
@@ -295,7 +272,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                     if channels.signals[f, i] >= 0:
                         inputs[i] = signals[channels.signals[f, i]]
                 output = infer(inference, f, inputs)
-                if abs(output) >= channels.dead_band[channels.axes[f]] and not is_coasting:
+                if abs(output) >= constants[DEAD_BAND + channels.axes[f]] and not is_coasting:
                     commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = output
@@ -391,37 +368,8 @@ def _fly(
     guidance: Any,
 ) -> FlightLog:
     world, safety = world_of(mission), safety_world_of(mission)
-    log = _empty_log(world, len(channels.axes))
+    log = empty_log(world.num_controls, world.num_ticks, len(world.points_c), len(channels.axes))
     memory = cluster_memory(len(world.points_c))
     start = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
     episode(world, safety, channels, start, float(scenario.sun_angle_rad), inference, guidance, memory, log)
-    return FlightLog(*log)
-
-
-def _empty_log(world: World, num_systems: int) -> _Log:
-    num_samples = world.num_controls + 1
-    ticks = (world.num_controls, world.num_ticks)
-    return _Log(
-        position_m=np.zeros((num_samples, 3)),
-        velocity_m_s=np.zeros((num_samples, 3)),
-        quaternion_b_from_h=np.zeros((num_samples, 4)),
-        angular_velocity_b_rad_s=np.zeros((num_samples, 3)),
-        quaternion_c_from_h=np.zeros((num_samples, 4)),
-        attitude_quaternion=np.zeros((*ticks, 4)),
-        attitude_rate_b_rad_s=np.zeros((*ticks, 3)),
-        torque_b_n_m=np.zeros((*ticks, 3)),
-        force_body_n=np.zeros((world.num_controls, 3)),
-        force_hill_n=np.zeros((world.num_controls, 3)),
-        num_candidates=np.zeros(num_samples, dtype=np.int64),
-        target_m=np.zeros((num_samples, 3)),
-        lambda_u_rad=np.zeros(num_samples),
-        eta_u_rad=np.zeros(num_samples),
-        fis_input=np.zeros((world.num_controls, num_systems, MAX_INPUTS)),
-        fis_output_n=np.zeros((world.num_controls, num_systems)),
-        is_decided=np.zeros(world.num_controls, dtype=np.bool_),
-        sun_angle_rad=np.zeros(num_samples),
-        is_inspected=np.zeros((num_samples, len(world.points_c)), dtype=np.bool_),
-        delta_v_m_s=np.zeros(num_samples),
-        safety_limit=np.zeros(world.num_controls, dtype=np.int64),
-        safety_force_hill_n=np.zeros((world.num_controls, 3)),
-    )
+    return log

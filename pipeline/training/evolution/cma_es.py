@@ -15,8 +15,8 @@ from deap import cma
 from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution.checkpoint import State
 from pipeline.training.evolution.genetic import Individual
+from pipeline.training.evolution.state import State
 
 Floats = NDArray[np.float64]
 

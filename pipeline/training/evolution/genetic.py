@@ -19,8 +19,8 @@ from deap import base, tools
 from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution.checkpoint import State
 from pipeline.training.evolution.mutation import adaptive_feasible_mutation
+from pipeline.training.evolution.state import State
 
 Floats = NDArray[np.float64]
 

@@ -16,13 +16,13 @@ from deap import base, tools
 from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution.checkpoint import State
 from pipeline.training.evolution.genetic import (
     Individual,
     lent_global_random,
     local_mutation,
     scattered_crossover,
 )
+from pipeline.training.evolution.state import State
 
 Floats = NDArray[np.float64]
 

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import cma_es, nsga2
-from pipeline.training.evolution.checkpoint import Generation, State, load, save
+from pipeline.training.evolution.checkpoint import load, save
 from pipeline.training.evolution.genetic import breed, scatter, split_population
 from pipeline.training.evolution.mutation import adapt_step_size
+from pipeline.training.evolution.state import Generation, State
 
 Floats = NDArray[np.float64]
 
@@ -355,27 +356,3 @@ def evolve_rounds(
         interrupted = True
     front = nsga2.front_of(state) if state and settings.algorithm == "nsga2" else None
     return _outcome(history, front, interrupted)
-
-
-def evolve(
-    evaluate: Evaluate,
-    num_genes: int,
-    settings: Optimizer,
-    seed: int,
-    *,
-    initial: Floats | None = None,
-    checkpoint: Path | None = None,
-    resume: bool = False,
-    on_generation: OnGeneration | None = None,
-) -> Evolution:
-    """Evolve with one fitness function for all rounds; see `evolve_rounds`."""
-    return evolve_rounds(
-        lambda _round, _champion: evaluate,
-        num_genes,
-        settings,
-        seed,
-        initial=initial,
-        checkpoint=checkpoint,
-        resume=resume,
-        on_generation=on_generation,
-    )

@@ -9,7 +9,8 @@ from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzyController
 from pipeline.flight.controller import from_fuzzy, law_of
-from pipeline.flight.simulation import fly_all, fly_population, pack_world, stack_starts
+from pipeline.flight.simulation import fly_all, fly_population, stack_starts
+from pipeline.flight.world import pack_world
 from tests.pipeline.flight.cases import COMPLETED, OVER_POLES, STARTS, mission
 from tests.places import PROJECT
 

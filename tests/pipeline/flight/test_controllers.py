@@ -7,8 +7,6 @@ import pytest
 
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from pipeline.flight.controller import (
-    AXES,
-    SIGNALS,
     ControllerError,
     coast,
     from_fuzzy,
@@ -16,6 +14,7 @@ from pipeline.flight.controller import (
     open_loop,
     packed,
 )
+from pipeline.flight.signals import AXES, slot
 from tests.pipeline.flight.missions import steering_systems
 
 BODY = (("force_axes", "body"),)
@@ -78,7 +77,7 @@ def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
     law = law_of(from_fuzzy(FuzzyController("tried", (Z, X), BODY)), 360)
     np.testing.assert_array_equal(law.axes, [AXES["force_z"], AXES["force_x"]])
     sensed = [
-        [SIGNALS[name].index for name in names]
+        [slot(name) for name in names]
         for names in (("eta_u", "velocity_body_z"), ("distance", "velocity_body_x"))
     ]
     np.testing.assert_array_equal(law.signals[:, :2], sensed)

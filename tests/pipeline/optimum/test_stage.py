@@ -9,7 +9,7 @@ from pipeline.command_line.cli import main
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.starts import evaluation_scenarios, given_start
-from pipeline.optimum.account import ratio_to_optimum, summarise
+from pipeline.optimum.account import summarise
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import SettingError
@@ -131,29 +131,6 @@ def test_the_summary_counts_feasible_cases_alone():
     assert summary["delta_v_m_s"] == pytest.approx(
         {"mean": 0.3, "standard_deviation": 0.2 / 2**0.5, "median": 0.3, "max": 0.4}
     )
-
-
-def test_ratios_are_of_cases_that_start_alike():
-    def starts(numbers):
-        return {
-            **{f"position_{axis}_m": np.array(numbers) for axis in "xyz"},
-            "sun_angle_rad": np.zeros(len(numbers)),
-        }
-
-    optimum = {
-        **starts([1.0, 2.0, 3.0, 4.0]),
-        "delta_v_m_s": np.array([0.1, 0.2, 0.3, 0.0]),
-        "is_feasible": np.array([True, True, False, True]),
-    }
-    episodes = {
-        **starts([2.0, 9.0, 3.0, 1.0, 4.0]),
-        "case": np.arange(5),
-        "delta_v_m_s": np.array([0.5, 0.5, 0.5, 0.4, 0.4]),
-    }
-    columns = ratio_to_optimum(episodes, optimum)
-    assert columns["case"].tolist() == [0, 3, 4]
-    assert columns["times_optimum"][:2] == pytest.approx([2.5, 4.0])
-    assert np.isnan(columns["times_optimum"][2])
 
 
 @pytest.mark.parametrize(

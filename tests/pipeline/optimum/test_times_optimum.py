@@ -10,7 +10,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.controller import open_loop
 from pipeline.flight.starts import evaluation_scenarios
-from pipeline.optimum.account import beside_optimum, ratio_to_optimum, summarise_times
+from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import SHIPPED_FOLDERS, IncomparableError, read_solved, solved_for
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
@@ -63,9 +63,12 @@ def evaluated(tmp_path_factory):
 def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(evaluated):
     columns = tables.read_parquet(evaluated, artifacts.BESIDE_OPTIMUM)
     cases = tables.read_parquet(SHIPPED_FOLDERS["fixed"], artifacts.OPTIMUM_CASES)
-    by_start = ratio_to_optimum(columns, cases)
     np.testing.assert_array_equal(columns["case"], np.arange(50))
-    np.testing.assert_allclose(columns["times_optimum"], by_start["times_optimum"], rtol=1e-15)
+    for start in ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad"):
+        np.testing.assert_array_equal(columns[start], cases[start])
+    np.testing.assert_allclose(
+        columns["times_optimum"] * cases["delta_v_m_s"], columns["delta_v_m_s"], rtol=1e-15
+    )
     assert len(tables.read_parquet(evaluated, artifacts.EPISODES)["case"]) == 2
 
     told = artifacts.read_json(evaluated, artifacts.SUMMARY)["optimum"]

@@ -1,7 +1,5 @@
 """Events of flights made by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,8 +15,7 @@ def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
     """Eleven samples at distances along i, with the first of 99 points inspected."""
     inspected = np.arange(99) < np.array(inspected_count)[:, np.newaxis]
     position = np.array(distance_m)[:, np.newaxis] * [1.0, 0.0, 0.0]
-    return replace(
-        cases.flown(*SHORT),
+    return cases.flown(*SHORT)._replace(
         position_m=position,
         is_inspected=inspected,
         delta_v_m_s=0.1 * np.arange(11.0),
@@ -83,7 +80,7 @@ def test_complete_says_whether_the_deputy_coasts(last_force: float, ending: str)
     log = flight([75.0] * 11, [0] * 8 + [99] * 3)
     forces = np.ones((10, 3))
     forces[8:] = [[0.0, 0.0, 0.0], [0.0, last_force, 0.0]]
-    complete = events(MISSION, replace(log, force_hill_n=forces), 5.0)[1]
+    complete = events(MISSION, log._replace(force_hill_n=forces), 5.0)[1]
     assert complete.text.endswith(ending)
 
 

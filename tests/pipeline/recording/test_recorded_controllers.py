@@ -13,7 +13,7 @@ from fis_tools.formats import serialize
 from pipeline.flight.controller import Controller, coast, open_loop
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
-from pipeline.recording.recorder import controller_text, directions, record_flight
+from pipeline.recording.recorder import FlightRecorder, controller_text, directions
 from pipeline.run.runner import run_stages
 from tests.pipeline.recording import cases
 from tests.pipeline.recording.cases import Contents
@@ -26,17 +26,8 @@ def recorded(path: Path, controller: Controller) -> Contents:
     run = cases.composed(*SHORT)
     mission, scenario = run.experiment.mission, Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.3)
     log = fly_logged(mission, controller, scenario)
-    record_flight(
-        path,
-        mission,
-        controller,
-        scenario,
-        log,
-        scenario_id="x",
-        seed=3,
-        config=run.config,
-        near_limit_m=5.0,
-    )
+    recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
+    recorder.record(path, scenario, log, scenario_id="x")
     return cases.contents(path)
 
 

@@ -15,7 +15,7 @@ from fis_tools.analysis import flights
 from fis_tools.engines.kernel import evaluate, pack
 from fis_tools.formats import serialize
 from pipeline.flight.log import FlightLog
-from pipeline.flight.simulation import inspection_points
+from pipeline.flight.world import inspection_points
 from pipeline.run import artifacts
 from pipeline.run.runner import run_stages
 from tests.pipeline.recording import cases

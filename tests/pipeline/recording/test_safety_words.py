@@ -1,6 +1,5 @@
 """What a flight's log and the report say of the safety layer."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ def told(limits: dict[int, int], force_n: float = 0.012) -> list[Event]:
     limit, force = np.zeros(360, dtype=np.int64), np.zeros((360, 3))
     for sample, name in limits.items():
         limit[sample], force[sample, 1] = name, -force_n
-    found = events(MISSION, replace(log, safety_limit=limit, safety_force_hill_n=force), 5.0)
+    found = events(MISSION, log._replace(safety_limit=limit, safety_force_hill_n=force), 5.0)
     return [event for event in found if "safety layer" in event.text]
 
 

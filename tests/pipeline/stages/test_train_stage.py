@@ -18,7 +18,8 @@ from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.starts import given_start, hard_candidates, training_scenarios, validation_scenarios
 from pipeline.run import artifacts
 from pipeline.stages import train
-from pipeline.training.evolution.checkpoint import CheckpointError, Generation
+from pipeline.training.evolution.checkpoint import CheckpointError
+from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.progress import TrainingProgress

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.controllers import source
 from pipeline.training.champion_flights import ChampionFlights
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import genome_of
 from tests.pipeline.stages.cases import prepared
 

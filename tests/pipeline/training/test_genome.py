@@ -9,7 +9,6 @@ import pytest
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.flight.controller import (
-    CONSTANTS,
     Controller,
     ControllerError,
     coast,
@@ -17,6 +16,7 @@ from pipeline.flight.controller import (
     from_fuzzy,
     packed,
 )
+from pipeline.flight.signals import CONSTANTS
 from pipeline.settings.experiment import Encoding
 from pipeline.training.genome import genome_of
 from tests.places import PROJECT

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.settings.experiment import Encoding, Optimizer, Penalty
 from pipeline.training.evolution import Evaluate, Evolution, evolve_rounds
-from pipeline.training.evolution.checkpoint import Generation
+from pipeline.training.evolution.state import Generation
 
 
 def optimizer(**changes: Any) -> Optimizer:
@@ -29,6 +29,11 @@ def optimizer(**changes: Any) -> Optimizer:
         "workers": 1,
     }
     return Optimizer(**(values | changes))
+
+
+def evolve(evaluate: Evaluate, num_genes: int, settings: Optimizer, seed: int, **how: Any) -> Evolution:
+    """Evolve with one fitness function for all rounds."""
+    return evolve_rounds(lambda _round, _champion: evaluate, num_genes, settings, seed, **how)
 
 
 class Sphere:

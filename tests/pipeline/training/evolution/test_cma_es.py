@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import evolve, evolve_rounds
-from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, optimizer
+from pipeline.training.evolution import evolve_rounds
+from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, evolve, optimizer
 
 NUM_GENES = 10
 

@@ -6,9 +6,9 @@ import random
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import Evolution, evolve, evolve_rounds
+from pipeline.training.evolution import Evolution, evolve_rounds
 from pipeline.training.evolution.checkpoint import CheckpointError
-from tests.pipeline.training.evolution.cases import Sphere, optimizer
+from tests.pipeline.training.evolution.cases import Sphere, evolve, optimizer
 
 NUM_GENES = 10
 

@@ -5,9 +5,9 @@ import random
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import evolve, evolve_rounds
+from pipeline.training.evolution import evolve_rounds
 from pipeline.training.evolution.genetic import local_mutation
-from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, optimizer
+from tests.pipeline.training.evolution.cases import Sphere, broken_and_resumed, evolve, optimizer
 
 NUM_GENES = 10
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.settings.checks import SettingError
-from pipeline.training.evolution import OBJECTIVE, evolve, evolve_rounds
+from pipeline.training.evolution import OBJECTIVE, evolve_rounds
 from pipeline.training.evolution.nsga2 import survivors
-from tests.pipeline.training.evolution.cases import broken_and_resumed, optimizer
+from tests.pipeline.training.evolution.cases import broken_and_resumed, evolve, optimizer
 
 NUM_GENES = 5
 

@@ -1,0 +1,166 @@
+"""What a controller may sense, set and command: one table each, looked up by name everywhere.
+
+An input of a fuzzy system is named after the signal that it senses, its output after the force component
+that it commands; the controller's attribute ``force_axes`` says whether components are along the deputy's
+body axes or Hill's. The compiled flight (`pipeline.flight.kernel`) and the readable one
+(`pipeline.flight.reference`) keep signals and constants in arrays; `slot` and `constant` give the places
+there.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+#: what must be computed before a signal can be read: flags, added up over all that a controller senses
+NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY = 0, 1, 2, 4, 8, 16
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Something that a controller may sense.
+
+    Parameters
+    ----------
+    unit : str
+        Empty for a pure number.
+    description : str
+    needs : int
+        What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
+        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, or `URGENCY`.
+    """
+
+    unit: str
+    description: str
+    needs: int
+
+
+SIGNALS = {
+    "distance": Signal("m", "distance from the chief's centre, |r|", NOTHING),
+    "velocity_body_x": Signal(
+        "m/s", "velocity relative to Hill along the deputy's x axis; the camera looks along -x", NOTHING
+    ),
+    "velocity_body_y": Signal("m/s", "the same along the deputy's y axis", NOTHING),
+    "velocity_body_z": Signal("m/s", "the same along the deputy's z axis", NOTHING),
+    "lambda_u": Signal(
+        "rad", "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi", ANGLES
+    ),
+    "eta_u": Signal("rad", "angle from the deputy to the target in the i-k plane, from -pi to pi", ANGLES),
+    "position_radial": Signal("m", "position along Hill i, away from the Earth", NOTHING),
+    "position_along_track": Signal("m", "position along Hill j, the way the chief flies", NOTHING),
+    "position_cross_track": Signal("m", "position along Hill k, the orbit normal", NOTHING),
+    "velocity_radial": Signal("m/s", "velocity relative to Hill along i", NOTHING),
+    "velocity_along_track": Signal("m/s", "velocity relative to Hill along j", NOTHING),
+    "velocity_cross_track": Signal("m/s", "velocity relative to Hill along k", NOTHING),
+    "centre_radial": Signal(
+        "m", "centre of the ellipse of free motion along i; above zero the ellipse falls behind", ORBIT
+    ),
+    "centre_along_track": Signal("m", "centre of the ellipse of free motion along j", ORBIT),
+    "predicted_centre_along_track": Signal(
+        "m", "where that centre drifts to within prediction_time_s, along j", ORBIT
+    ),
+    "closest_approach": Signal(
+        "m", "least distance to the chief within an orbit of free drift from here", APPROACH
+    ),
+    "ring_error_radial": Signal(
+        "m", "along i, from the place on the ring that follows the Sun to the deputy's", ORBIT
+    ),
+    "ring_error_along_track": Signal(
+        "m", "along j, the same, halved as the ellipse is twice as long as high", ORBIT
+    ),
+    "target_radial": Signal("", "direction of the target along i, from -1 to 1", ORBIT),
+    "target_along_track": Signal("", "direction of the target along j", ORBIT),
+    "target_cross_track": Signal("", "direction of the target along k", ORBIT),
+    "sun_alignment": Signal(
+        "",
+        "cosine of the angle from the deputy to the Sun in the orbit plane; 1 with the Sun behind the deputy",
+        ORBIT,
+    ),
+    "sun_ahead": Signal(
+        "", "sine of the same angle; above zero the Sun has yet to come to the deputy", ORBIT
+    ),
+    "target_setting": Signal(
+        "",
+        "direction of the target across the Sun's, in the orbit plane; above zero where it soon goes dark",
+        ORBIT,
+    ),
+    "missed": Signal("", "how many points coasting to the flight's end would leave unseen", PREVIEW),
+    "coasting_nearest": Signal(
+        "m", "least distance from the chief while coasting to the flight's end", PREVIEW
+    ),
+    "coasting_farthest": Signal("m", "greatest distance on the way", PREVIEW),
+    "urgent_radial": Signal(
+        "",
+        "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
+        URGENCY,
+    ),
+    "urgent_along_track": Signal("", "the same along j", URGENCY),
+    "urgent_cross_track": Signal("", "the same along k", URGENCY),
+}
+
+
+def slot(*names: str) -> int:
+    """Return the place of a signal in the arrays of a flight, or of the first of some that follow on it.
+
+    Raises
+    ------
+    ValueError
+        If the signals do not stand one after the other in `SIGNALS`.
+    """
+    order = list(SIGNALS)
+    first = order.index(names[0])
+    if tuple(order[first : first + len(names)]) != names:
+        raise ValueError(f"{', '.join(names)} do not follow one another in SIGNALS; put their rows together")
+    return first
+
+
+def needs_of(names: Iterable[str]) -> int:
+    """Return what must be computed for some signals, as the flags of `Signal.needs` added up."""
+    needs = NOTHING
+    for name in names:
+        needs |= SIGNALS[name].needs
+    return needs
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number that a controller may set besides its systems, as an attribute.
+
+    Parameters
+    ----------
+    description : str
+        With its unit.
+    is_signed : bool
+        Whether it may be negative.
+    """
+
+    description: str
+    is_signed: bool = False
+
+
+CONSTANTS = {
+    "ring_size_m": Constant("height of the ring that ring_error_* refer to, m"),
+    "ring_lead_rad": Constant("how far the Sun is ahead of the deputy's place on the ring, rad", True),
+    "dead_band_force_x_n": Constant("a force_x smaller than this is not fired, N"),
+    "dead_band_force_y_n": Constant("the same for force_y"),
+    "dead_band_force_z_n": Constant("the same for force_z"),
+    "prediction_time_s": Constant("how far ahead predicted_centre_along_track looks, s"),
+    "coast_below_points": Constant("with fewer points than this missed by coasting to the end, coast"),
+    "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
+    "urgency_time_s": Constant(
+        "time before its last light within which a point becomes urgent, for urgent_*, s"
+    ),
+    "skirt_distance_m": Constant("nearer than this to the chief, urgent_* turns aside from it, m"),
+}
+
+
+def constant(name: str) -> int:
+    """Return the place of a constant among a controller's constants."""
+    return list(CONSTANTS).index(name)
+
+
+#: components that a system may command, and the axes that they are along
+AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
+HILL, BODY = 0, 1
+FORCE_AXES = {"hill": HILL, "body": BODY}
+
+#: a component smaller than this is not fired: the first of three, in the order of `AXES`
+DEAD_BAND = constant("dead_band_force_x_n")

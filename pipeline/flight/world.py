@@ -1,0 +1,105 @@
+"""A mission as the numbers that the compiled flight reads."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import padded
+from pipeline.flight.guidance import preview_stride
+from pipeline.flight.kernel.arrays import World
+from pipeline.flight.kernel.safety import guard_of
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
+from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.rigid_body import tumbling_step
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+
+def inspection_points(mission: Mission) -> Floats:
+    """Return the points of a mission in chief axes, shape (P, 3), m."""
+    chief = mission.chief
+    place = regular_placement if chief.placement == "deserno" else fibonacci_placement
+    return np.asarray(place(chief.num_points, chief.inspection_radius_m), dtype=np.float64)
+
+
+def chief_attitudes(mission: Mission) -> Floats:
+    """Return the chief's attitude at every sample, Hill to chief, scalar last, shape (K+1, 4)."""
+    attitudes = np.zeros((mission.num_controls + 1, 4))
+    attitudes[:, 3] = 1.0
+    rate = mission.chief.initial_angular_velocity_rad_s
+    if rate is None:
+        return attitudes
+    inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
+    inverse = np.linalg.inv(inertia).astype(np.float64)
+    quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
+    steps = max(1, int(np.ceil(mission.control_period_s)))
+    for k in range(1, len(attitudes)):
+        for _ in range(steps):
+            quaternion, rate_c = tumbling_step(
+                quaternion,
+                rate_c,
+                inertia,
+                inverse,
+                mission.orbit.mean_motion_rad_s,
+                mission.control_period_s / steps,
+            )
+        attitudes[k] = quaternion
+    return attitudes
+
+
+def pack_world(mission: Mission) -> World:
+    """Turn a mission into the numbers that the compiled episode reads."""
+    n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
+    instants = np.arange(mission.num_attitude_steps) * mission.attitude_period_s
+    points = inspection_points(mission)
+    placed = np.zeros((1, 3, padded(len(points))))
+    if mission.chief.initial_angular_velocity_rad_s is None:
+        placed[0, :, : len(points)] = points.T
+    else:
+        attitudes = chief_attitudes(mission)
+        placed = np.zeros((len(attitudes), 3, padded(len(points))))
+        for k, quaternion in enumerate(attitudes):
+            placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
+    inertia = np.array(mission.deputy.inertia_kg_m2, dtype=np.float64)
+    radius = mission.chief.inspection_radius_m
+    stride = preview_stride(mission)
+    return World(
+        num_controls=mission.num_controls,
+        num_attitude_steps=mission.num_attitude_steps,
+        mean_motion=n,
+        control_period=mission.control_period_s,
+        attitude_period=mission.attitude_period_s,
+        acceleration_per_force=1.0 / mass,
+        transition=state_transition(n, mission.control_period_s),
+        control=input_matrix(n, mission.control_period_s, mass),
+        preview_stride=stride,
+        preview_transition=np.stack(
+            [state_transition(n, count * mission.control_period_s) for count in range(stride + 1)]
+        ),
+        instant_transition=np.ascontiguousarray(
+            np.stack([state_transition(n, t) for t in instants], axis=-1)
+        ),
+        instant_control=np.ascontiguousarray(np.stack([input_matrix(n, t, mass) for t in instants], axis=-1)),
+        points=placed,
+        num_points=len(points),
+        sun_threshold=radius * radius / ASTRONOMICAL_UNIT_M,
+        horizon=radius * radius,
+        cos_half_angle_squared=float(np.cos(np.radians(mission.sensor.half_angle_deg)) ** 2),
+        boresight=np.array(mission.sensor.boresight, dtype=np.float64),
+        is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
+        inertia=inertia,
+        inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
+        proportional_gain=mission.attitude.proportional_gain * inertia,
+        derivative_gain=mission.attitude.derivative_gain * inertia,
+        max_torque=mission.deputy.max_torque_n_m,
+        max_force=mission.deputy.max_force_n,
+        min_distance=mission.deputy.min_distance_m,
+        max_distance=mission.deputy.max_distance_m,
+        is_attitude_ideal=mission.attitude.mode == "ideal",
+        has_pole_blending=mission.attitude.pole_blending,
+        has_clusters=mission.guidance.kind == "clusters",
+        coasts_when_complete=mission.coast_when_complete,
+        guard=guard_of(mission),
+    )
