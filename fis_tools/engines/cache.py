@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ CACHE_NAME = "fis-tools"
 KEPT_DAYS = 30
 DAY_S = 86400.0
 
-#: The distributions whose version shapes compiled code.
+#: The packages whose version shapes compiled code; they are imported by the time it is asked for.
 COMPILERS = ("numba", "llvmlite", "numpy")
 
 #: Modules that every compiled function's module imports, and that leave its code alone.
@@ -36,7 +37,7 @@ SHAPING_NOTHING = {"fis_tools.engines.cache", "fis_tools.engines.notice"}
 
 #: The imports of a file: `from X import Y, …` and `import X`; and what only type checkers see.
 IMPORTS = re.compile(r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
-FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
+FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
 
 #: When this module was loaded. A source that has changed since may not be the one that runs.
 _loaded_ns = time.time_ns()
@@ -220,9 +221,8 @@ def sources_of(module: str, file: str) -> Sources:
 @cache
 def _versions() -> str:
     """Return the versions that shape compiled code."""
-    from importlib.metadata import version  # noqa: PLC0415 - takes long to import
-
-    return " ".join((platform.python_version(), *map(version, COMPILERS)))
+    compilers = (str(import_module(name).__version__) for name in COMPILERS)
+    return " ".join((platform.python_version(), *compilers))
 
 
 @cache
