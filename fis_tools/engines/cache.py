@@ -79,7 +79,8 @@ def register(function: Callable[..., Any]) -> None:
     """Note that the package of a function compiles, so that imports from it are followed."""
     path = Path(function.__code__.co_filename)
     depth = function.__module__.count(".") + (path.name == "__init__.py")
-    _roots.setdefault(function.__module__.partition(".")[0], path.parents[depth])
+    if depth < len(path.parents):  # else it was never a file, as in a notebook
+        _roots.setdefault(function.__module__.partition(".")[0], path.parents[depth])
 
 
 def place_for(function: Callable[..., Any]) -> Path | Refused:
@@ -89,9 +90,12 @@ def place_for(function: Callable[..., Any]) -> Path | Refused:
         changed = changed_since_loaded(sources.files)
         if changed is not None:
             return Refused(f"{changed} has changed since it was loaded; start Python anew")
+    except OSError as error:
+        return Refused(f"{error.filename} cannot be read; put the function into a file")
+    try:
         root = cache_root()
-    except (OSError, RuntimeError) as error:  # no source, no home
-        return Refused(f"there is no place for it ({error}); set NUMBA_CACHE_DIR to a folder of your own")
+    except RuntimeError:
+        return Refused("there is no home folder; set NUMBA_CACHE_DIR to a folder of your own")
     name = f"{function.__module__}-{sources.digest}"
     try:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
