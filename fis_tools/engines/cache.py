@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ CACHE_NAME = "fis-tools"
 KEPT_DAYS = 30
 DAY_S = 86400.0
 
-#: The distributions whose version shapes compiled code.
+#: The packages whose version shapes compiled code; they are imported by the time it is asked for.
 COMPILERS = ("numba", "llvmlite", "numpy")
 
 #: Modules that every compiled function's module imports, and that leave its code alone.
@@ -36,7 +37,7 @@ SHAPING_NOTHING = {"fis_tools.engines.cache", "fis_tools.engines.notice"}
 
 #: The imports of a file: `from X import Y, …` and `import X`; and what only type checkers see.
 IMPORTS = re.compile(r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
-FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
+FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
 
 #: When this module was loaded. A source that has changed since may not be the one that runs.
 _loaded_ns = time.time_ns()
@@ -78,7 +79,8 @@ def register(function: Callable[..., Any]) -> None:
     """Note that the package of a function compiles, so that imports from it are followed."""
     path = Path(function.__code__.co_filename)
     depth = function.__module__.count(".") + (path.name == "__init__.py")
-    _roots.setdefault(function.__module__.partition(".")[0], path.parents[depth])
+    if depth < len(path.parents):  # else it was never a file, as in a notebook
+        _roots.setdefault(function.__module__.partition(".")[0], path.parents[depth])
 
 
 def place_for(function: Callable[..., Any]) -> Path | Refused:
@@ -88,9 +90,12 @@ def place_for(function: Callable[..., Any]) -> Path | Refused:
         changed = changed_since_loaded(sources.files)
         if changed is not None:
             return Refused(f"{changed} has changed since it was loaded; start Python anew")
+    except OSError as error:
+        return Refused(f"{error.filename} cannot be read; put the function into a file")
+    try:
         root = cache_root()
-    except (OSError, RuntimeError) as error:  # no source, no home
-        return Refused(f"there is no place for it ({error}); set NUMBA_CACHE_DIR to a folder of your own")
+    except RuntimeError:
+        return Refused("there is no home folder; set NUMBA_CACHE_DIR to a folder of your own")
     name = f"{function.__module__}-{sources.digest}"
     try:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -220,9 +225,8 @@ def sources_of(module: str, file: str) -> Sources:
 @cache
 def _versions() -> str:
     """Return the versions that shape compiled code."""
-    from importlib.metadata import version  # noqa: PLC0415 - takes long to import
-
-    return " ".join((platform.python_version(), *map(version, COMPILERS)))
+    compilers = (str(import_module(name).__version__) for name in COMPILERS)
+    return " ".join((platform.python_version(), *compilers))
 
 
 @cache

@@ -15,13 +15,15 @@ Compiled functions take candidates as an array of shape (3, P), one row an axis,
 
 from functools import cache
 from math import atan2, hypot, pi, sqrt
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from pipeline.settings.experiment import Mission
+
+if TYPE_CHECKING:  # compiled code depends on what this file imports, and on no setting
+    from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,7 +41,7 @@ PREVIEW_PERIOD_S = 120.0
 MIN_PROJECTION_M = 1e-9
 
 
-def preview_stride(mission: Mission) -> int:
+def preview_stride(mission: "Mission") -> int:
     """Return the control periods between the places at which coasting is foreseen."""
     return max(1, round(PREVIEW_PERIOD_S / mission.control_period_s))
 

@@ -28,6 +28,7 @@ Written out plainly in `pipeline.flight.reference.safety`.
 """
 
 from math import ceil, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,9 @@ from pipeline.flight.kernel.arrays import (
 )
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
-from pipeline.settings.experiment import Mission
+
+if TYPE_CHECKING:  # as in `pipeline.flight.guidance`
+    from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
@@ -360,7 +363,7 @@ def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int
                 log.safety_force_hill_n[k, j] = force[j] - asked[j]
 
 
-def guard_of(mission: Mission) -> Guard:
+def guard_of(mission: "Mission") -> Guard:
     """Turn the safety settings of a mission into the numbers that `assure` reads."""
     safety = mission.safety
     n, period, mass = mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg

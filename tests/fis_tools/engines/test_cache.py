@@ -79,7 +79,7 @@ def test_imports_for_type_checkers_and_from_other_packages_do_not_count(
 ) -> None:
     text = (
         "from typing import TYPE_CHECKING\nimport numpy as np\n\n"
-        "if TYPE_CHECKING:\n    from kernels import inner\n\n    from kernels import between\n\nX = 1\n"
+        "if TYPE_CHECKING:  # x\n    from kernels import inner\n\n    from kernels import between\n\nX = 1\n"
     )
     found = kernels(caller=text, between="", inner="")
     assert [Path(file).stem for file in found.files] == ["caller"]

@@ -131,6 +131,15 @@ def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) 
     assert package.run(call, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
 
 
+def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) -> None:
+    define = (
+        "from fis_tools.engines.compiled import compiled\n@compiled\ndef f(x):\n    return x\nprint(f(3))"
+    )
+    done = package.run(define)
+    assert done.stdout == "3\n"
+    assert "compiled code is not kept: <string> cannot be read" in done.stderr
+
+
 def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Package) -> None:
     edit_then_call = (
         "from pathlib import Path\nimport kernels.callee\npath = Path(kernels.callee.__file__)\n"
