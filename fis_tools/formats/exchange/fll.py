@@ -150,7 +150,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.model.validate.ControllerFileError
+    fis_tools.formats.error.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     comments: list[tuple[int, str]] = []
