@@ -1,4 +1,4 @@
-"""Measures of a fuzzy system as arrays: response surfaces, rule firing, coverage, likeness of terms.
+"""Measures of a fuzzy system as arrays: response surfaces, rule firing, coverage, similarity of terms.
 
 Memberships are linear between the points of a universe, and the measures are exact for these polygons, also
 between the points.
@@ -17,7 +17,7 @@ from fis_tools.model.validate import nearest
 
 Floats = NDArray[np.float64]
 
-#: A rule counts as fired from this strength on.
+#: The firing strength from which a rule counts as fired.
 FIRED = 0.05
 
 
@@ -48,7 +48,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Coverage:
-    """Where a variable is covered worst: the least of the highest memberships, and where it is."""
+    """Where a variable is covered worst: the lowest value of the highest membership, and its place."""
 
     least: float
     at: float
@@ -56,7 +56,7 @@ class Coverage:
 
 @dataclass(frozen=True)
 class Distinguishability:
-    """How alike the terms of a variable are.
+    """How similar the terms of a variable are.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
     system : FuzzySystem
         A system without problems.
     inputs : (n, num_inputs)
-        A row a sample; clipped to the universes.
+        One row per sample; clipped to the universes.
 
     Returns
     -------
@@ -112,12 +112,12 @@ def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
 
 
 def firing(system: FuzzySystem, inputs: Floats) -> Floats:
-    """Return how strongly each rule fires for each sample, before weights: (n, num_rules)."""
+    """Return the firing strength of each rule for each sample, before weights, (n, num_rules)."""
     return compile(system).firing_strengths(inputs)
 
 
 def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
-    """Return samples that fill the box of a system's universes evenly, the same at each call.
+    """Return samples that cover the input ranges of a system evenly, the same at each call.
 
     The points of a Halton sequence (J. H. Halton, Numerische Mathematik 2, 1960) without its first, which
     lies in a corner.
@@ -234,9 +234,9 @@ def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, flo
 
 
 def coverage(variable: Variable) -> Coverage:
-    """Find the value of a variable that belongs least to any of its terms.
+    """Find the value of a variable whose highest membership in any term is lowest.
 
-    A variable is covered where each of its values belongs to some term well, say by 0.5.
+    A variable is well covered where each value has a membership of, say, 0.5 in some term.
     """
     functions = sample_terms(variable)
     points = _with_crossings(variable.universe, functions)
@@ -278,9 +278,9 @@ def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:
     Parameters
     ----------
     strengths : (n, num_rules)
-        Firing strengths, a row a sample.
+        Firing strengths, one row per sample.
     threshold : float
-        From which strength on a rule counts as fired.
+        The firing strength from which a rule counts as fired.
 
     Raises
     ------
@@ -288,7 +288,7 @@ def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:
         If there are no samples.
     """
     if strengths.ndim != 2 or len(strengths) == 0:
-        raise ValueError(f"strengths have shape {strengths.shape}; pass a row a sample, at least one")
+        raise ValueError(f"strengths have shape {strengths.shape}; pass one row per sample, at least one")
     strongest = strengths.max(axis=1, keepdims=True)
     return RuleUsage(
         num_samples=len(strengths),

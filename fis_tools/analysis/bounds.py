@@ -1,4 +1,4 @@
-"""What the outputs of a system can be while its inputs lie in a region: intervals, ranges, answers.
+"""Proved bounds on the outputs of a system while its inputs lie in a region.
 
 An interval holds for every input of its box, and a question answered with no has been refuted on boxes that
 cover the region: both are proofs about the numbers that `fis_tools.engines.inference` computes. What is
@@ -20,9 +20,9 @@ from fis_tools.words.text import number, quantity
 
 Floats = NDArray[np.float64]
 
-#: Boxes that are looked at before giving up.
+#: Boxes that are bounded before giving up.
 NUM_BOXES = 200_000
-#: How near proved and attained ends are brought, as a fraction of the output's range.
+#: The gap allowed between proved and attained ends, as a fraction of the output's range.
 RANGE_TOLERANCE = 1e-4
 
 
@@ -34,7 +34,7 @@ class Interval:
     high: float
 
     def __contains__(self, value: float) -> bool:
-        """Tell whether a number lies inside, or at an end."""
+        """Return whether a number lies inside, or at an end."""
         return self.low <= value <= self.high
 
     @property
@@ -45,7 +45,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Answer:
-    """What became of a question about the outputs of a system over a region of inputs.
+    """The answer to a question about the outputs of a system over a region of inputs.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ class Answer:
     verdict : str
         ``yes`` with an example, ``no`` where it is proved, else ``undecided``.
     num_boxes : int
-        How many boxes were looked at.
+        How many boxes were bounded.
     example : dict, optional
         Inputs, then outputs, by name, for which the answer is yes.
     undecided : dict of Interval, optional
         The largest box about which nothing is known, by the inputs' names.
     undecided_share : float
-        The part of the region's box about which nothing is known.
+        The fraction of the region's box about which nothing is known.
     """
 
     question: str
@@ -101,7 +101,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Range:
-    """Between which numbers an output lies over a region of inputs.
+    """The range of an output over a region of inputs.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Range:
     least_at, greatest_at : dict
         The inputs of these two, by name; empty where there is none.
     num_boxes : int
-        How many boxes were looked at.
+        How many boxes were bounded.
     """
 
     output: Variable
@@ -162,14 +162,14 @@ def ask(
     system : FuzzySystem
         A system without problems.
     question : str
-        Conditions on outputs that are to hold together, as ``force_x > 0``, ``force_x in [-0.1, 0.1]``.
+        Conditions on outputs that must all hold, such as ``force_x > 0``, ``force_x in [-0.1, 0.1]``.
     region : str
         Conditions on inputs, as ``distance > 150, velocity_body_x - 0.001 distance <= 0.1``; those on several
         inputs together are about values inside their universes.
     max_boxes : int
-        How many boxes to look at before giving up.
+        How many boxes to bound before giving up.
     progress : callable, optional
-        Called from time to time with the number of boxes looked at and of those that are open.
+        Called now and then with the number of boxes bounded, and of those still open.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def output_ranges(
     tolerance: float = RANGE_TOLERANCE,
     progress: Progress | None = None,
 ) -> tuple[Range, ...]:
-    """Find between which numbers each output lies while the inputs lie in a region.
+    """Find the range of each output while the inputs lie in a region.
 
     Parameters
     ----------
@@ -230,9 +230,9 @@ def output_ranges(
     region : str
         Conditions on inputs, as for `ask`; empty for all inputs.
     max_boxes : int
-        How many boxes to look at, for each end of each output.
+        How many boxes to bound, for each end of each output.
     tolerance : float
-        How near to bring the proved and the attained ends, as a fraction of the output's range.
+        The gap allowed between proved and attained ends, as a fraction of the output's range.
     progress : callable, optional
         As for `ask`.
 

@@ -70,7 +70,7 @@ class Region:
     greatest: Floats
 
     def may_meet(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
-        """Tell which boxes, given by their corners (n, num_inputs), may hold an input of the region."""
+        """Return which boxes, given by their corners (n, num_inputs), may hold an input of the region."""
         positive, negative = np.maximum(self.coefficients, 0.0).T, np.minimum(self.coefficients, 0.0).T
         size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(self.coefficients).T
         slack = 4 * float(np.finfo(np.float64).eps) * (low.shape[1] + 2) * size
@@ -79,7 +79,7 @@ class Region:
         return np.asarray((reaches & begins).all(axis=1))
 
     def holds(self, inputs: Floats) -> NDArray[np.bool_]:
-        """Tell which inputs of the box, (n, num_inputs), lie in the region."""
+        """Return which inputs of the box, (n, num_inputs), lie in the region."""
         values = inputs @ self.coefficients.T
         return np.asarray(((values >= self.least) & (values <= self.greatest)).all(axis=1))
 
@@ -209,7 +209,7 @@ def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str,
         if not re.match(r"\w", name) and name not in names:
             raise ValueError(f"{name or 'the end'!r} in {text!r} stands where a variable should; {GRAMMAR}")
         if name not in names:
-            raise ValueError(f"{name!r} in {text!r} is no variable; {nearest(name, names)}")
+            raise ValueError(f"{name!r} in {text!r} is not a variable; {nearest(name, names)}")
         coefficients[name] = coefficients.get(name, 0.0) + sign
         if not words or words[0] not in {"+", "-"}:
             return coefficients

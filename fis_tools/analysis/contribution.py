@@ -1,4 +1,4 @@
-"""What each rule contributes: the output minus the output without the rule."""
+"""The contribution of each rule: the output minus the output without that rule."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
     compiled : CompiledSystem
         Made by `fis_tools.engines.compiler.compile`.
     inputs : (n, num_inputs)
-        A row a sample.
+        One row per sample.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
 
 
 def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
-    """Tell which firing rules cut some output term highest; where strengths add up all of them do."""
+    """Return which firing rules cut some output term highest; where strengths accumulate, all do."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
         cuts = firing[:, conclusion.rules] * conclusion.weights
@@ -55,20 +55,20 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
-    """Compute how much each rule matters over some samples.
+    """Compute the importance of each rule over some samples.
 
     Parameters
     ----------
     compiled : CompiledSystem
         Made by `fis_tools.engines.compiler.compile`.
     inputs : (n, num_inputs)
-        A row a sample, at least one.
+        One row per sample, at least one.
 
     Returns
     -------
     (num_rules, num_outputs)
-        The mean size of the contributions, as a share of the output's range. Samples without an output for
-        want of a default are left out.
+        The mean size of the contributions, as a share of the output's range. Samples without an output are
+        left out.
 
     Raises
     ------

@@ -25,7 +25,7 @@ TOPIC_PREFIX = "/fis/"
 
 @dataclass(frozen=True)
 class FlownSystem:
-    """What one fuzzy system did along one flight, an inference a row.
+    """What one fuzzy system did along one flight, one inference per row.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class FlownSystem:
 
 
 def is_flight(path: Path | str) -> bool:
-    """Tell by its name whether a file is a logged flight."""
+    """Return, from its name, whether a file is a logged flight."""
     return Path(path).suffix.lower() == ".mcap"
 
 
@@ -96,7 +96,7 @@ def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[s
     paths : iterable of paths
         Flights of the same controller.
     threshold : float
-        From which strength on a rule counts as fired.
+        The firing strength from which a rule counts as fired.
 
     Returns
     -------

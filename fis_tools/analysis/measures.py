@@ -1,4 +1,4 @@
-"""Indices of a fuzzy system: how complete, how complex, and how far its words still mean what they say.
+"""Interpretability indices of a fuzzy system: completeness, complexity, integrity, rule meaning.
 
 Each index is given with the formula that is used, because papers leave cases open. Areas and crossings are
 exact for memberships that are linear between the points of their universe.
@@ -41,14 +41,14 @@ HALF_HEIGHT = float(np.sqrt(2.0 * np.log(2.0)))
 
 @dataclass(frozen=True)
 class Complexity:
-    """How much there is to read.
+    """How much there is to read in a rule base.
 
     Parameters
     ----------
     rules, premises : int
         Rules, and the statements ``variable is term`` in all their antecedents.
     input_terms, output_terms : int
-        Words.
+        Terms of all inputs, and of all outputs.
     """
 
     rules: int
@@ -83,14 +83,14 @@ class Nauck:
 
 @dataclass(frozen=True)
 class Completeness:
-    """Where the rules of a system say least: the least of the strongest firings, and where it is.
+    """Where the rules of a system cover the inputs worst: the lowest maximum firing strength, and its place.
 
     Parameters
     ----------
     least : float
-        0 where no rule fires at all.
+        0 if somewhere no rule fires.
     at : (num_inputs,)
-        An input at which it is so.
+        An input at which it occurs.
     is_exact : bool
         Whether `least` holds for the whole box of the universes, or is only the least of samples of it.
     """
@@ -102,7 +102,7 @@ class Completeness:
 
 @dataclass(frozen=True)
 class Integrity:
-    """How near the terms of a variable are to an even partition; arrays of shape (num_terms,), 1 is equal.
+    """How close the terms of a variable are to an even partition; arrays of shape (num_terms,), 1 is equal.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Integrity:
 
 @dataclass(frozen=True)
 class RuleMeaning:
-    """Whether the system does what each rule says, where the rule holds most.
+    """Whether the system does what each rule says, where the rule fires most strongly.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class Measures:
 
 
 def measure(system: FuzzySystem) -> Measures:
-    """Compute every index of a valid system."""
+    """Compute every index of a system without problems."""
     variables = (*system.inputs, *system.outputs)
     return Measures(
         complexity=complexity(system),
@@ -209,7 +209,7 @@ def statements(expression: Expression) -> Iterator[Is]:
 
 
 def complexity(system: FuzzySystem) -> Complexity:
-    """Count rules, premises and words."""
+    """Count rules, premises and terms."""
     return Complexity(
         rules=len(system.rules),
         premises=sum(1 for rule in system.rules for _ in statements(rule.antecedent)),
@@ -250,7 +250,7 @@ def _evenness(variable: Variable) -> float:
 
 
 def centre(variable: Variable, term: Term) -> float:
-    """Return the centre of a term: its peak, or the middle of its top.
+    """Return the centre of a term: its peak, or the middle of its core.
 
     Of a shape without a stated peak it is the middle between the first and the last of its highest points.
     """
@@ -268,7 +268,7 @@ def centre(variable: Variable, term: Term) -> float:
 
 
 def half_widths(variable: Variable, term: Term) -> tuple[float, float]:
-    """Return how far a term reaches to either side of its centre, down to half its height."""
+    """Return the widths of a term to either side of its centre, at half its height."""
     match term.membership:
         case Gaussian(_, standard_deviation):
             return HALF_HEIGHT * standard_deviation, HALF_HEIGHT * standard_deviation
@@ -335,7 +335,7 @@ def integrity(variable: Variable) -> Integrity:
 
 
 def rule_meaning(system: FuzzySystem) -> RuleMeaning:
-    """Ask the whole system where each rule holds most, and compare the answer with the rule's consequent.
+    """Compare the system's output where each rule fires most strongly with the rule's consequent.
 
     A rule holds most at one or several points of a grid: the centres of each input's terms, and where the
     input is covered least, which suits rules that do not ask for it. At each such point y is what the system

@@ -1,1 +1,1 @@
-"""What a reviewer is told: audit, explanation, difference, simplification."""
+"""Findings for a reviewer: audit, explanation, difference, simplification."""

@@ -62,7 +62,7 @@ def shape_values(universe: Floats, shape: MembershipFunction) -> Floats:
 
 
 def is_unimodal(values: Floats) -> bool:
-    """Tell whether values only rise, then only fall; flat stretches count as either.
+    """Return whether values only rise, then only fall; flat stretches count as either.
 
     Parameters
     ----------

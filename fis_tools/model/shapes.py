@@ -1,4 +1,4 @@
-"""The membership shapes, an entry each: numbers, formula, words, names in files.
+"""The membership shapes, one entry each: numbers, formula, words, names in files.
 
 Formulas follow scikit-fuzzy's generators (`gaussmf`, `trimf`, `gbellmf` and so on) to the last bit.
 """

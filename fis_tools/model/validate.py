@@ -48,7 +48,7 @@ def validate(system: FuzzySystem) -> None:
 
 
 def controller_problems(controller: FuzzyController) -> list[str]:
-    """List what is wrong with a controller and its systems, a sentence each; empty when nothing is."""
+    """List what is wrong with a controller and its systems, one sentence each; empty when nothing is."""
     found = list(_name_problems("a controller", controller.name))
     if not controller.systems:
         found.append(f"controller {controller.name!r} has no systems; give it at least one")
@@ -61,7 +61,7 @@ def controller_problems(controller: FuzzyController) -> list[str]:
 
 
 def problems(system: FuzzySystem) -> list[str]:
-    """List what is wrong with a system, a sentence each; empty when nothing is.
+    """List what is wrong with a system, one sentence each; empty when nothing is.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
 def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
     """Tell what is wrong with the parameters of a membership function, for a universe of `num_points`."""
     if type(shape) not in SHAPES.values():
-        yield f"{type(shape).__name__} is no known shape; choose one of {', '.join(_shape_names())}"
+        yield f"{type(shape).__name__} is not a known shape; choose one of {', '.join(_shape_names())}"
     elif isinstance(shape, Sampled):
         yield from _value_problems(shape, num_points)
     else:
@@ -277,7 +277,7 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
             for operand in operands:
                 yield from _expression_problems(inputs, operand, depth + 1)
         case _:
-            yield f"{expression!r} is no statement; use Is, Not, And or Or"
+            yield f"{expression!r} is not a statement; use Is, Not, And or Or"
 
 
 def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:

@@ -64,7 +64,7 @@ def memberships_figure(
 
 
 def rules_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tuple[str, Figure]]:
-    """Draw the rules of a system as tables, a figure an output, or as lists, as many figures as they fill.
+    """Draw the rules of a system as tables, one figure per output, or as lists, as many figures as they fill.
 
     Tables have one panel for each combination of the terms of the inputs before the last two. Rules that are
     no table for some output (see `rule_cells`), or one of more than `MOST_PANELS` panels, are listed.

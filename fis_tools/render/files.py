@@ -26,7 +26,7 @@ def encode(figure: Figure, form: str, dots_per_inch: int = 150) -> bytes:
         If the format is another.
     """
     if form not in FORMATS:
-        raise ValueError(f"{form!r} is no format of pictures; choose one of {', '.join(FORMATS)}")
+        raise ValueError(f"{form!r} is not a picture format; choose one of {', '.join(FORMATS)}")
     content = io.BytesIO()
     with mpl.rc_context(_OPTIONS):
         figure.savefig(content, format=form, dpi=dots_per_inch, metadata=_METADATA[form])

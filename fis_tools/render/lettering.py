@@ -30,7 +30,7 @@ _TO_PATH = TextToPath()
 
 @dataclass(frozen=True)
 class Fit:
-    """Words as they fit, one text a word given, all with letters of one size."""
+    """Words as they fit, one text per given word, all with letters of one size."""
 
     texts: tuple[str, ...]
     size: float
@@ -98,7 +98,7 @@ def fit(
     Parameters
     ----------
     words : sequence of str
-        A box each.
+        One box each.
     room : (float, float)
         Width and height of a box.
     sizes : (float, float)

@@ -1,4 +1,4 @@
-"""Rules as a list, for rule bases that are no table."""
+"""Rules as a list, for rule bases that are not a table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ def rule_names(system: FuzzySystem) -> list[str]:
 
 
 def plain_statements(rule: Rule) -> dict[str, str] | None:
-    """Return the term that a rule asks for of each input, or None where it is no plain conjunction."""
+    """Return the term that a rule asks for of each input, or None where it is not a plain conjunction."""
     statements = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
     asked = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
     return asked if len(asked) == len(statements) else None

@@ -49,7 +49,7 @@ def rule_cells(system: FuzzySystem, output: Variable) -> RuleCells | None:
     Returns
     -------
     RuleCells or None
-        None where some rule is no plain conjunction, two rules conclude differently in one cell, or more
+        None where some rule is not a plain conjunction, two rules conclude differently in one cell, or more
         than half of the cells would be empty.
     """
     shape = tuple(len(variable.terms) for variable in system.inputs)
@@ -103,13 +103,13 @@ def rule_matrix(
     Raises
     ------
     ValueError
-        If the rules are no table, the output is unknown, or `fixed` does not name a term of each outer input.
+        If the rules are not a table, the output is unknown, or `fixed` names no term of an outer input.
     """
     concluded = named(system, "output", output)
     cells = rule_cells(system, concluded)
     if cells is None:
         raise ValueError(
-            f"the rules of system {system.name!r} are no full table; list them with rule_list instead"
+            f"the rules of system {system.name!r} are not a full table; list them with rule_list instead"
         )
     *outer, last = system.inputs
     rows = outer.pop() if outer else None

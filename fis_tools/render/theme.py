@@ -125,7 +125,7 @@ def head(figure: Any, words: str, theme: Theme) -> None:
 
 
 def term_colours(count: int) -> Floats:
-    """Return one colour a term, from dark for the lowest to bright for the highest, (count, 3)."""
+    """Return one colour per term, from dark for the lowest to bright for the highest, (count, 3)."""
     places = np.linspace(0.08, 0.98, count) if count > 1 else np.array([0.7])
     return np.asarray(mpl.colormaps[BRIGHTNESS_MAP](places))[:, :3]
 

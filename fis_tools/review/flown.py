@@ -50,7 +50,7 @@ def read_flights(paths: Sequence[Path | str], controller: FuzzyController) -> li
 
     Raises
     ------
-    fis_tools.model.validate.ControllerFileError
+    fis_tools.formats.error.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
     once = list({Path(path).resolve(): Path(path) for path in paths}.values())

@@ -45,7 +45,7 @@ def write(
 
     Raises
     ------
-    fis_tools.model.validate.ControllerFileError
+    fis_tools.formats.error.ControllerFileError
         If a flight cannot be read, or its systems have other inputs than the controller's.
     """
     systems = controller.systems

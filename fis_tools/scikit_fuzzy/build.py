@@ -172,7 +172,7 @@ class ReferenceEngine:
         return float(self._simulation.output[variable.name])
 
     def _fires(self, variable: Variable) -> bool:
-        """Tell whether anything is left to defuzzify; scikit-fuzzy asks this for areas only."""
+        """Return whether anything is left to defuzzify; scikit-fuzzy asks this for areas only."""
         if self.system.defuzzifier_of(variable) in {"centroid", "bisector"}:
             return True
         calculator = CrispValueCalculator(self._outputs[variable.name], self._simulation)

@@ -164,8 +164,8 @@ def _universe(source: Any) -> Floats:
     universe = _exact(source.universe, f"the universe of {source.label!r}")
     if universe.ndim != 1 or len(universe) < 2 or not (np.diff(universe) > 0).all():
         raise UnreadableControlSystem(
-            f"the universe of {source.label!r} is no row of two or more ascending numbers; sort it and drop "
-            "repeated points"
+            f"the universe of {source.label!r} is not a row of two or more ascending numbers; sort it and "
+            "drop repeated points"
         )
     return universe
 
@@ -291,7 +291,7 @@ def _path(function: Operator) -> str:
 
 
 def _agrees(function: Any, known: Operator) -> bool:
-    """Tell whether a function gives an operator's numbers at some pairs, one at a time."""
+    """Return whether a function gives an operator's numbers at some pairs, one at a time."""
     degrees = np.linspace(0.0, 1.0, 9)
     try:
         pairs = [(float(function(a, b)), float(known(a, b))) for a in degrees for b in degrees]

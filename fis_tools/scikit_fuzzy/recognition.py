@@ -67,7 +67,7 @@ def recognise(universe: Floats, values: Floats, tolerance: float = 0.0) -> Membe
         `Sampled` where nothing else gives the values.
     """
     samples = Samples(universe, values)
-    with np.errstate(all="ignore"):  # an estimate that is no number is dropped
+    with np.errstate(all="ignore"):  # an estimate that is not a number is dropped
         for kind, parameters in _estimates(samples):
             shape = _settled(samples, kind, parameters, tolerance)
             if shape is not None:

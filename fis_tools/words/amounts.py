@@ -8,18 +8,18 @@ from fis_tools.words.text import number
 
 Floats = NDArray[np.float64]
 
-#: Less than this part of a range is a rounding error.
+#: A change below this fraction of a range is a rounding error.
 NEGLIGIBLE = 1e-9
 
 
 def amount(variable: Variable, value: float) -> str:
-    """Write a value of a variable for people, four digits and the unit; what is lost in rounding is 0."""
+    """Format a value of a variable with four significant digits and its unit; rounding errors become 0."""
     value = 0.0 if abs(value) < NEGLIGIBLE * span(variable) else value
     return f"{number(float(f'{value:.4g}'))} {variable.unit}".rstrip()
 
 
 def percent(fraction: float) -> str:
-    """Write a fraction for people, so that little is told from nothing and nearly all from all."""
+    """Format a fraction in percent, so that a small one differs from none and a large one from all."""
     for digits in (0, 1, 2):
         words = f"{100 * fraction:.{digits}f}"
         if (float(words) > 0 or fraction == 0) and (float(words) < 100 or fraction == 1):
@@ -28,13 +28,13 @@ def percent(fraction: float) -> str:
 
 
 def place(system: FuzzySystem, point: Floats) -> str:
-    """Write an input of a system for people: ``distance = 80 m, velocity = 0.1 m/s``."""
+    """Format an input of a system: ``distance = 80 m, velocity = 0.1 m/s``."""
     values = zip(system.inputs, point, strict=True)
     return ", ".join(f"{variable.name} = {amount(variable, value)}" for variable, value in values)
 
 
 def listed(words: list[str], most: int = 3) -> str:
-    """Join words for people, only the first few of many."""
+    """Join words with commas and "and"; of many, only the first few."""
     shown = words[:most]
     if len(words) > most:
         return f"{', '.join(shown)} and {len(words) - most} more"

@@ -1,4 +1,4 @@
-"""A controller as an outline: what every printed form tells of it, in words and in the order of telling."""
+"""An outline of a controller: what every printed form shows, in words and in order."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class SystemOutline:
     down, across, output : str
         What the rows, the columns and the cells of a rule table stand for.
     tables : list of (title, rows)
-        As of `fis_tools.words.text.rule_tables`; empty where the rules are no full table.
+        As of `fis_tools.words.text.rule_tables`; empty where the rules are not a full table.
     rules : list of (number, importance, sentence)
         Those that matter most first, if the rules are ranked; else in their order, without importance.
     is_ranked : bool

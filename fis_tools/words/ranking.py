@@ -1,4 +1,4 @@
-"""Rules in the order of how much they matter, for every format that lists them."""
+"""Rules ranked by importance, for every format that lists them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ class RankedRule:
     Parameters
     ----------
     number : int
-        From 1, in the order of the system: what listings call it.
+        From 1, in the order of the system, as in every listing.
     rule : Rule
     importance : float or None
-        How far it moves an output on average, as a share of the output's range; None where nobody asked.
+        How far it moves an output on average, as a share of the output's range; None if not asked for.
     """
 
     number: int
@@ -30,7 +30,7 @@ class RankedRule:
 
     @property
     def importance_words(self) -> str:
-        """The importance for people, in percent."""
+        """The importance in percent."""
         if self.importance is None:
             return ""
         words = f"{100 * self.importance:.2f}"
@@ -38,14 +38,14 @@ class RankedRule:
 
 
 def ranked(system: FuzzySystem, importance: Mapping[str, Floats] | None) -> list[RankedRule]:
-    """Return the rules of a system, those that matter most first; in their own order without `importance`.
+    """Return the rules of a system, the most important first; in their own order without `importance`.
 
     Parameters
     ----------
     system : FuzzySystem
     importance : mapping of str to (num_rules,) or (num_rules, num_outputs), optional
         By the system's name, such as `fis_tools.analysis.contribution.importance` returns; of several outputs
-        the one that the rule matters most for counts. A system that is missing keeps its order.
+        the one on which the rule has the largest effect counts. A system that is missing keeps its order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Fuzzy systems in words: If-Then sentences, rule tables, and an inference told step by step."""
+"""Fuzzy systems in words: If-Then sentences, rule tables, and an inference explained step by step."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -22,12 +22,12 @@ from fis_tools.model import (
 )
 
 BAR_LENGTH = 20
-#: Memberships and strengths below this are not worth a line.
+#: Memberships and firing strengths below this are left out.
 SHOWN_FROM = 0.005
 
 
 def number(value: float) -> str:
-    """Write a number for people: six digits, and no minus before zero."""
+    """Format a number with six significant digits, and zero without a minus sign."""
     return f"{value + 0.0:.6g}"
 
 
@@ -37,13 +37,13 @@ def with_unit(variable: Variable) -> str:
 
 
 def extent_words(variable: Variable) -> str:
-    """Say from where to where a universe goes: ``0 to 200, 101 points``."""
+    """Return the extent of a universe in words: ``0 to 200, 101 points``."""
     points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
     return f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
 
 
 def antecedent_words(expression: Expression) -> str:
-    """Say an antecedent: ``distance is near and not (wind is calm or heat is low)``."""
+    """Return an antecedent in words: ``distance is near and not (wind is calm or heat is low)``."""
     match expression:
         case Is(variable, term):
             return f"{variable} is {term}"
@@ -64,7 +64,7 @@ def _inside(expression: Expression, joined_by: type[And | Or]) -> str:
 
 
 def consequent_words(consequents: Sequence[Consequent]) -> str:
-    """Say what a rule concludes, with weights other than one."""
+    """Return what a rule concludes in words, with weights other than one."""
     return " and ".join(
         f"{c.variable} is {c.term}" + ("" if c.weight == 1.0 else f" (weight {number(c.weight)})")
         for c in consequents
@@ -72,9 +72,9 @@ def consequent_words(consequents: Sequence[Consequent]) -> str:
 
 
 def sentence(rule: Rule) -> str:
-    """Say a rule: ``If distance is near and velocity is still then force is PS``.
+    """Return a rule in words: ``If distance is near and velocity is still then force is PS``.
 
-    Operators of its own stand before the conclusion: ``If ... (and: product) then ...``.
+    Its own operators stand before the conclusion: ``If ... (and: product) then ...``.
     """
     named = (("and", rule.and_operator), ("or", rule.or_operator))
     own = ", ".join(f"{word}: {operator}" for word, operator in named if operator)
@@ -83,12 +83,12 @@ def sentence(rule: Rule) -> str:
 
 
 def sentences(system: FuzzySystem) -> list[str]:
-    """Say every rule of a system, in order; labels stand in square brackets."""
+    """Return every rule of a system in words, in order; labels stand in square brackets."""
     return [(f"[{rule.label}] " if rule.label else "") + sentence(rule) for rule in system.rules]
 
 
 def shape_words(term: Term) -> str:
-    """Say a term's membership function: ``Gaussian, mean 0, standard deviation 25``."""
+    """Return a term's membership function in words: ``Gaussian, mean 0, standard deviation 25``."""
     shape = term.membership
     if isinstance(shape, Sampled):
         return f"sampled at {len(shape.values)} points"
@@ -96,7 +96,7 @@ def shape_words(term: Term) -> str:
 
 
 def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None:
-    """Lay a full rule table out in two dimensions, one table for each combination of the outer inputs' terms.
+    """Arrange a full rule table in two dimensions, one table for each combination of the outer inputs' terms.
 
     Rows are the terms of the last input but one, columns those of the last.
 
@@ -104,7 +104,7 @@ def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None
     -------
     list of (title, rows) or None
         The title says which terms of the outer inputs a table is for (empty for two inputs). The first row
-        and the first column hold the terms. None where the rule base is no full table.
+        and the first column hold the terms. None where the rule base is not a full table.
     """
     table = rule_table(system)
     if table is None:
@@ -132,12 +132,12 @@ def padded(rows: Sequence[Sequence[str]]) -> list[list[str]]:
 
 
 def aligned(rows: Sequence[Sequence[str]], indent: int = 0) -> list[str]:
-    """Set rows of words in columns, as lines."""
+    """Align rows of words in columns; return them as lines."""
     return [(" " * indent + "  ".join(row)).rstrip() for row in padded(rows)]
 
 
 def summary(system: FuzzySystem) -> str:
-    """Say in one line what a system is made of."""
+    """Summarise in one line what a system consists of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
     own = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
@@ -149,17 +149,21 @@ def summary(system: FuzzySystem) -> str:
 
 
 def explain(inference: Inference, most_rules: int = 8) -> str:
-    """Tell an inference step by step: memberships, the strongest rules, what is concluded, the output.
+    """Explain an inference step by step: memberships, the strongest rules, what is concluded, the output.
 
     Parameters
     ----------
     inference : Inference
         What `fis_tools.engines.inference.infer` returns.
     most_rules : int
-        How many rules are told at most.
+        The most rules to list.
     """
     system = inference.system
-    lines = [f"{system.name}: {summary(system)}", "", "1. How far each input belongs to each of its terms"]
+    lines = [
+        f"{system.name}: {summary(system)}",
+        "",
+        "1. The degree of membership of each input in its terms",
+    ]
     steps = zip(system.inputs, inference.inputs, inference.clipped, inference.memberships, strict=True)
     for variable, given, clipped, memberships in steps:
         note = f", taken as {quantity(variable, clipped)}, the end of its range" if given != clipped else ""
@@ -180,7 +184,7 @@ def quantity(variable: Variable, value: float) -> str:
 def _bars(entries: Sequence[tuple[str, float]]) -> list[str]:
     shown = [(name, value) for name, value in entries if value >= SHOWN_FROM]
     rows = [[name, f"{value:.2f}", "█" * max(1, round(value * BAR_LENGTH))] for name, value in shown]
-    return aligned(rows, 6) or ["      to none of them"]
+    return aligned(rows, 6) or ["      none"]
 
 
 def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
@@ -193,7 +197,7 @@ def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
     ]
     left = np.count_nonzero(strengths) - len(lines)
     if left:
-        lines.append(f"   and {left} more fire less strongly" if lines else f"   {left} fire, hardly at all")
+        lines.append(f"   and {left} more fire less strongly" if lines else f"   {left} fire, but hardly")
     return lines or ["   no rule fires"]
 
 

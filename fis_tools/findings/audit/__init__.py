@@ -82,5 +82,5 @@ def _check(systems: tuple[FuzzySystem, ...], samples: Mapping[str, Floats]) -> N
         wanted = len(by_name[name].inputs)
         if rows.ndim != 2 or rows.shape[1] != wanted:
             raise ValueError(
-                f"samples of {name!r} have shape {rows.shape}; give a row a sample, {wanted} numbers each"
+                f"samples of {name!r} have shape {rows.shape}; give one row per sample, {wanted} numbers each"
             )

@@ -106,7 +106,7 @@ def _measure_rows(audit: Audit) -> list[list[str]]:
     rows.append(
         ["terms in, out", *(f"{m.complexity.input_terms}, {m.complexity.output_terms}" for m in measured)]
     )
-    rows.append(["completeness (lowest strongest firing)", *(_completeness(m) for m in measured)])
+    rows.append(["completeness (lowest maximum strength)", *(_completeness(m) for m in measured)])
     rows.append(["Nauck index", *(f"{m.nauck.index:.4f}" for m in measured)])
     rows.append(["GM3M against an even partition", *(f"{m.gm3m:.2f}" for m in measured)])
     rows.append(["RMI (lowest of the rules)", *(f"{m.rule_meaning.index:.2f}" for m in measured)])

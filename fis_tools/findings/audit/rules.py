@@ -140,7 +140,7 @@ def _overlapping(system: FuzzySystem) -> Iterator[Finding]:
 
 
 def _table(system: FuzzySystem) -> tuple[NDArray[np.int64], Floats] | None:
-    """Lay plain conjunctions out as a table with an axis an input, terms in the order of their centres.
+    """Lay plain conjunctions out as a table with one axis per input, terms in the order of their centres.
 
     Returns
     -------

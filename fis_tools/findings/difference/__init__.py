@@ -1,4 +1,4 @@
-"""What changed from one fuzzy controller to another: variables, terms, rules, and what comes out."""
+"""The differences between two fuzzy controllers: variables, terms, rules, and outputs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,17 +31,16 @@ __all__ = [
 
 @dataclass(frozen=True, repr=False)
 class Difference:
-    """What changed from one controller to another.
+    """The differences between two controllers.
 
     Parameters
     ----------
     before, after : str
-        What the controllers are called.
+        The names of the controllers.
     facts : tuple of Fact
         Attributes that changed, and the name.
     systems : tuple of SystemDifference
-        In the order in which the systems now stand, those that are no more last; those in which nothing
-        changed as well.
+        In their present order, removed systems last; unchanged systems are included.
     """
 
     before: str
@@ -51,7 +50,7 @@ class Difference:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the controllers are the same, but for where they come from."""
+        """Whether the controllers are the same apart from their provenance."""
         return not self.facts and all(system.is_empty for system in self.systems)
 
     @property
@@ -81,10 +80,10 @@ def difference(
     Parameters
     ----------
     before, after : FuzzyController or FuzzySystem
-        Without problems. Two systems are compared whatever they are called; those of controllers by name.
+        Without problems. Two systems are compared whatever their names; systems of controllers by name.
     samples : mapping of str to (n, num_inputs), optional
         Inputs by the system's name, such as `fis_tools.analysis.flights.inputs_along` returns: outputs are
-        compared over them too, besides all that the ranges of the inputs hold.
+        compared over them too, besides the whole ranges of the inputs.
 
     Raises
     ------

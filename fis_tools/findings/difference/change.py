@@ -1,4 +1,4 @@
-"""What can change from one fuzzy system to another, as data."""
+"""The changes between two fuzzy systems, as data."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from fis_tools.model import FuzzySystem, Rule, Term, Variable
 
 @dataclass(frozen=True)
 class Fact:
-    """Something with a value that changed.
+    """A property whose value changed.
 
     Parameters
     ----------
     what : str
-        As ``and operator``.
+        Such as ``and operator``.
     before, after : str
         Its values, in words.
     """
@@ -24,17 +24,17 @@ class Fact:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term that was added, removed, renamed, or means something else.
+    """A term that was added, removed, renamed, or redefined.
 
     Parameters
     ----------
     before, after : Term or None
-        None where there was, or is, none.
+        None if it did not exist, or no longer exists.
     moved : float
-        How far the middle of its highest points has gone, in units of the variable; 0 for a term that was
+        How far the middle of its highest points moved, in units of the variable; 0 for a term that was
         added or removed.
     share : float
-        The same as a part of the universe's width, the wider one of the two.
+        The same as a fraction of the width of the wider universe.
     similarity : float
         Jaccard: the area under the lower of the two functions over that under the higher.
     """
@@ -60,11 +60,11 @@ class VariableChange:
     kind : str
         ``input`` or ``output``.
     before, after : Variable or None
-        None where there was, or is, none.
+        None if it did not exist, or no longer exists.
     facts : tuple of Fact
         Its unit, universe, default and the like.
     terms : tuple of TermChange
-        Those that changed, in the order in which they now stand.
+        Those that changed, in their present order.
     """
 
     kind: str
@@ -75,7 +75,7 @@ class VariableChange:
 
     @property
     def variable(self) -> Variable:
-        """The variable as it is now, or as it was if it was removed."""
+        """The present variable, or the former one if it was removed."""
         variable = self.after or self.before
         assert variable is not None  # noqa: S101 - one of them stands
         return variable
@@ -88,9 +88,9 @@ class RuleChange:
     Parameters
     ----------
     before, after : Rule or None
-        None where there was, or is, none.
+        None if it did not exist, or no longer exists.
     number : int
-        Its place among the rules, from 1: now, or before if it is no more.
+        Its number, from 1: the present one, or the former one of a removed rule.
     """
 
     before: Rule | None
@@ -100,12 +100,12 @@ class RuleChange:
 
 @dataclass(frozen=True)
 class OutputChange:
-    """How far an output moved, over some samples.
+    """How far an output changed, over some samples.
 
     Parameters
     ----------
     output : Variable
-        As it is now.
+        Its present form.
     where : str
         Which samples: ``the ranges`` or ``the flights``.
     num_samples : int
@@ -113,7 +113,7 @@ class OutputChange:
     mean, largest : float
         Size of the change, in the output's unit.
     mean_share, largest_share : float
-        The same as a part of the output's range, the wider one of the two.
+        The same as a fraction of the wider range of the output.
     inputs : dict
         Where it is largest, by the inputs' names.
     before, after : float
@@ -134,12 +134,12 @@ class OutputChange:
 
 @dataclass(frozen=True)
 class SystemDifference:
-    """What changed between two systems of the same name.
+    """The differences between two systems of the same name.
 
     Parameters
     ----------
     before, after : FuzzySystem or None
-        None where there was, or is, none.
+        None if it did not exist, or no longer exists.
     facts : tuple of Fact
         Operators, defuzzifier, and the order of the inputs.
     variables : tuple of VariableChange
@@ -159,7 +159,7 @@ class SystemDifference:
 
     @property
     def name(self) -> str:
-        """What the system is called."""
+        """The name of the system."""
         system = self.after or self.before
         assert system is not None  # noqa: S101 - one of them stands
         return system.name

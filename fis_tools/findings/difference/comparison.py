@@ -1,4 +1,4 @@
-"""Two systems compared part by part: variables, terms, rules."""
+"""Comparison of two systems: variables, terms, rules."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,14 +15,14 @@ Floats = NDArray[np.float64]
 #: How a number is written.
 Write = Callable[[float], str]
 
-#: A term that is gone and one that is new count as one renamed where they are so alike.
+#: The similarity from which a removed and an added term count as one that was renamed.
 RENAMED_FROM = 0.7
 #: New names of terms, by variable and old name.
 Names = dict[tuple[str, str], str]
 
 
 def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
-    """Compare the general facts of two systems."""
+    """Compare the properties of two systems."""
     facts = [
         Fact(what, getattr(before, field), getattr(after, field))
         for what, field in (
@@ -86,7 +86,7 @@ _TOLD: dict[str, Callable[[Variable, Write], str]] = {
 
 
 def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
-    """Yield the terms that changed: those that there are now, then those that are gone."""
+    """Yield the terms that changed: the present ones, then the removed ones."""
     gone = {term.name: term for term in before.terms}
     pairs = [(gone.pop(term.name, None), term) for term in after.terms]
     for place, (old, new) in enumerate(pairs):
@@ -132,7 +132,7 @@ def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> floa
 
 
 def new_names(variables: Sequence[VariableChange]) -> Names:
-    """Return what terms that were renamed are called now."""
+    """Return the new names of renamed terms."""
     return {
         (change.variable.name, term.before.name): term.after.name
         for change in variables
@@ -142,9 +142,9 @@ def new_names(variables: Sequence[VariableChange]) -> Names:
 
 
 def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tuple[RuleChange, ...]:
-    """Compare the rules of two systems, by their antecedents; the order of rules does not matter.
+    """Compare the rules of two systems by their antecedents; the order of rules and statements is ignored.
 
-    A term that was renamed counts as the same.
+    A renamed term counts as the same.
     """
     gone: dict[str, list[tuple[int, Rule]]] = {}
     for index, rule in enumerate(before.rules, start=1):
@@ -198,6 +198,6 @@ def _key(expression: Expression) -> str:
 
 
 def _meaning(rule: Rule) -> tuple[object, ...]:
-    """Return what makes rules of one antecedent the same."""
+    """Return what rules with one antecedent must share to be the same."""
     consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
     return consequents, rule.label, rule.and_operator, rule.or_operator

@@ -1,4 +1,4 @@
-"""How far outputs moved: two systems evaluated over the same inputs."""
+"""How far outputs changed: two systems evaluated over the same inputs."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ NUM_SPREAD = 4096
 def compare_outputs(
     before: FuzzySystem, after: FuzzySystem, samples: Floats | None = None
 ) -> tuple[OutputChange, ...]:
-    """Compare the outputs that two systems have in common, over their ranges and over samples.
+    """Compare the common outputs of two systems, over the input ranges and over samples.
 
     Parameters
     ----------

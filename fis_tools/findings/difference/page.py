@@ -1,4 +1,4 @@
-"""A difference as a page: tables, and pictures of the terms, with no file beside it."""
+"""A difference as a self-contained page: tables, and pictures of the terms."""
 
 from collections.abc import Sequence
 from html import escape
@@ -116,7 +116,7 @@ def _system(system: SystemDifference) -> list[str]:
 
 
 def _outputs(system: SystemDifference) -> str:
-    """Tell how far the outputs have gone."""
+    """Return a table of how far the outputs changed."""
     rows = []
     for change in system.outputs:
         output = change.output

@@ -1,4 +1,4 @@
-"""The terms of a variable before and after, drawn over each other, as an SVG inside a page."""
+"""The terms of a variable before and after, superimposed, as an SVG inside a page."""
 
 from html import escape
 
@@ -18,7 +18,7 @@ NUM_COLOURS = 7
 
 
 def draw(change: VariableChange) -> str:
-    """Draw the terms of a variable that stands before and after: dashed as they were, solid as they are.
+    """Draw the terms of a variable before (dashed) and after (solid).
 
     Terms that did not change are thin.
     """

@@ -1,4 +1,4 @@
-"""An output over two inputs before and after, and the difference, as a picture inside a page."""
+"""An output over two inputs before and after, and their difference, as a picture inside a page."""
 
 import base64
 from dataclasses import replace
@@ -22,7 +22,7 @@ NUM_POINTS = 61
 def draw(system: SystemDifference) -> list[str]:
     """Draw each output that moved, over the last two inputs, the others in the middle of their ranges.
 
-    There is nothing to draw where the inputs are others than before, or fewer than two.
+    Nothing is drawn if the inputs changed, or are fewer than two.
     """
     if system.before is None or system.after is None or len(system.after.inputs) < 2:
         return []

@@ -27,24 +27,24 @@ from fis_tools.words.text import (
     with_unit,
 )
 
-#: Stands between what was and what is.
+#: Between the old and the new value.
 TO = "→"
 #: Tables wider than this are listed cell by cell.
 WIDEST = 120
-#: Of a universe with more points than this only the first few and the last are told.
+#: Of a universe with more points than this only the first few and the last are shown.
 MOST_POINTS = 12
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a rule table: what it concluded, and concludes."""
+    """A cell of a rule table: its term before and after."""
 
     before: str
     after: str
 
 
 def write(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
-    """Tell what changed between two controllers, for a terminal."""
+    """Describe the differences between two controllers, for a terminal."""
     lines = [title, *_fact_lines(facts, 2)]
     if not facts and all(system.is_empty for system in systems):
         lines.append("  nothing changed")
@@ -59,7 +59,7 @@ def _fact_lines(facts: Sequence[Fact], indent: int) -> list[str]:
 
 
 def fact_words(fact: Fact) -> tuple[str, str]:
-    """Say what was and what is, of many points of a universe only a few."""
+    """Return the old and the new value in words; of many points of a universe only a few."""
     if fact.what != "points":
         return fact.before, fact.after
     return _few_points(fact.before), _few_points(fact.after)
@@ -85,7 +85,7 @@ def _system_lines(system: SystemDifference) -> list[str]:
 
 
 def presence(system: SystemDifference) -> str:
-    """Say that a system was added or removed."""
+    """Return in words that a system was added or removed."""
     if system.before is None and system.after is not None:
         return f"added; {summary(system.after)}"
     return f"removed; it had {summary(system.before)}" if system.before is not None else ""
@@ -121,7 +121,7 @@ def _counts(
 
 
 def output_words(change: OutputChange) -> str:
-    """Say how far an output has gone."""
+    """Describe how far an output changed."""
     output = change.output
     samples = f"{change.num_samples} inputs " + (
         "spread over the ranges" if change.where == "the ranges" else "along the flights"
@@ -137,7 +137,7 @@ def output_words(change: OutputChange) -> str:
 
 
 def largest_words(change: OutputChange) -> str:
-    """Say where an output moved most, and from where to where."""
+    """Describe where an output changed most, with both values."""
     output = change.output
     noise = 1e-12 * (output.maximum - output.minimum)
     before, after = (value if abs(value) > noise else 0.0 for value in (change.before, change.after))
@@ -167,7 +167,7 @@ def term_name(change: TermChange) -> str:
 
 
 def term_words(variable: VariableChange, change: TermChange) -> tuple[str, str]:
-    """Say what a term means now and meant before, and how far that is away."""
+    """Describe a term before and after, and how far it moved."""
     if change.before is None or change.after is None:
         term, word = (change.after, "added") if change.before is None else (change.before, "removed")
         return shape_words(term) if term is not None else "", word
@@ -178,9 +178,9 @@ def term_words(variable: VariableChange, change: TermChange) -> tuple[str, str]:
 
 
 def shape_change(before: Term, after: Term) -> str:
-    """Say how a membership function changed: ``mean 40 → 44``.
+    """Describe how a membership function changed: ``mean 40 → 44``.
 
-    What is the same to six digits is left out, or told in full where nothing else changed.
+    Numbers equal to six digits are left out, or shown in full if nothing else changed.
     """
     old, new = before.membership, after.membership
     if type(old) is not type(new) or isinstance(old, Sampled):
@@ -199,13 +199,13 @@ def shape_change(before: Term, after: Term) -> str:
 def changed_tables(
     system: SystemDifference,
 ) -> list[tuple[str, list[str], list[tuple[str, list[Cell]]]]] | None:
-    """Lay the rules of two full tables of the same terms over each other.
+    """Superimpose the rules of two full tables of the same terms.
 
     Returns
     -------
     list of (title, heads, rows) or None
         One for each table in which something changed, as `fis_tools.words.text.rule_tables` has them; a row
-        is its head and its cells. None where the rules are no such tables, or weights or labels changed.
+        is its head and its cells. None where the rules are not such tables, or weights or labels changed.
     """
     if system.before is None or system.after is None:
         return None
@@ -279,7 +279,7 @@ def _cell_lines(heads: list[str], rows: list[tuple[str, list[Cell]]], indent: in
 
 
 def rule_words(change: RuleChange) -> Iterator[tuple[str, str]]:
-    """Say a rule as it was, with a minus, and as it is, with a plus."""
+    """Return the old rule with a minus, and the new one with a plus."""
     for sign, rule in (("-", change.before), ("+", change.after)):
         if rule is not None:
             yield sign, (f"[{rule.label}] " if rule.label else "") + sentence(rule)

@@ -1,4 +1,4 @@
-"""Explanations: which rules moved an output and how far, what would flip it, what each did over a flight."""
+"""Explanations: how far each rule moved an output, what would flip it, and the shares over a flight."""
 
 from collections.abc import Mapping
 
@@ -25,7 +25,7 @@ __all__ = [
 
 
 def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: float = 0.0) -> Explanation:
-    """Explain one inference: what each rule did to the outputs, and what would flip them.
+    """Explain one inference: how far each rule moved the outputs, and what would flip them.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
     inputs : (num_inputs,) array, or mapping of names to numbers
         Clipped to the universes.
     crossing : float
-        The value whose other side is looked for, in the unit of the outputs; 0 asks for the sign.
+        The value to be crossed, in the unit of the outputs; 0 asks for the sign.
 
     Raises
     ------

@@ -23,7 +23,7 @@ TOUCHING = 1e-12
 
 @dataclass(frozen=True)
 class Flip:
-    """What happens between an input and one end of its range, with the other inputs fixed.
+    """The first flip on the way from an input to one end of its range, the other inputs held.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Flip:
     given : float
         The input where the way begins, in its unit.
     side : int
-        On which side of the value the output is there: 1, -1, or 0 for neither.
+        The side of the value on which the output starts: 1, -1, or 0 for neither.
     last, first : float or None
         The input before and after the nearest place where the output comes to the other side (from neither:
         to either); they are `LOCATED` of the range apart at most. None where no value of the input does it.
@@ -113,7 +113,7 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
 
 
 def compiled_once(system: object) -> CompiledSystem:
-    """Compile a system, if that is not done yet."""
+    """Compile a system, unless it is compiled already."""
     return system if isinstance(system, CompiledSystem) else compile(system)
 
 

@@ -1,4 +1,4 @@
-"""An explanation of one inference, and how it is told: in a terminal, in a notebook, as plain data."""
+"""An explanation of one inference as text for a terminal, as Markdown, and as plain data."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from fis_tools.words.text import aligned, sentence
 
 Floats = NDArray[np.float64]
 
-#: Rules that moved an output by less than this share of its range are told on demand, and beyond so many.
+#: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01
 MOST_RULES = 8
 #: An output that changes by more than this share of its range at a flip jumps there.
@@ -25,7 +25,7 @@ ANY_CHANGE = 1e-7
 
 @dataclass(frozen=True)
 class Move:
-    """What one rule did to one output.
+    """The effect of one rule on one output.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Move:
     strength : float
         How strongly it fires, before weights.
     moved : float
-        The output less what it would be had the rule been silent, in the output's unit.
+        The output minus the output without the rule, in the output's unit.
     """
 
     rule: int
@@ -53,7 +53,7 @@ class ExplainedOutput:
     is_default : bool
         Whether no rule that concludes on it fires.
     moves : tuple of Move
-        The rules that fire and conclude on it, those that moved it most first.
+        The rules that fire and conclude on it, the largest effect first.
     crossing : float
         The value that the flips are about.
     flips : tuple of Flip
@@ -70,7 +70,7 @@ class ExplainedOutput:
 
 @dataclass(frozen=True, repr=False)
 class Explanation:
-    """Why a system answers as it does.
+    """Why a system gives its outputs.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Explanation:
     outputs: tuple[ExplainedOutput, ...]
 
     def text(self, *, everything: bool = False) -> str:
-        """Tell it in a terminal, the most important first; `everything` with rules that hardly moved it."""
+        """Write it for a terminal, the most important first; `everything` adds rules that hardly moved it."""
         lines = [f"{self.system.name} at {self._place()}"]
         for output in self.outputs:
             told, rest = self._moves(output, everything)
@@ -103,7 +103,7 @@ class Explanation:
         for output in self.outputs:
             told, rest = self._moves(output, everything=False)
             lines += ["", _value(output), ""]
-            lines += ["| moved | fires by | rule |", "|---|---|---|"] if told else []
+            lines += ["| moved | strength | rule |", "|---|---|---|"] if told else []
             lines += [
                 f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |" for cells in told
             ]
@@ -156,14 +156,14 @@ class Explanation:
         return ", ".join(words)
 
     def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[tuple[str, str, str]], str]:
-        """Return the rules that are told, as cells, and a sentence on the others."""
+        """Return the listed rules as cells, and a sentence on the others."""
         variable, moves = output.variable, output.moves
         told = [move for move in moves if abs(move.moved) >= WORTH_TELLING * span(variable)][:MOST_RULES]
         told = list(moves) if everything else told or list(moves[:1])
         rows = [
             (
                 _signed(variable, move.moved),
-                f"fires by {move.strength:.2f}",
+                f"strength {move.strength:.2f}",
                 f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
             )
             for move in told
@@ -206,7 +206,7 @@ def _value(output: ExplainedOutput) -> str:
 
 
 def _flip_words(output: ExplainedOutput) -> Iterator[str]:
-    """Say what flips, the smallest change first, then which inputs do not do it."""
+    """Yield the flips in words, the smallest change first, then the inputs that cannot cause one."""
     variable, crossing = output.variable, output.crossing
     if not variable.minimum < crossing < variable.maximum and all(f.change is None for f in output.flips):
         yield (
@@ -231,12 +231,12 @@ def _flip_words(output: ExplainedOutput) -> Iterator[str]:
         if len(stuck) == 2:
             variable = stuck[0].input
             extent = f"from {amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
-            yield f"{name} alone cannot: no value does, {extent}"
+            yield f"{name} alone cannot: no value {extent} does"
         elif stuck:
             flip, word = stuck[0], "up" if stuck[0].way > 0 else "down"
             end = flip.input.maximum if flip.way > 0 else flip.input.minimum
             if (end - flip.given) * flip.way > 0.0:
-                yield f"{name} {word}: no value does, as far as {amount(flip.input, end)}"
+                yield f"{name} {word}: no value does, up to {amount(flip.input, end)}"
 
 
 def _landing(flip: Flip) -> str:

@@ -1,4 +1,4 @@
-"""The share of each rule in what a system did over many samples, such as a flight."""
+"""The share of each rule in the effect of all rules over many samples, such as a flight."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +22,7 @@ MOST_RULES = 12
 
 @dataclass(frozen=True)
 class RuleShare:
-    """What one rule did over the samples.
+    """The effect of one rule over the samples.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ class RuleShare:
 
 @dataclass(frozen=True, repr=False)
 class Shares:
-    """What the rules of a system did over samples, the greatest share first."""
+    """The effects of the rules of a system over samples, the largest share first."""
 
     system: FuzzySystem
     num_samples: int
     rules: tuple[RuleShare, ...]
 
     def text(self, *, everything: bool = False) -> str:
-        """Tell in a terminal which rules decide; those that hardly move anything only if asked for."""
+        """List for a terminal the rules that decide; with `everything`, the others too."""
         told = self._told(everything)
         lines = [self._summary(), *aligned(self._rows(told), 2)]
         if len(told) < len(self.rules):
@@ -147,13 +147,13 @@ class Shares:
 
 
 def shares(system: object, samples: Floats) -> Shares:
-    """Measure the share of each rule in what a system did.
+    """Compute the share of each rule in the effect of all rules.
 
     Parameters
     ----------
     system : FuzzySystem, CompiledSystem, or what `fis_tools.engines.compiler.compile` takes
     samples : (n, num_inputs)
-        A row a sample, at least one, such as a flight's (`fis_tools.analysis.flights.inputs_along`).
+        One row per sample, at least one, such as a flight's (`fis_tools.analysis.flights.inputs_along`).
 
     Raises
     ------

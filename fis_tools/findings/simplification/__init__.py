@@ -1,4 +1,4 @@
-"""Simpler controllers: rules, terms and digits removed while the outputs stay within a budget."""
+"""Simplification: rules, terms and digits are removed while the outputs stay within a budget."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,11 +19,11 @@ def simplify(
     budget: Budget | None = None,
     progress: Progress | None = None,
 ) -> Simplification:
-    """Make a controller simpler while its outputs stay near those of the original.
+    """Simplify a controller while its outputs stay near those of the original.
 
-    Inputs that hardly matter are left out first. Then a step drops a rule, merges two terms that look alike,
-    or rounds all numbers to a digit less; terms that no rule uses go. Of all steps the one is taken that
-    leaves the outputs nearest to the original's, until none fits the budget; then numbers are rounded
+    Inputs that hardly matter are left out first. Then a step drops a rule, merges two similar terms, or
+    rounds all numbers to one digit less; unused terms are removed. Of all steps the one that keeps the
+    outputs nearest to the original's is taken, until none fits the budget; then numbers are rounded
     further, all or some. Each step is measured on all samples.
 
     Parameters
@@ -34,7 +34,7 @@ def simplify(
         holds there and over samples of the whole ranges of the inputs.
     budget : Budget, optional
     progress : callable, optional
-        Told in a few words, again and again, how far it is.
+        Called now and then with the progress in a few words.
 
     Raises
     ------

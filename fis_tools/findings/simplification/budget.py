@@ -1,4 +1,4 @@
-"""How far a simpler system may depart from the original, and how far it does."""
+"""How far a simplified system may deviate from the original, and how far it does."""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 #: Samples of the whole ranges of the inputs.
 NUM_SPREAD = 4096
-#: Samples that candidates are ranked on; whatever is taken is measured on all.
+#: Samples on which candidates are ranked; the step that is taken is measured on all.
 NUM_RANKING = 4096
 #: Changes below this share of a range are rounding errors.
 ROUNDING_ERROR = 1e-12
@@ -26,7 +26,7 @@ FLOWN, SPREAD = "flights", "ranges"
 
 @dataclass(frozen=True)
 class Budget:
-    """How far every output may depart from the original's, as shares of its range.
+    """The largest deviation of every output from the original's, as fractions of its range.
 
     Parameters
     ----------
@@ -34,15 +34,15 @@ class Budget:
         The largest and the mean size of the change over the samples, from 0 to 1. Between samples of the
         whole ranges a change can be a little larger than the largest.
     flights_only : bool
-        Whether it holds along the flights alone, where flights are given, and not over the whole ranges of
-        the inputs too. What was not flown may then change at will.
+        Whether the budget holds along the flights alone, if there are any, and not over the whole ranges of
+        the inputs too. Outputs for inputs that were not flown may then change without limit.
     look_alike : float
-        Terms whose areas are shared by this much or more (Jaccard) may be merged, above 0 up to 1.
+        Terms of this similarity (Jaccard: shared over joint area) or more may be merged; above 0, up to 1.
 
     Raises
     ------
     ValueError
-        If a number makes no sense.
+        If a number is out of range.
     """
 
     max_change: float = 0.05
@@ -51,7 +51,7 @@ class Budget:
     look_alike: float = 0.7
 
     def __post_init__(self) -> None:
-        """Refuse what makes no sense."""
+        """Raise ValueError if a number is out of range."""
         for name in ("max_change", "mean_change"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:
@@ -62,7 +62,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Change:
-    """How far outputs depart from the original's over some samples.
+    """How far outputs deviate from the original's over some samples.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _used(change: float, allowed: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The outputs of a system before it was simplified, to compare with.
+    """The outputs of a system before it was simplified.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Bench:
     samples : dict of str to (n, num_inputs)
         The inputs, by `FLOWN` (if there are any) and `SPREAD`.
     outputs : dict of str to (n, num_outputs)
-        What the original answers.
+        The outputs of the original.
     spans : (num_outputs,)
         Widths of the outputs' ranges.
     """
@@ -112,12 +112,12 @@ class Bench:
         return (FLOWN,) if self.budget.flights_only else (FLOWN, SPREAD)
 
     def measure(self, system: FuzzySystem) -> dict[str, Change]:
-        """Measure how far a system departs from the original."""
+        """Measure how far a system deviates from the original."""
         compiled = compile(system)
         return {name: self.change(name, compiled(rows)) for name, rows in self.samples.items()}
 
     def change(self, name: str, outputs: Floats) -> Change:
-        """Measure how far outputs, (n, num_outputs), depart from the original's on the samples so called."""
+        """Measure how far outputs, (n, num_outputs), deviate from the original's on some samples."""
         departures = np.abs(outputs - self.outputs[name]) / self.spans
         return Change(tuple(departures.max(axis=0).tolist()), tuple(departures.mean(axis=0).tolist()))
 

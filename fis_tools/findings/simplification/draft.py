@@ -1,4 +1,4 @@
-"""A system on its way to a simpler one, and the steps that are possible next."""
+"""A partly simplified system, and the steps that can be taken next."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,7 +19,7 @@ from fis_tools.words.text import sentence
 
 @dataclass(frozen=True)
 class Draft:
-    """A system on its way.
+    """A partly simplified system.
 
     Parameters
     ----------
@@ -43,17 +43,17 @@ class Draft:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What could be done next.
+    """A step that can be taken next.
 
     Parameters
     ----------
     key : tuple
-        Tells it from others, so that it is not proposed again in vain.
+        Identifies it, so that a rejected step is not proposed again.
     kind : str
     words : str
-        What would be done.
+        The step in words.
     draft : Draft
-        What would come out.
+        The result.
     """
 
     key: tuple[str, ...]
@@ -63,12 +63,12 @@ class Proposal:
 
 
 def cleaned(draft: Draft) -> Draft:
-    """Take out the terms that no rule uses."""
+    """Remove the terms that no rule uses."""
     return replace(draft, exact=pruned(draft.exact))
 
 
 def unused_words(before: FuzzySystem, after: FuzzySystem) -> str:
-    """Name the terms that are gone, by variable; empty where none is."""
+    """List the removed terms, by variable; empty if there are none."""
     told = []
     for old, new in zip((*before.inputs, *before.outputs), (*after.inputs, *after.outputs), strict=True):
         names = {term.name for term in new.terms}
@@ -78,7 +78,7 @@ def unused_words(before: FuzzySystem, after: FuzzySystem) -> str:
 
 
 def proposals(draft: Draft, bench: Bench) -> list[tuple[float, Proposal]]:
-    """Propose what to do next, the cheapest first, with what each would have used of the budget then."""
+    """Propose steps, the cheapest first, each with the share of the budget then used."""
     importance = np.zeros(len(draft.numbers))
     found: list[tuple[float, Proposal]] = []
     for cost, moved, place in _ranked_drops(draft, bench):

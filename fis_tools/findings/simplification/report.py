@@ -1,4 +1,4 @@
-"""A simpler controller, the steps that led to it, and how they are told."""
+"""A simplified controller, the steps that led to it, and their report."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Kind = Literal["input", "drop", "merge", "terms", "round"]
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that was made simpler.
+    """One simplification step.
 
     Parameters
     ----------
@@ -22,13 +22,13 @@ class Step:
         ``input`` left out, ``drop`` of rules, ``merge`` of two terms, ``terms`` that no rule uses, or
         ``round`` of numbers.
     sentence : str
-        What was done.
+        The step in words.
     rules : tuple of int
-        The numbers, in the original, of the rules that went.
+        The numbers, in the original, of the removed rules.
     num_rules, num_terms : int
         How many there are afterwards.
     changes : dict of str to Change
-        How far outputs then depart from the original's, along ``flights`` and over the ``ranges``.
+        How far outputs then deviate from the original's, along ``flights`` and over the ``ranges``.
     """
 
     kind: Kind
@@ -50,7 +50,7 @@ class SimplifiedSystem:
         Inferences on flights that were looked at.
     steps : tuple of Step
     changes : dict of str to Change
-        How far the simplified system departs from the original.
+        How far the simplified system deviates from the original.
     """
 
     original: FuzzySystem
@@ -88,7 +88,7 @@ class Simplification:
         )
 
     def text(self) -> str:
-        """Tell the steps in a terminal, one table per system."""
+        """List the steps for a terminal, one table per system."""
         lines = [self.summary]
         for system in self.systems:
             lines += ["", *_heads(system), *aligned(list(_rows(system)), 2)]
@@ -150,7 +150,7 @@ def num_terms(system: FuzzySystem) -> int:
 
 
 def budget_words(budget: Budget, *, flown: bool) -> str:
-    """Say a budget in words."""
+    """Return a budget in words."""
     where = "along the flights" if flown else "over the ranges of the inputs"
     if flown and not budget.flights_only:
         where += " and over the ranges of the inputs"

@@ -1,4 +1,4 @@
-"""Rewriting rules and terms: dropping a rule, merging two terms, removing unused terms."""
+"""Rewriting of rules and terms: rules dropped, terms merged, unused terms removed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -27,17 +27,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Merger:
-    """Two terms of a variable that may become one.
+    """Two terms of a variable that may be merged.
 
     Parameters
     ----------
     variable : str
     kept, dropped : str
-        The name that stays, and the name that goes.
+        The name that is kept, and the name that is dropped.
     membership : MembershipFunction
-        What the name means from then on.
+        The membership function of the kept name.
     is_mean : bool
-        Whether that is halfway between the two, and not what one of them meant.
+        Whether this is the mean of the two, and not one of them.
     similarity : float
         Jaccard: the area that the two share over the area that they cover.
     """
@@ -51,7 +51,7 @@ class Merger:
 
 
 def mergers(system: FuzzySystem, look_alike: float) -> Iterator[Merger]:
-    """Yield how terms that look alike can be merged: as the one, as the other, as their mean."""
+    """Yield how similar terms can be merged: as the first, as the second, as their mean."""
     for variable in (*system.inputs, *system.outputs):
         similarity = distinguishability(variable).similarity
         for first, second in zip(*np.nonzero(np.triu(similarity >= look_alike, 1)), strict=True):
@@ -76,20 +76,20 @@ def _likeness(variable: Variable, term: Term, membership: MembershipFunction) ->
 
 
 def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[FuzzySystem, list[int]]:
-    """Merge two terms, and of rules that then ask the same keep the one that matters most.
+    """Merge two terms; of rules whose antecedents become equal keep the most important.
 
     Parameters
     ----------
     system : FuzzySystem
     merger : Merger
     importance : (num_rules,)
-        How much each rule matters.
+        The importance of each rule.
 
     Returns
     -------
     FuzzySystem
     list of int
-        Places of the rules that stay.
+        Places of the rules that are kept.
     """
     rules = tuple(_renamed(system, rule, merger) for rule in system.rules)
     places = _without_rivals(system.rules, rules, importance)
@@ -142,7 +142,7 @@ def _renamed_in(expression: Expression, merger: Merger, plain: dict[type[Express
 
 
 def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: Floats) -> list[int]:
-    """Return the places of rules; of those that came to ask the same, only the most important."""
+    """Return the places of rules; of those whose antecedents became equal, only the most important."""
     asking: dict[object, list[int]] = {}
     for place, rule in enumerate(after):
         concluded = tuple(consequent.variable for consequent in rule.consequents)
@@ -158,7 +158,7 @@ def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: F
 def without_input(system: FuzzySystem, name: str, term: str) -> tuple[FuzzySystem, list[int]] | None:
     """Leave out an input, as though it always were one of its terms.
 
-    Rules that ask for this term ask no more, those that ask for another of its terms go.
+    Rules lose their statement on this term; rules that ask for another of its terms are dropped.
 
     Parameters
     ----------
@@ -170,9 +170,8 @@ def without_input(system: FuzzySystem, name: str, term: str) -> tuple[FuzzySyste
     -------
     FuzzySystem
     list of int
-        Places of the rules that stay. None instead of both where a rule does not say plainly what it asks,
-        by statements joined by *and*, or asks for nothing else; or where an output would be left without a
-        rule.
+        Places of the rules that are kept. None instead of both if a rule is not a plain conjunction, or has
+        no other statement, or if an output would be left without a rule.
     """
     kept: list[Rule] = []
     places: list[int] = []
@@ -200,7 +199,7 @@ def without_rule(system: FuzzySystem, place: int) -> FuzzySystem | None:
 
 
 def pruned(system: FuzzySystem) -> FuzzySystem:
-    """Drop terms that no rule uses; a variable of which no term is used keeps its first."""
+    """Drop terms that no rule uses; a variable without any used term keeps its first."""
     used = {(s.variable, s.term) for rule in system.rules for s in statements(rule.antecedent)}
     used |= {(c.variable, c.term) for rule in system.rules for c in rule.consequents}
 

@@ -1,4 +1,4 @@
-"""Numbers of a system rounded to what a person can say."""
+"""Rounding of the numbers of a system to a few digits."""
 
 import math
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from fis_tools.model.validate import parameter_problems
 
 #: What is rounded together: the numbers of a term, by variable and term, or the ends of a range ("").
 Unit = tuple[str, str]
-#: The most digits that a rounded number has; from there on it stays as it is.
+#: The most digits of a rounded number; beyond, it is not rounded.
 MOST_DIGITS = 6
 
 
@@ -47,7 +47,7 @@ def rounded(system: FuzzySystem, digits: Mapping[Unit, int]) -> FuzzySystem:
     system : FuzzySystem
         A system without problems.
     digits : mapping
-        How many, for some of `units`; the rest stays as it is.
+        How many, for some of `units`; the others are not rounded.
     """
     inputs = tuple(_rounded_variable(variable, digits) for variable in system.inputs)
     outputs = tuple(_rounded_variable(variable, digits) for variable in system.outputs)
@@ -85,7 +85,7 @@ def _to_place(variable: Variable, value: float, digits: int | None) -> float:
 def _rounded_term(
     bare: Variable, variable: Variable, term: Term, digits: int, ends: Mapping[float, float]
 ) -> Term:
-    """Round a term, with more digits where it would not stay what it is."""
+    """Round a term, with more digits if it would lose its shape."""
     if isinstance(term.membership, Sampled):
         return term
     for count in range(digits, MOST_DIGITS + 2):
@@ -103,7 +103,7 @@ def _rounded_term(
 
 
 def _keeps_shape(variable: Variable, before: Term, after: Term) -> bool:
-    """Tell whether a rounded shape is right, has the flanks of the one before, and is nowhere below zero."""
+    """Return whether a rounded shape is valid, keeps its flanks, and is nowhere below zero."""
     old, shape = before.membership, after.membership
     if any(parameter_problems(shape)):
         return False
@@ -114,7 +114,7 @@ def _keeps_shape(variable: Variable, before: Term, after: Term) -> bool:
 
 
 def _first_crossed(variable: Variable, bare: Variable, terms: list[Term]) -> int | None:
-    """Find the first term that stood before the next one and does not any more."""
+    """Find the first term that was below the next one and no longer is."""
     before = [centre(variable, term) for term in variable.terms]
     after = [centre(bare, term) for term in terms]
     for place, ((a, b), (c, d)) in enumerate(zip(pairwise(before), pairwise(after), strict=True)):

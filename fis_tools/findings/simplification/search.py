@@ -25,16 +25,16 @@ Progress = Callable[[str], None]
 
 
 class Search:
-    """A draft on its way, and the steps that were taken.
+    """The draft, and the steps taken so far.
 
     Parameters
     ----------
     bench : Bench
-        What the original answers.
+        The outputs of the original.
     draft : Draft
         The original.
     progress : callable, optional
-        Told in a few words, again and again, how far it is.
+        Called now and then with the progress in a few words.
     """
 
     def __init__(self, bench: Bench, draft: Draft, progress: Progress | None) -> None:
@@ -60,7 +60,7 @@ class Search:
             self.steps.append(Step("input", words, gone, len(draft.numbers), terms, changes))
 
     def _shorter(self) -> Iterator[tuple[float, Bench, Draft, str]]:
-        """Yield what is left without an input: its cost, how it is measured, itself, and in words."""
+        """Yield each system without one input: its cost, its bench, itself, and the step in words."""
         system = self.draft.exact
         for place, variable in enumerate(system.inputs):
             bench = self.bench.without_input(place)
@@ -73,7 +73,7 @@ class Search:
                     yield bench.cost(bench.measure(shorter[0])), bench, Draft(shorter[0], numbers), words
 
     def drop_unused_terms(self) -> None:
-        """Take out what no rule uses, which changes nothing."""
+        """Remove unused terms, which changes nothing."""
         clean = cleaned(self.draft)
         gone = unused_words(self.draft.exact, clean.exact)
         if gone:
@@ -158,7 +158,7 @@ class Search:
         self.steps.append(step)
 
     def _changes_more(self, step: Step) -> bool:
-        """Tell whether a step changes what the budget holds on, beyond what was changed before."""
+        """Return whether a step changes what the budget holds on, beyond what was changed before."""
         for name in self.bench.governing:
             now = (*step.changes[name].largest, *step.changes[name].mean)
             last = self.steps[-1].changes[name] if self.steps else None

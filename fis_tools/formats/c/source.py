@@ -36,7 +36,7 @@ _OPENING = """\
 
 
 def write(controller: FuzzyController) -> str:
-    """Write all systems of a controller as one C99 source file, a function each.
+    """Write all systems of a controller as one C99 source file, one function each.
 
     A system with one output becomes ``double infer_NAME(const double inputs[K])``, one with several
     ``void infer_NAME(const double inputs[K], double outputs[M])``. Inputs stand in the system's order and are

@@ -40,7 +40,7 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
     Raises
     ------
     NotExpressible
-        If a complement of several statements would have to move through operators that are no duals.
+        If a complement of several statements would have to move through operators that are not duals.
     """
 
     def moved(part: Expression, is_negated: bool) -> Expression:

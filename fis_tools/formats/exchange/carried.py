@@ -36,7 +36,7 @@ class Written:
     text : str
         The whole file.
     losses : tuple of str
-        What the format has no place for, a sentence each.
+        What the format has no place for, one sentence each.
     """
 
     text: str
@@ -52,7 +52,7 @@ class Reading:
     controller : FuzzyController
         It has no problems.
     assumptions : tuple of str
-        What the file did not state, a sentence each.
+        What the file did not state, one sentence each.
     """
 
     controller: FuzzyController
@@ -244,7 +244,7 @@ def _operators(system: FuzzySystem) -> tuple[str, str]:
 
 
 def _are_named(rule: Rule, names: Mapping[Statement, Statement]) -> bool:
-    """Tell whether everything that a rule of the original speaks of is still there."""
+    """Return whether everything that a rule of the original speaks of is still there."""
     known = set(names.values())
     return all(statement in known for statement in mentions(rule))
 

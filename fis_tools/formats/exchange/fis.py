@@ -179,7 +179,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.model.validate.ControllerFileError
+    fis_tools.formats.error.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     sections, comments = sections_of(text)
@@ -288,7 +288,7 @@ def _term(line: int, value: str, extent: Extent) -> tuple[str, MembershipFunctio
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
-        raise ControllerFileError(f"{where}: {value[:40]!r} is no term; expected 'name':'trimf',[0 1 2]")
+        raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
     values = numbers_in(parts["numbers"], where)
     if parts["shape"] == "discretemf":
         return parts["name"], foreign.table(values, where)
@@ -305,7 +305,7 @@ def _rule(line: int, content: str, inputs: Sequence[Variable], outputs: Sequence
     parts = _RULE.fullmatch(content)
     if parts is None:
         raise ControllerFileError(
-            f"{where}: {content[:40]!r} is no rule; expected term numbers, weight and connection as in "
+            f"{where}: {content[:40]!r} is not a rule; expected term numbers, weight and connection as in "
             f"'{'1 ' * len(inputs)}, {'1 ' * len(outputs)}(1) : 1'"
         )
     asked = _term_numbers(parts["asked"], inputs, where)

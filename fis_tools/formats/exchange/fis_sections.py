@@ -36,7 +36,7 @@ class Section:
             key, equals, value = content.partition("=")
             key = key.strip()
             if not equals:
-                raise ControllerFileError(f"line {line}: {content[:40]!r} is no key=value; correct it")
+                raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
             if key in found:
                 raise ControllerFileError(
                     f"line {line}: {key} appears twice in {self.title}; keep one of them"

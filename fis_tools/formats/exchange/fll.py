@@ -150,7 +150,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.model.validate.ControllerFileError
+    fis_tools.formats.error.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     comments: list[tuple[int, str]] = []
@@ -173,7 +173,7 @@ def _take(blocks: list[_Block], line: int, content: str) -> None:
     """Add a line to the block that it opens or belongs to."""
     key, colon, value = (part.strip() for part in content.partition(":"))
     if not colon:
-        raise ControllerFileError(f"line {line}: {content[:40]!r} is no 'key: value'; correct it")
+        raise ControllerFileError(f"line {line}: {content[:40]!r} is not 'key: value'; correct it")
     if key in _KEYS:
         blocks.append(_Block(key, value, line))
         return
@@ -297,7 +297,7 @@ def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunctio
     name, shape, *rest = [*words.split(), "", ""][:2] + words.split()[2:]
     if not shape:
         raise ControllerFileError(
-            f"{where}: {words[:40]!r} is no term; expected a name, a shape and its numbers"
+            f"{where}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
         )
     values = foreign.numbers(rest, where)
     shapes = words_of("fll")

@@ -55,7 +55,7 @@ def read_rule(line: int, text: str, operators: Operators) -> Rule:
     Raises
     ------
     ControllerFileError
-        If it is no rule, or says what one of ours cannot.
+        If it is not a rule, or says what one of ours cannot.
     """
     words = _Words(re.findall(r"[()]|[^\s()]+", text), f"line {line}")
     words.take("if")

@@ -199,7 +199,7 @@ def read(text: str) -> Reading:
 
     Raises
     ------
-    fis_tools.model.validate.ControllerFileError
+    fis_tools.formats.error.ControllerFileError
         If it is damaged or hostile, or says what a fuzzy system of ours cannot; with the line.
     """
     root, comments = xml.read(text)

@@ -39,12 +39,12 @@ def number(word: str, where: str) -> float:
     Raises
     ------
     ControllerFileError
-        If it is none.
+        If it is not one.
     """
     value = float(word) if _NUMBER.fullmatch(word.strip()) else math.nan
     if not math.isfinite(value):
         raise ControllerFileError(
-            f"{where}: {word.strip()[:40]!r} is no finite number; write one, such as 0.5"
+            f"{where}: {word.strip()[:40]!r} is not a finite number; write one, such as 0.5"
         )
     return value
 
@@ -57,7 +57,7 @@ def numbers(words: Iterable[str], where: str) -> list[float]:
 def count(word: str, where: str, most: int) -> int:
     """Read a whole number from 1 to `most`."""
     if not re.fullmatch(r"\d{1,9}", word.strip()) or not 1 <= int(word) <= most:
-        raise ControllerFileError(f"{where}: {word.strip()[:40]!r} is no whole number from 1 to {most}")
+        raise ControllerFileError(f"{where}: {word.strip()[:40]!r} is not a whole number from 1 to {most}")
     return int(word)
 
 
@@ -102,7 +102,7 @@ def table(values: Sequence[float], where: str) -> Table:
     """Read ``x y x y …``."""
     if not values or len(values) % 2:
         raise ControllerFileError(
-            f"{where}: {len(values)} numbers are no pairs of a point and a membership; give x y x y and so on"
+            f"{where}: {len(values)} numbers are not pairs of a point and a membership; give x y x y …"
         )
     x, y = tuple(values[::2]), tuple(values[1::2])
     if len(x) > MOST_POINTS:

@@ -8,7 +8,7 @@ from fis_tools.words.text import number
 
 
 def losses(controller: FuzzyController, said: Said, dialect: Dialect) -> tuple[str, ...]:
-    """List what a file does not say of a controller with one system, a sentence each.
+    """List what a file does not say of a controller with one system, one sentence each.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def _variable_differences(
 
 
 def _is_word_for_word(rule: Rule, group: Sequence[Rule]) -> bool:
-    """Tell whether a rule became one rule of the same form."""
+    """Return whether a rule became one rule of the same form."""
     if len(group) != 1 or len(rule.consequents) != len(group[0].consequents):
         return False
     return _form(rule.antecedent) == _form(group[0].antecedent)

@@ -1,4 +1,4 @@
-"""Operators and defuzzifiers in the words of each format, a row each."""
+"""Operators and defuzzifiers in the words of each format, one row each."""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeVar

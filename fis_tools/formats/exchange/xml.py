@@ -88,7 +88,7 @@ def read(text: str) -> tuple[Element, list[tuple[int, str]]]:
     Raises
     ------
     ControllerFileError
-        If it is no well-formed XML, has a document type or is nested too deep.
+        If it is not well-formed XML, has a document type or is nested too deep.
     """
     builder = _Builder()
     builder.parser = DefusedXMLParser(target=builder, forbid_dtd=True)

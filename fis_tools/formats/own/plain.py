@@ -16,7 +16,7 @@ class Unreadable(ValueError):  # noqa: N818
 
 
 def is_scalar(value: object) -> bool:
-    """Tell whether a value has no parts."""
+    """Return whether a value has no parts."""
     return value is None or isinstance(value, str | int | float)
 
 

@@ -38,7 +38,7 @@ def write(controller: FuzzyController, importance: Mapping[str, Floats] | None =
 
 
 def fragment(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
-    """Write a controller as a part of a page, a section a system, without styles."""
+    """Write a controller as a part of a page, one section per system, without styles."""
     told = outline(controller, importance)
     lines = [f"<h1>{escape(told.name)}</h1>"]
     if told.facts:

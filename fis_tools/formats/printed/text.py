@@ -1,4 +1,4 @@
-"""Fuzzy systems as plain text: the rules as sentences, or everything as a terminal shows it."""
+"""Fuzzy systems as plain text: the rules as sentences, or the whole controller for a terminal."""
 
 from collections.abc import Mapping
 

@@ -85,7 +85,7 @@ def test_a_flip_into_the_default_is_told() -> None:
     assert "there no rule fires, and it takes its default, 0.5 N" in explain(only_low(0.5), [0.1]).text()
     told = explain(only_low(-0.5), [0.1])
     assert all(flip.change is None for flip in told.outputs[0].flips)
-    assert "x alone cannot: no value does, from 0 m to 1 m" in told.text()
+    assert "x alone cannot: no value from 0 m to 1 m does" in told.text()
 
 
 def test_the_default_itself_is_told() -> None:
@@ -197,7 +197,7 @@ def test_an_explanation_leads_with_what_matters() -> None:
     assert "more rules fire, but each" in told.text()
     assert len(told.text(everything=True).splitlines()) > len(lines) + 5
     assert isinstance(told, Explanation)
-    assert "| moved | fires by | rule |" in told._repr_markdown_()
+    assert "| moved | strength | rule |" in told._repr_markdown_()
 
 
 def test_an_explanation_is_plain_json() -> None:

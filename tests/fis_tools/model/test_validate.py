@@ -140,9 +140,9 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_membership(Gaussian(0.0, True)), ["mean, standard_deviation", "finite numbers"]),
         (_with_membership(Triangular("a", 1.0, 2.0)), ["left, peak, right", "finite numbers"]),  # type: ignore[arg-type]
         (_with_membership(Sigmoid(1j, 1.0)), ["inflection, slope", "finite numbers"]),  # type: ignore[arg-type]
-        (_with_membership(None), ["NoneType is no known shape", "Gaussian, Triangular"]),  # type: ignore[arg-type]
-        (_with_membership(_Narrow(0.0, 1.0)), ["_Narrow is no known shape", "Gaussian, Triangular"]),
-        (_with_membership(_Unregistered(-1.0)), ["_Unregistered is no known shape"]),
+        (_with_membership(None), ["NoneType is not a known shape", "Gaussian, Triangular"]),  # type: ignore[arg-type]
+        (_with_membership(_Narrow(0.0, 1.0)), ["_Narrow is not a known shape", "Gaussian, Triangular"]),
+        (_with_membership(_Unregistered(-1.0)), ["_Unregistered is not a known shape"]),
         (_with_membership(Sampled(("x",) * 101)), ["not a number"]),  # type: ignore[arg-type]
         (_with_membership(Sampled((0.0, 1.0))), ["2 membership values", "101 points"]),
         (_with_membership(Sampled((1.5,) * 101)), ["outside [0, 1]"]),
@@ -189,7 +189,7 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_rule(Is("distanse", "near")), ["rule 26", "'distanse'", "did you mean 'distance'?"]),
         (_with_rule(Is("distance", "nearby")), ["rule 26", "no term 'nearby'", "did you mean 'near'?"]),
         (_with_rule(Is("force_x", "ZE")), ["input 'force_x' does not exist"]),
-        (_with_rule(None), ["rule 26: None is no statement", "Is, Not, And or Or"]),  # type: ignore[arg-type]
+        (_with_rule(None), ["rule 26: None is not a statement", "Is, Not, And or Or"]),  # type: ignore[arg-type]
         (_with_rule(_nested(1), Consequent("force_x", "ZE", "1")), ["weight 1"]),  # type: ignore[arg-type]
         (_with_rule(And(())), ["'and' joins no statements"]),
         (_with_rule(Not(Or(()))), ["'or' joins no statements"]),
@@ -246,7 +246,7 @@ def test_a_variable_outside_any_range_is_no_reason_to_stop_looking() -> None:
 
 @pytest.mark.parametrize("kind", [kind for kind in SHAPES.values() if kind is not Sampled])
 def test_every_parameter_of_every_shape_has_its_limits(kind: type[MembershipFunction]) -> None:
-    """A width that is not positive, a place that is no number: none passes, whichever shape has it."""
+    """A width that is not positive, a place that is not a number: none passes, whichever shape has it."""
     wrong = {
         "place": (NAN, INF, None),
         "slope": (NAN, INF, None),
@@ -274,5 +274,5 @@ def _shape_faults(shape: MembershipFunction) -> list[str]:
 @pytest.mark.parametrize("write", [dump_json, fis.write, fll.write, fml.write, fcl.write])
 def test_writers_refuse_a_shape_that_they_do_not_know(write: Callable[[FuzzyController], object]) -> None:
     controller = FuzzyController("c", (_with_membership(_Narrow(0.0, 1.0)),))
-    with pytest.raises(InvalidSystem, match="_Narrow is no known shape"):
+    with pytest.raises(InvalidSystem, match="_Narrow is not a known shape"):
         write(controller)

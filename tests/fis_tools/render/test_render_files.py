@@ -57,5 +57,5 @@ def test_the_ending_of_a_name_is_the_format(tmp_path: Path) -> None:
     figure, _ = render.one_panel("empty")
     render.save(figure, tmp_path / "a.PNG", 30)
     assert (tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(ValueError, match="'docx' is no format of pictures; choose one of png, svg, pdf"):
+    with pytest.raises(ValueError, match="'docx' is not a picture format; choose one of png, svg, pdf"):
         render.save(figure, tmp_path / "a.docx")
