@@ -42,8 +42,8 @@ FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)+"
 #: When this module was loaded. A source that has changed since may not be the one that runs.
 _loaded_ns = time.time_ns()
 
-#: Packages with compiled functions, and the folder that each lies in.
-_roots: dict[str, Path] = {}
+#: Packages with compiled functions, and the folder that each lies in; our own has the decorator.
+_roots: dict[str, Path] = {"fis_tools": Path(__file__).parents[2]}
 
 
 @dataclass(frozen=True)
@@ -242,12 +242,14 @@ def _read(file: str) -> tuple[str, tuple[str, ...]]:
     return hashlib.sha256(source).hexdigest(), tuple(words)
 
 
-@cache
 def _file_of(module: str) -> str | None:
     """Return the source of a module of the packages that compile; None for any other name."""
     root = _roots.get(module.partition(".")[0])
-    if root is None:
-        return None
+    return None if root is None else _file_below(root, module)
+
+
+@cache
+def _file_below(root: Path, module: str) -> str | None:
     base = root.joinpath(*module.split("."))
     candidates = (base.with_name(f"{base.name}.py"), base / "__init__.py")
     return next((os.fspath(path) for path in candidates if path.is_file()), None)

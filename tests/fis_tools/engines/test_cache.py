@@ -45,7 +45,7 @@ def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., ca
             path = tmp_path / "kernels" / f"{name}.py"
             path.parent.mkdir(exist_ok=True)
             path.write_text(text)
-        for memo in (cache.sources_of, cache._read, cache._file_of):
+        for memo in (cache.sources_of, cache._read, cache._file_below):
             memo.cache_clear()
         return cache.sources_of("kernels.caller", str(tmp_path / "kernels" / "caller.py"))
 
@@ -93,7 +93,6 @@ def test_the_place_of_the_sources_does_not_count(
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "moved").rename(tmp_path / "elsewhere" / "kernels")
     monkeypatch.setitem(cache._roots, "kernels", tmp_path / "elsewhere")
-    cache._file_of.cache_clear()
     there = cache.sources_of("kernels.caller", str(tmp_path / "elsewhere" / "kernels" / "caller.py"))
     assert there.digest == here.digest
 
