@@ -128,7 +128,7 @@ def repeated() -> FuzzySystem:
     [room_system(), contradicting(), repeated(), replace(force_x_system(), rules=force_x_system().rules[:9])],
 )
 def test_rules_that_are_no_table_are_listed(system: FuzzySystem) -> None:
-    with pytest.raises(ValueError, match="no full table; list them with rule_list"):
+    with pytest.raises(ValueError, match="not a full table; list them with rule_list"):
         rule_matrix(system, Figure().subplots())
     ((name, figure),) = rules_figures(system)
     assert name == "rules"
