@@ -99,7 +99,9 @@ def _splat(builder: Any, value: Any, width: int) -> Any:
 # Arithmetic, comparisons and logic
 
 
-def _binary(operation: Any, result: Callable[[VectorType], Any], emit: Callable[[Any, Any, Any], Any]) -> None:
+def _binary(
+    operation: Any, result: Callable[[VectorType], Any], emit: Callable[[Any, Any, Any], Any]
+) -> None:
     """Register an operation of two vectors, or of a vector and a number."""
 
     def typer(one: Any, other: Any) -> Any:
@@ -284,11 +286,24 @@ _typed(vectors.load, _load_type)
 
 
 @_vector_in(vectors.load, types.Array, types.Integer)
-def _lower_load(
-    context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int
-) -> Any:
+def _lower_load(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
     place = _place(context, builder, signature.args[0], array, at, signature.args[1])
     return builder.load(builder.bitcast(place, ir.VectorType(F64, width).as_pointer()), align=8)
+
+
+def _spread_type(array: Any, at: Any, width: Any) -> Any:
+    if not (_is_of_floats(array, 1) and isinstance(at, types.Integer)):
+        return None
+    return VectorType(_width_of(width))
+
+
+_typed(vectors.spread, _spread_type)
+
+
+@_vector_in(vectors.spread, types.Array, types.Integer)
+def _lower_spread(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
+    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    return _splat(builder, builder.load(place), width)
 
 
 def _store_type(array: Any, at: Any, vector: Any) -> Any:
@@ -308,7 +323,9 @@ def _lower_store(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 
 
 def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
-    is_possible = _is_of_floats(array, 1) and isinstance(at, types.Integer) and isinstance(offsets, VectorType)
+    is_possible = (
+        _is_of_floats(array, 1) and isinstance(at, types.Integer) and isinstance(offsets, VectorType)
+    )
     return offsets if is_possible else None
 
 
@@ -382,7 +399,6 @@ def _lower_bits(builder: Any, mask: Any) -> Any:
 @_of_vector(vectors.count, MaskType, types.int64)
 def _lower_count(builder: Any, mask: Any) -> Any:
     return builder.ctpop(_as_int64(builder, _as_integer(builder, mask)))
-
 
 
 def _power_of_two(builder: Any, exponent: Any) -> Any:

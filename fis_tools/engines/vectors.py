@@ -21,6 +21,9 @@ Floats = NDArray[np.float64]
 Vector = Any
 Mask = Any
 
+#: bytes that processors fetch at once, most of them
+CACHE_LINE = 64
+
 
 def splat(value: float, width: int) -> Vector:
     """Return a vector with the same value in each of its lanes."""
@@ -34,6 +37,14 @@ def load(array: Floats, at: int, width: int) -> Vector:
     """
     row = array[at] if array.ndim == 2 else array[at:]
     return np.array(row[:width])
+
+
+def spread(array: Floats, at: int, width: int) -> Vector:
+    """Return a vector with one element of an array of shape (n,) in each of its lanes.
+
+    Compiled code does not check that it lies inside the array, and counts no index from the end.
+    """
+    return np.full(width, array[at])
 
 
 def store(array: Floats, at: int, vector: Vector) -> None:
@@ -98,3 +109,15 @@ def power_of_two(exponent: Vector) -> Vector:
     """Return two to the power of whole numbers from -1022 to 1023."""
     return np.ldexp(1.0, np.asarray(exponent).astype(np.int64))[()]
 
+
+def padded(count: int, width: int) -> int:
+    """Return the least number of lanes of whole vectors that hold so many values."""
+    return -(-count // width) * width
+
+
+def aligned(count: int, dtype: Any = np.float64) -> Any:
+    """Allocate zeros, shape (count,), so that no vector in whole rows lies across two lines of the cache."""
+    kind = np.dtype(dtype)
+    room = np.zeros(count * kind.itemsize + CACHE_LINE, dtype=np.uint8)
+    skipped = -room.ctypes.data % CACHE_LINE
+    return room[skipped : skipped + count * kind.itemsize].view(kind)

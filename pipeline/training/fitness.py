@@ -13,7 +13,6 @@ front: what is spent and what is missed. Faults, to leave the limits or to fall 
 a success, are paid for half and half, so that no controller buys one objective with them.
 """
 
-
 import numpy as np
 from numpy.typing import NDArray
 
