@@ -6,8 +6,8 @@ once: every formula is written once, for vectors (`fis_tools.engines.vectors`).
 The method is division-free: the aggregated output is linear between the points on which scikit-fuzzy samples
 it, so its area and moment are weighted sums over the grid, and each further point that scikit-fuzzy inserts
 (where a cut crosses its own membership function) adds one triangle. Crossings of two different clipped terms
-are not inserted, as scikit-fuzzy does not insert them either. On the output's universe, lengths are counted in
-steps of its grid.
+are not inserted, as scikit-fuzzy does not insert them either. Lengths on the output's universe are counted
+in steps of its grid.
 """
 
 from typing import Any
@@ -57,7 +57,7 @@ LANES = 16
 BLOCK = 8
 
 #: What one inference works with: memberships in the terms of all inputs; where each output term is cut; and
-#: where cuts cross flanks: between which points (left one), how far from the left one, and at which height.
+#: where cuts cross flanks: right of which point, how much of a step, and at which aggregated height.
 SCRATCH = np.dtype(
     [
         ("memberships", np.float64, (ANY + 1, LANES)),
@@ -132,7 +132,11 @@ def grid_sums(values: Floats, system: Any, scratch: Any) -> tuple[Vector, Vector
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def points_below(values: Floats, foot: int, direction: int, num_points: int, cut: Vector) -> Vector:
-    """Return how many points of a flank lie below the cut, counted from its foot upwards, by bisection."""
+    """Return how many points of a flank lie below the cut, counted from its foot in a direction.
+
+    Whole blocks first, then by bisection of the next one. Of a flank without points the value before its foot
+    is read and not used.
+    """
     below = splat(0.0, LANES)
     for point in range(BLOCK - 1, num_points, BLOCK):
         below = select(spread(values, foot + direction * point, LANES) < cut, point + 1.0, below)
@@ -164,6 +168,26 @@ def heights_in(
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def neighbours(
+    segment: Vector, fraction: Vector, left: Vector, right: Vector, found: int, scratch: Any
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return the nearest points in a segment: its ends, of these heights, or what was inserted nearer by.
+
+    Each as a fraction of the segment and a height, the one on the left first.
+    """
+    start, end = splat(0.0, LANES), splat(1.0, LANES)
+    for other in range(found):
+        is_here = load(scratch.segments, other, LANES) == segment
+        if some(is_here):
+            x, y = load(scratch.fractions, other, LANES), load(scratch.heights, other, LANES)
+            is_left = is_here & (start < x) & (x <= fraction)
+            is_right = is_here & (fraction < x) & (x < end)
+            start, left = select(is_left, x, start), select(is_left, y, left)
+            end, right = select(is_right, x, end), select(is_right, y, right)
+    return start, left, end, right
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
     """Return the area and moment that the points inserted at cut crossings add to the grid's."""
     terms, points = system.output_terms, system.output_points
@@ -185,15 +209,7 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
                 rise = select(crosses, gather(values, row + 1, segment) - own, 1.0)
                 fraction = select(crosses, (cut - own) / rise, 0.0)
                 left, height, right = heights_in(values, system, segment, fraction, scratch)
-                start, end = splat(0.0, LANES), splat(1.0, LANES)
-                for other in range(found):  # between neighbours that were inserted before
-                    is_same = load(scratch.segments, other, LANES) == segment
-                    if some(is_same):
-                        x, y = load(scratch.fractions, other, LANES), load(scratch.heights, other, LANES)
-                        is_left = is_same & (start < x) & (x <= fraction)
-                        is_right = is_same & (fraction < x) & (x < end)
-                        start, left = select(is_left, x, start), select(is_left, y, left)
-                        end, right = select(is_right, x, end), select(is_right, y, right)
+                start, left, end, right = neighbours(segment, fraction, left, right, found, scratch)
                 store(scratch.segments, found, select(crosses, segment, -1.0))
                 store(scratch.fractions, found, fraction)
                 store(scratch.heights, found, height)
@@ -217,7 +233,7 @@ def infer(
     index : which of the systems
     inputs : (MAX_INPUTS * LANES,) float
         Lanes fastest; finite; clipped to the universes here.
-    scratch : working space of `scratch_for`
+    scratch : working space of `make_scratch`
     outputs : (LANES,) float
         Written: the centroid, or the system's default where no rule fires.
     """
@@ -235,16 +251,23 @@ def infer(
     store(outputs, 0, select(total == 0.0, values[at + DEFAULT], output))
 
 
+@compiled(error_model="numpy", forceinline=True)
+def put_side_by_side(inputs: Floats, first: int, side_by_side: Floats) -> int:
+    """Write up to `LANES` rows of inputs, lanes fastest; return how many."""
+    num_lanes = min(LANES, len(inputs) - first)
+    for lane in range(num_lanes):
+        for place in range(inputs.shape[1]):
+            side_by_side[place * LANES + lane] = inputs[first + lane, place]
+    return num_lanes
+
+
 @compiled(nogil=True, error_model="numpy")
 def _evaluate(
     values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, out: Floats
 ) -> None:
     side_by_side, outputs = np.zeros(MAX_INPUTS * LANES), np.zeros(LANES)
     for first in range(0, len(inputs), LANES):
-        num_lanes = min(LANES, len(inputs) - first)
-        for lane in range(num_lanes):
-            for place in range(inputs.shape[1]):
-                side_by_side[place * LANES + lane] = inputs[first + lane, place]
+        num_lanes = put_side_by_side(inputs, first, side_by_side)
         infer(values, rules, layout, index, side_by_side, scratch, outputs)
         for lane in range(num_lanes):
             out[first + lane] = outputs[lane]
@@ -257,10 +280,7 @@ def _strengths(
     system, room = layout[index], scratch[0]
     side_by_side = np.zeros(MAX_INPUTS * LANES)
     for first in range(0, len(inputs), LANES):
-        num_lanes = min(LANES, len(inputs) - first)
-        for lane in range(num_lanes):
-            for place in range(inputs.shape[1]):
-                side_by_side[place * LANES + lane] = inputs[first + lane, place]
+        num_lanes = put_side_by_side(inputs, first, side_by_side)
         fuzzify(values, system, side_by_side, room)
         for rule in range(len(cells)):
             for lane in range(num_lanes):
@@ -272,7 +292,7 @@ def _strengths(
                 out[first + lane, rule] = strength
 
 
-def scratch_for() -> Any:
+def make_scratch() -> Any:
     """Allocate the working space that `infer` needs, for any system."""
     scratch = aligned(1, SCRATCH).view(np.recarray)
     scratch[0].memberships[ANY] = 1.0
@@ -302,7 +322,7 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     """
     rows = _checked(packed, inputs, system)
     out = np.empty(len(rows))
-    _evaluate(packed.values[0], packed.rules[0], packed.layout, system, rows, scratch_for(), out)
+    _evaluate(packed.values[0], packed.rules[0], packed.layout, system, rows, make_scratch(), out)
     return out
 
 
@@ -313,7 +333,7 @@ def firing_strengths(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     """
     rows = _checked(packed, inputs, system)
     out = np.empty((len(rows), len(packed.cells[system])))
-    _strengths(packed.values[0], packed.layout, system, packed.cells[system], rows, scratch_for(), out)
+    _strengths(packed.values[0], packed.layout, system, packed.cells[system], rows, make_scratch(), out)
     return out
 
 

@@ -1,7 +1,7 @@
-"""What numba makes of vectors: their types, and for each operation of `fis_tools.engines.vectors` its LLVM code.
+"""The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.engines.vectors`.
 
-Importing this module teaches numba; `fis_tools.engines.compiled` does so before it compiles anything. LLVM has
-vectors of any width as values and maps them to the registers that a processor has.
+Importing this module registers all of it with numba; `fis_tools.engines.compiled` does so before it compiles
+anything. LLVM has vectors of any width as values and maps them to the registers that a processor has.
 """
 
 import operator
@@ -19,8 +19,8 @@ try:
     from numba.extending import lower_builtin, models, register_model, type_callable
 except ImportError as error:
     raise ImportError(
-        f"numba {numba.__version__} lacks what compiled vectors are made with ({error}); they are tested with "
-        "numba 0.62 to 0.68; install one of these: pip install 'numba>=0.62,<0.69'"
+        f"numba {numba.__version__} lacks what compiled vectors are made with ({error}); "
+        "they are tested with numba 0.68; install it: pip install 'numba>=0.62,<0.69'"
     ) from error
 
 from fis_tools.engines import vectors
@@ -30,7 +30,7 @@ MOST_LANES = 64
 I1, I32, I64, F64 = ir.IntType(1), ir.IntType(32), ir.IntType(64), ir.DoubleType()
 
 
-class VectorType(types.Type):  # type: ignore[misc]
+class VectorType(types.Type):
     """A float in each of so many lanes."""
 
     def __init__(self, width: int) -> None:
@@ -38,7 +38,7 @@ class VectorType(types.Type):  # type: ignore[misc]
         super().__init__(name=f"Vector({width})")
 
 
-class MaskType(types.Type):  # type: ignore[misc]
+class MaskType(types.Type):
     """A truth in each of so many lanes."""
 
     def __init__(self, width: int) -> None:
@@ -47,13 +47,13 @@ class MaskType(types.Type):  # type: ignore[misc]
 
 
 @register_model(VectorType)
-class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: VectorType) -> None:
         super().__init__(manager, kind, ir.VectorType(F64, kind.width))
 
 
 @register_model(MaskType)
-class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
+class _MaskModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: MaskType) -> None:
         super().__init__(manager, kind, ir.VectorType(I1, kind.width))
 
@@ -68,10 +68,10 @@ def _width_of(width: Any) -> int:
     return lanes
 
 
-def _joint(*kinds: Any) -> VectorType | types.Float | None:
+def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
     """Return what vectors of one width and numbers make together: a vector, or a float without any."""
-    found = {kind for kind in kinds if isinstance(kind, VectorType)}
-    rest = [kind for kind in kinds if not isinstance(kind, VectorType)]
+    found = {kind for kind in (one, other) if isinstance(kind, VectorType)}
+    rest = [kind for kind in (one, other) if not isinstance(kind, VectorType)]
     if len(found) > 1 or not all(isinstance(kind, (types.Float, types.Integer)) for kind in rest):
         return None
     return found.pop() if found else types.float64
@@ -223,7 +223,7 @@ def _extreme(operation: Any, symbol: str) -> None:
         one, other = (_as(context, builder, *pair, signature.return_type) for pair in pairs)
         return _chosen_by(symbol)(builder, one, other)
 
-    _typed(operation, lambda one, other: _joint(one, other))
+    _typed(operation, _joint)
     lower_builtin(operation, types.Any, types.Any)(lower)
 
 
@@ -268,7 +268,7 @@ def _is_of_floats(array: Any, most_dimensions: int) -> bool:
 
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
-    """Return the pointer to element `at` of an array, or to the first of row `at` of one of two dimensions."""
+    """Return the pointer to element `at` of an array, or of two dimensions to the first of row `at`."""
     whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
     at = context.cast(builder, at, index, types.intp)
     if kind.ndim == 2:

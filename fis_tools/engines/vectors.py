@@ -58,7 +58,8 @@ def gather(array: Floats, at: int, offsets: Vector) -> Vector:
 
     Compiled code does not check that they lie inside the array.
     """
-    return array[at + np.trunc(offsets).astype(np.int64)]
+    whole: NDArray[np.int64] = np.trunc(offsets).astype(np.int64)
+    return array[at + whole]
 
 
 def select(mask: Mask, one: Vector, other: Vector) -> Vector:

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import LANES, evaluate, scratch_for
+from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
 from pipeline.flight.guidance import num_clusters
@@ -37,7 +37,7 @@ def make_workspace(world: World) -> Workspace:
         passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
-        scratch=scratch_for(),
+        scratch=make_scratch(),
         y_before=np.zeros((LANES, 3)),
         is_general=np.zeros(LANES, dtype=np.bool_),
         turned=np.zeros((LANES, 7)),

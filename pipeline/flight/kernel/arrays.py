@@ -98,7 +98,7 @@ class Workspace(NamedTuple):
     passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
-    scratch: Any  # of `fis_tools.engines.kernel.scratch_for`
+    scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
     y_before: Floats  # (LANES, 3)
     is_general: NDArray[np.bool_]  # (LANES,) whether a lane's attitude is integrated the general way
     turned: Floats  # (LANES, 7) their attitudes and rates
