@@ -64,7 +64,7 @@ def gather(array: Floats, at: int, offsets: Vector) -> Vector:
 
 def select(mask: Mask, one: Vector, other: Vector) -> Vector:
     """Return `one` where the mask holds, elsewhere `other`."""
-    return np.where(mask, one, other)[()]
+    return np.asarray(np.where(mask, one, other))[()]
 
 
 def least(one: Vector, other: Vector) -> Vector:
