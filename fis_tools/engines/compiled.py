@@ -92,7 +92,8 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any], use: str)
     """Make numba's dispatcher for a use, with a cache folder where one can be trusted."""
     from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
 
-    from fis_tools.engines import notice  # noqa: PLC0415 - imports numba
+    # as above; the vectors teach numba what `fis_tools.engines.vectors` means in compiled code
+    from fis_tools.engines import notice, vector_code  # noqa: F401, PLC0415
 
     place = cache.place_for(function)
     if isinstance(place, Path):

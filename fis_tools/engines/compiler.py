@@ -15,8 +15,8 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fis_tools.engines import interpreter, kernel
-from fis_tools.engines.kernel import NotCompilable, Packed
+from fis_tools.engines import interpreter, kernel, packing
+from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import Program, assemble
 from fis_tools.model import FuzzySystem
 from fis_tools.model.membership import sample_terms
@@ -194,7 +194,7 @@ def _packed(system: FuzzySystem) -> Packed | None:
         if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
             return None
     try:
-        return kernel.pack(system)
+        return packing.pack(system)
     except NotCompilable:
         return None
 

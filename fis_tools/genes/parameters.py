@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines import kernel
-from fis_tools.engines.kernel import Packed
+from fis_tools.engines import packing
+from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 from fis_tools.model.shapes import gaussian
 
@@ -139,25 +139,25 @@ class SystemEncoding:
         return tuple(systems)
 
     def pack(self, genomes: Floats) -> Packed:
-        """Pack a population, shape (n, num_genes), as `engines.kernel.pack` packs each decoded genome."""
+        """Pack a population, shape (n, num_genes), as `engines.packing.pack` packs each decoded genome."""
         genes = self._read(np.asarray(genomes, dtype=np.float64))
-        layout, num_values, num_entries = kernel.layout_of(self.systems)
+        layout, num_values, num_entries = packing.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
-        rules = np.zeros((len(genomes), num_entries), dtype=np.uint64)
+        rules = np.zeros((len(genomes), num_entries), dtype=np.int64)
         cells: list[NDArray[np.int64]] = []
         for row, system in zip(layout, self.systems, strict=True):
             for place, variable in enumerate(system.inputs):
                 low, high, means, widths = self._take(genes, variable, None)
                 terms = _memberships(low, high, variable.num_points, means, widths)
-                kernel.fill_input(values, row, place, low, high, terms)
+                packing.fill_input(values, row, place, low, high, terms)
             output = system.outputs[0]
             low, high, means, widths = self._take(genes, output, self.bounds.output_reach)
             terms = _memberships(low, high, output.num_points, means, widths)
             default = np.full(len(genomes), 0.0 if output.default is None else output.default)
-            kernel.fill_output(values, rules, row, low, high, default, terms)
+            packing.fill_output(values, rules, row, low, high, default, terms)
             table = genes.terms(len(system.rules), len(output.terms))
             cells.append(table_cells(system.inputs))
-            kernel.fill_rules(rules, row, cells[-1], table)
+            packing.fill_rules(rules, row, cells[-1], table)
         return Packed(layout, values, rules, tuple(cells))
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:

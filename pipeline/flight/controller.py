@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import NotCompilable, Packed, layout_of, pack
+from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.flight.kernel.arrays import Law
 from pipeline.flight.log import Scenario
@@ -152,7 +152,7 @@ def law_of(controller: Controller, num_controls: int) -> Law:
         signals=signals,
         needs=needs_of(sensed_by(controller)),
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
-        layout=layout_of(controller.systems)[0].ravel(),
+        layout=layout_of(controller.systems)[0],
         constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
         force_axes=FORCE_AXES[controller.force_axes],
         has_plan=controller.plan is not None,
@@ -209,4 +209,4 @@ def packed(controller: Controller) -> Packed:
     """Return the numbers of a controller's systems; a plan has none."""
     if controller.systems:
         return with_constants(pack(*controller.systems), controller)
-    return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.uint64), ())
+    return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())

@@ -6,7 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import LANES, Packed, evaluate, scratch_for
+from fis_tools.engines.kernel import LANES, evaluate, make_scratch
+from fis_tools.engines.packing import Packed
 from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
@@ -21,11 +22,10 @@ from pipeline.settings.experiment import Mission
 Floats = NDArray[np.float64]
 
 
-def make_workspace(world: World, numbers: Packed) -> Workspace:
+def make_workspace(world: World) -> Workspace:
     """Allocate what one thread flies in."""
     points, width = world.num_points, world.points.shape[2]
     clusters = num_clusters(points)
-    has_systems = len(numbers.layout) > 0
     return Workspace(
         lanes=np.zeros(NUM_ROWS * LANES),
         aims=np.zeros(world.num_attitude_steps * 4 * LANES),
@@ -37,7 +37,7 @@ def make_workspace(world: World, numbers: Packed) -> Workspace:
         passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
-        scratch=scratch_for(numbers) if has_systems else np.zeros(0),
+        scratch=make_scratch(),
         y_before=np.zeros((LANES, 3)),
         is_general=np.zeros(LANES, dtype=np.bool_),
         turned=np.zeros((LANES, 7)),
@@ -96,7 +96,7 @@ def fly_population(
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
-        work = make_workspace(world, numbers)
+        work = make_workspace(world)
         fly_many(
             world,
             law,
@@ -242,7 +242,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         numbers.rules,
         starts,
         sun_angles,
-        make_workspace(world, numbers),
+        make_workspace(world),
         log,
         np.empty((0, 0, 3), dtype=np.float32),
         0,

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import padded
+from fis_tools.engines.vectors import padded
 from pipeline.flight.guidance import preview_stride
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.safety import guard_of
@@ -15,6 +15,9 @@ from pipeline.physics.rigid_body import tumbling_step
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: inspection points that are looked at together
+POINTS_SIDE_BY_SIDE = 8
 
 
 def inspection_points(mission: Mission) -> Floats:
@@ -54,12 +57,12 @@ def pack_world(mission: Mission) -> World:
     n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
     instants = np.arange(mission.num_attitude_steps) * mission.attitude_period_s
     points = inspection_points(mission)
-    placed = np.zeros((1, 3, padded(len(points))))
+    placed = np.zeros((1, 3, padded(len(points), POINTS_SIDE_BY_SIDE)))
     if mission.chief.initial_angular_velocity_rad_s is None:
         placed[0, :, : len(points)] = points.T
     else:
         attitudes = chief_attitudes(mission)
-        placed = np.zeros((len(attitudes), 3, padded(len(points))))
+        placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS_SIDE_BY_SIDE)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
     inertia = np.array(mission.deputy.inertia_kg_m2, dtype=np.float64)

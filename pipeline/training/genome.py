@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import Packed
+from fis_tools.engines.packing import Packed
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import KeptRules, Planes
 from fis_tools.model import FuzzyController

@@ -4,7 +4,7 @@ Up to `LANES` flights of one controller run side by side, so that vector units w
 lane carries are rows of one flat array, lanes fastest: with one array the compiler knows what may overlap.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 
 #: columns of a row of outcomes
@@ -79,7 +78,7 @@ class Law(NamedTuple):
     signals: Integers  # (F, 3) slots of the signals it senses
     needs: int  # what must be computed for them, see `pipeline.flight.signals`
     num_inputs: Integers  # (F,)
-    layout: Indices  # of `fis_tools.engines.kernel.Packed`, flat
+    layout: Any  # of `fis_tools.engines.packing.Packed`
     constants: int  # where the controller's constants begin among its values; -1 where it has none
     force_axes: int
     has_plan: bool
@@ -99,7 +98,7 @@ class Workspace(NamedTuple):
     passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
-    scratch: Floats
+    scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
     y_before: Floats  # (LANES, 3)
     is_general: NDArray[np.bool_]  # (LANES,) whether a lane's attitude is integrated the general way
     turned: Floats  # (LANES, 7) their attitudes and rates

@@ -80,7 +80,6 @@ from pipeline.flight.signals import (
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 
 LAMBDA_U, ETA_U, MISSED = slot("lambda_u"), slot("eta_u"), slot("missed")
@@ -138,7 +137,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
     world: World,
     law: Law,
     values: Floats,
-    rules: Indices,
+    rules: Integers,
     work: Workspace,
     num_lanes: int,
     log: FlightLog,
@@ -159,16 +158,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
                 signal = LANES * law.signals[system, place]
                 for i in range(LANES):
                     inputs[LANES * place + i] = signals[signal + i]
-            infer(
-                values,
-                rules,
-                law.layout,
-                np.uint64(system),
-                inputs,
-                work.scratch,
-                np.uint64(num_lanes),
-                outputs,
-            )
+            infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
             force = GX + LANES * law.axes[system]
             dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
             for i in range(num_lanes):
@@ -262,7 +252,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
     law: Law,
     values: Floats,
-    rules: Indices,
+    rules: Integers,
     starts: Floats,
     sun_angles: Floats,
     first: int,
@@ -278,7 +268,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     Parameters
     ----------
     world, law : what is flown
-    values, rules : rows of `fis_tools.engines.kernel.Packed`
+    values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
     first, num_lanes : which starts, at most `LANES`
@@ -346,7 +336,7 @@ def fly_many(
     world: World,
     law: Law,
     values: Floats,
-    rules: Indices,
+    rules: Integers,
     starts: Floats,
     sun_angles: Floats,
     work: Workspace,

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fis_tools.engines import inference
-from fis_tools.engines.kernel import evaluate, firing_strengths, pack
+from fis_tools.engines.kernel import evaluate, firing_strengths
+from fis_tools.engines.packing import pack
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
 from fis_tools.scikit_fuzzy.build import ReferenceEngine

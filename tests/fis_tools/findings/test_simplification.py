@@ -9,7 +9,7 @@ import pytest
 
 from fis_tools.__main__ import main
 from fis_tools.analysis.arrays import spread_inputs
-from fis_tools.engines.kernel import pack
+from fis_tools.engines.packing import pack
 from fis_tools.findings.simplification import Budget, SimplifiedSystem, simplify
 from fis_tools.findings.simplification.budget import NUM_SPREAD
 from fis_tools.findings.simplification.rewriting import Merger, merged, without_input

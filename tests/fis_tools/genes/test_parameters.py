@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fis_tools.engines.kernel import Packed, pack
+from fis_tools.engines.packing import Packed, pack
 from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzySystem, Gaussian, Term, Triangular, Variable, rule_table, table_rules

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fis_tools.engines.kernel import LANES, NotCompilable, Packed, evaluate, firing_strengths, pack
+from fis_tools.engines.kernel import LANES, evaluate, firing_strengths
+from fis_tools.engines.packing import NotCompilable, Packed, pack
 from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzySystem, Gaussian, Not, Sampled, Term, Triangular, Variable, table_rules

@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from fis_tools.analysis import flights
-from fis_tools.engines.kernel import evaluate, pack
+from fis_tools.engines.kernel import evaluate
+from fis_tools.engines.packing import pack
 from fis_tools.formats import serialize
 from pipeline.flight.log import FlightLog
 from pipeline.flight.world import inspection_points

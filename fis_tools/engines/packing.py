@@ -1,0 +1,212 @@
+"""Fuzzy systems as numbers in flat arrays, for the compiled kernel: a row a controller.
+
+What can be packed: one output, unimodal terms on evenly spaced universes, rules that are conjunctions of at
+most one term of each input, minimum and maximum, centroid. Anything else is refused with a sentence.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.model import FuzzySystem, Variable, conjunctions
+from fis_tools.model.membership import is_unimodal, sample_terms
+from fis_tools.model.validate import validate
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Layout = NDArray[np.void]
+
+MAX_INPUTS = 3
+MAX_TERMS = 16
+
+#: Where the membership of one lies for inputs that a rule does not ask for: after those of all inputs.
+ANY = MAX_INPUTS * MAX_TERMS
+
+#: Where the numbers of one system lie. Of each input and of the output: how many terms and points, and where
+#: in a row of values its numbers begin; where in a row of rules the system's begin.
+LAYOUT = np.dtype(
+    [
+        ("num_inputs", np.int64),
+        ("input_terms", np.int64, MAX_INPUTS),
+        ("input_points", np.int64, MAX_INPUTS),
+        ("input_values", np.int64, MAX_INPUTS),
+        ("output_terms", np.int64),
+        ("output_points", np.int64),
+        ("output_values", np.int64),
+        ("rules", np.int64),
+    ],
+    align=True,
+)
+
+# The numbers of an input are these, then its memberships, point by point.
+MINIMUM, MAXIMUM, STEP, STEPS_A_UNIT = range(4)
+# The numbers of the output are these, then its memberships term by term, then the same point by point.
+CENTRE, WIDTH_OF_STEP, DEFAULT = range(3)
+HEADER = 4
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Fuzzy systems of one controller, or of many controllers of one structure, as arrays.
+
+    Parameters
+    ----------
+    layout : (F,) records of `LAYOUT`
+        Where the numbers of each of F systems lie.
+    values : (n, V) float
+        A row a controller: universes and sampled memberships.
+    rules : (n, R) int
+        A row a controller: for each system the peak of each output term as an index of the universe, the
+        bounds of each output term's rules, then the rules sorted by output term, each as the positions of
+        its memberships in the concatenated input terms.
+    cells : tuple of (rules, inputs) int arrays
+        For each system, in the order of its rules, the term that a rule asks for of each input, -1 for none.
+    """
+
+    layout: Layout
+    values: Floats
+    rules: Integers
+    cells: tuple[Integers, ...]
+
+
+class NotCompilable(ValueError):  # noqa: N818
+    """A system that the compiled kernel does not cover; the text says why."""
+
+
+def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
+    """Lay out the numbers of some systems one after the other.
+
+    Returns
+    -------
+    layout : (F,) records of `LAYOUT`
+    num_values, num_rule_entries : int
+        Lengths of a row of `values` and of `rules`.
+
+    Raises
+    ------
+    NotCompilable
+        If a system is of a kind that the kernel does not cover.
+    """
+    layout = np.zeros(len(systems), dtype=LAYOUT).view(np.recarray)
+    value, entry = 0, 0
+    for row, system in zip(layout, systems, strict=True):
+        _require_compilable(system)
+        row.num_inputs = len(system.inputs)
+        for place, variable in enumerate(system.inputs):
+            terms, points = len(variable.terms), variable.num_points
+            row.input_terms[place], row.input_points[place], row.input_values[place] = terms, points, value
+            value += HEADER + terms * points
+        output = system.outputs[0]
+        terms, points = len(output.terms), output.num_points
+        row.output_terms, row.output_points, row.output_values = terms, points, value
+        value += HEADER + 2 * terms * points
+        row.rules = entry
+        entry += 2 * terms + 1 + len(system.rules) * len(system.inputs)
+    return layout, value, entry
+
+
+def _require_compilable(system: FuzzySystem) -> None:
+    def refuse(fact: str) -> None:
+        raise NotCompilable(
+            f"system {system.name!r} cannot be compiled: {fact}; evaluate it with fis_tools.engines.inference"
+        )
+
+    if not 1 <= len(system.inputs) <= MAX_INPUTS:
+        refuse(f"it has {len(system.inputs)} inputs, 1 to {MAX_INPUTS} are covered")
+    if conjunctions(system) is None:
+        refuse(
+            "its rules are not plain conjunctions that conclude one term of one output with weight 1, "
+            "without operators of their own"
+        )
+    output = system.outputs[0]
+    methods = (system.and_operator, system.or_operator, output.accumulation, system.defuzzifier_of(output))
+    if methods != ("min", "max", "max", "centroid"):
+        refuse("only minimum, maximum and centroid are covered")
+    for variable in (*system.inputs, *system.outputs):
+        if len(variable.terms) > MAX_TERMS:
+            refuse(f"{variable.name!r} has {len(variable.terms)} terms, at most {MAX_TERMS} are covered")
+        if variable.points is not None:
+            refuse(f"the universe of {variable.name!r} is not evenly spaced")
+
+
+def pack(*systems: FuzzySystem) -> Packed:
+    """Turn systems into the arrays that the kernel reads, as one controller.
+
+    Raises
+    ------
+    fis_tools.model.validate.InvalidSystem
+        If a system is wrong in itself.
+    NotCompilable
+        If the kernel does not cover it.
+    """
+    for system in systems:
+        validate(system)
+    layout, num_values, num_entries = layout_of(systems)
+    values = np.zeros((1, num_values))
+    rules = np.zeros((1, num_entries), dtype=np.int64)
+    cells: list[Integers] = []
+    for row, system in zip(layout, systems, strict=True):
+        for place, variable in enumerate(system.inputs):
+            fill_input(values, row, place, *_ends(variable), sample_terms(variable)[np.newaxis])
+        output = system.outputs[0]
+        memberships = sample_terms(output)
+        for term, sampled in zip(output.terms, memberships, strict=True):
+            if not is_unimodal(sampled):
+                raise NotCompilable(
+                    f"system {system.name!r} cannot be compiled: output term {term.name!r} has more than "
+                    "one peak; evaluate it with fis_tools.engines.inference"
+                )
+        default = 0.0 if output.default is None else output.default
+        fill_output(values, rules, row, *_ends(output), np.array([default]), memberships[np.newaxis])
+        rule_base = conjunctions(system)
+        assert rule_base is not None  # noqa: S101 - any other has been refused by layout_of
+        cells.append(rule_base[0])
+        fill_rules(rules, row, rule_base[0], rule_base[1][np.newaxis])
+    return Packed(layout, values, rules, tuple(cells))
+
+
+def _ends(variable: Variable) -> tuple[Floats, Floats]:
+    return np.array([variable.minimum]), np.array([variable.maximum])
+
+
+def fill_input(values: Floats, row: Any, place: int, low: Floats, high: Floats, terms: Floats) -> None:
+    """Write one input of n controllers: ends of shape (n,), memberships of shape (n, terms, points)."""
+    num_points, at = int(row.input_points[place]), int(row.input_values[place])
+    step = (high - low) / (num_points - 1)
+    values[:, at : at + HEADER] = np.stack([low, high, step, 1.0 / step], axis=-1)
+    _write(values, at + HEADER, terms.transpose(0, 2, 1))
+
+
+def fill_output(
+    values: Floats, rules: Integers, row: Any, low: Floats, high: Floats, default: Floats, terms: Floats
+) -> None:
+    """Write the output of n controllers: ends and default of shape (n,), memberships (n, terms, points)."""
+    num_terms, num_points = int(row.output_terms), int(row.output_points)
+    rules[:, row.rules : row.rules + num_terms] = terms.argmax(axis=2)
+    at = int(row.output_values)
+    values[:, at + CENTRE] = 0.5 * (low + high)
+    values[:, at + WIDTH_OF_STEP] = (high - low) / (num_points - 1)
+    values[:, at + DEFAULT] = default
+    _write(values, at + HEADER, terms)
+    _write(values, at + HEADER + num_terms * num_points, terms.transpose(0, 2, 1))
+
+
+def _write(values: Floats, at: int, table: Floats) -> None:
+    """Write a table of each controller, shape (n, ...), into its row of values."""
+    flat = table.reshape(len(table), -1)
+    values[:, at : at + flat.shape[1]] = flat
+
+
+def fill_rules(rules: Integers, row: Any, cells: Integers, consequents: Integers) -> None:
+    """Write the rules of n controllers: cells (rules, inputs) that all share, consequents (n, rules)."""
+    num_terms = int(row.output_terms)
+    at = int(row.rules) + num_terms
+    counts = row.input_terms[: row.num_inputs]
+    slots = np.where(cells < 0, ANY, cells + np.cumsum(counts) - counts)
+    order = np.argsort(consequents, axis=1, kind="stable")
+    bounds = [(consequents < term).sum(axis=1) for term in range(num_terms + 1)]
+    rules[:, at : at + num_terms + 1] = np.stack(bounds, axis=1)
+    sorted_slots = slots[order].reshape(len(consequents), -1)
+    rules[:, at + num_terms + 1 : at + num_terms + 1 + sorted_slots.shape[1]] = sorted_slots

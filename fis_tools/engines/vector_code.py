@@ -1,0 +1,411 @@
+"""The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.engines.vectors`.
+
+Importing this module registers all of it with numba; `fis_tools.engines.compiled` does so before it compiles
+anything. LLVM has vectors of any width as values and maps them to the registers that a processor has.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+try:
+    from llvmlite import ir
+    from numba import types
+    from numba.core import cgutils
+    from numba.core.errors import TypingError
+    from numba.extending import lower_builtin, models, register_model, type_callable
+except ImportError as error:
+    raise ImportError(
+        f"numba {numba.__version__} lacks what compiled vectors are made with ({error}); "
+        "they are tested with numba 0.68; install it: pip install 'numba>=0.62,<0.69'"
+    ) from error
+
+from fis_tools.engines import vectors
+
+MOST_LANES = 64
+
+I1, I32, I64, F64 = ir.IntType(1), ir.IntType(32), ir.IntType(64), ir.DoubleType()
+
+
+class VectorType(types.Type):
+    """A float in each of so many lanes."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(name=f"Vector({width})")
+
+
+class MaskType(types.Type):
+    """A truth in each of so many lanes."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(name=f"Mask({width})")
+
+
+@register_model(VectorType)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: VectorType) -> None:
+        super().__init__(manager, kind, ir.VectorType(F64, kind.width))
+
+
+@register_model(MaskType)
+class _MaskModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: MaskType) -> None:
+        super().__init__(manager, kind, ir.VectorType(I1, kind.width))
+
+
+def _width_of(width: Any) -> int:
+    """Return the width that the type of an argument stands for."""
+    lanes = getattr(width, "literal_value", None)
+    if not isinstance(lanes, int):
+        raise TypingError(f"the width of a vector is {width}; pass a constant")
+    if not (1 <= lanes <= MOST_LANES and lanes & (lanes - 1) == 0):
+        raise TypingError(f"a vector cannot be {lanes} wide; choose a power of two up to {MOST_LANES}")
+    return lanes
+
+
+def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
+    """Return what vectors of one width and numbers make together: a vector, or a float without any."""
+    found = {kind for kind in (one, other) if isinstance(kind, VectorType)}
+    rest = [kind for kind in (one, other) if not isinstance(kind, VectorType)]
+    if len(found) > 1 or not all(isinstance(kind, (types.Float, types.Integer)) for kind in rest):
+        return None
+    return found.pop() if found else types.float64
+
+
+def _typed(operation: Any, typer: Callable[..., Any]) -> None:
+    """Tell numba the type of an operation's result; a typer returns None for what does not concern it."""
+    type_callable(operation)(lambda context: typer)
+
+
+def _as(context: Any, builder: Any, value: Any, kind: Any, wanted: Any) -> Any:
+    """Return a vector, or a number as a float or as a vector of equal lanes."""
+    if isinstance(kind, VectorType):
+        return value
+    number = context.cast(builder, value, kind, types.float64)
+    return _splat(builder, number, wanted.width) if isinstance(wanted, VectorType) else number
+
+
+def _splat(builder: Any, value: Any, width: int) -> Any:
+    nothing = ir.Constant(ir.VectorType(F64, width), ir.Undefined)
+    first = builder.insert_element(nothing, value, I32(0))
+    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(I32, width), [0] * width))
+
+
+# Arithmetic, comparisons and logic
+
+
+def _binary(
+    operation: Any, result: Callable[[VectorType], Any], emit: Callable[[Any, Any, Any], Any]
+) -> None:
+    """Register an operation of two vectors, or of a vector and a number."""
+
+    def typer(one: Any, other: Any) -> Any:
+        joint = _joint(one, other)
+        return result(joint) if isinstance(joint, VectorType) else None
+
+    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        joint = _joint(*signature.args)
+        one, other = (_as(context, builder, *pair, joint) for pair in zip(args, signature.args, strict=True))
+        return emit(builder, one, other)
+
+    _typed(operation, typer)
+    for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
+        lower_builtin(operation, *kinds)(lower)
+
+
+for _plain, _in_place, _emit in (
+    (operator.add, operator.iadd, lambda builder, one, other: builder.fadd(one, other)),
+    (operator.sub, operator.isub, lambda builder, one, other: builder.fsub(one, other)),
+    (operator.mul, operator.imul, lambda builder, one, other: builder.fmul(one, other)),
+    (operator.truediv, operator.itruediv, lambda builder, one, other: builder.fdiv(one, other)),
+):
+    for _operation in (_plain, _in_place):
+        _binary(_operation, lambda vector: vector, _emit)
+
+
+def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
+    def emit(builder: Any, one: Any, other: Any) -> Any:
+        # what is NaN differs from everything, and all else is false of it
+        compare = builder.fcmp_unordered if symbol == "!=" else builder.fcmp_ordered
+        return compare(symbol, one, other)
+
+    return emit
+
+
+for _operation, _symbol in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.eq, "=="),
+    (operator.ne, "!="),
+):
+    _binary(_operation, lambda vector: MaskType(vector.width), _comparing(_symbol))
+
+
+def _logic(operations: tuple[Any, ...], emit: Callable[[Any, Any, Any], Any]) -> None:
+    def typer(one: Any, other: Any) -> Any:
+        return one if isinstance(one, MaskType) and one == other else None
+
+    for operation in operations:
+        _typed(operation, typer)
+        lower_builtin(operation, MaskType, MaskType)(
+            lambda context, builder, signature, args: emit(builder, *args)
+        )
+
+
+_logic((operator.and_, operator.iand), lambda builder, one, other: builder.and_(one, other))
+_logic((operator.or_, operator.ior), lambda builder, one, other: builder.or_(one, other))
+_logic((operator.xor, operator.ixor), lambda builder, one, other: builder.xor(one, other))
+
+
+def _unary(operation: Any, kind: type, emit: Callable[[Any, Any], Any]) -> None:
+    _typed(operation, lambda x: x if isinstance(x, kind) else None)
+    lower_builtin(operation, kind)(lambda context, builder, signature, args: emit(builder, args[0]))
+
+
+def _intrinsic(name: str) -> Callable[[Any, Any], Any]:
+    """Call a function of LLVM's own that works on vectors of any width."""
+
+    def emit(builder: Any, x: Any) -> Any:
+        kind = x.type
+        called = builder.module.declare_intrinsic(
+            f"{name}.v{kind.count}f64", (), ir.FunctionType(kind, [kind])
+        )
+        return builder.call(called, [x])
+
+    return emit
+
+
+_unary(operator.neg, VectorType, lambda builder, x: builder.fneg(x))
+_unary(operator.invert, MaskType, lambda builder, mask: builder.not_(mask))
+_unary(abs, VectorType, _intrinsic("llvm.fabs"))
+_unary(np.sqrt, VectorType, _intrinsic("llvm.sqrt"))
+_unary(np.floor, VectorType, _intrinsic("llvm.floor"))
+_unary(np.rint, VectorType, _intrinsic("llvm.rint"))
+
+
+# Choice
+
+
+def _select_type(mask: Any, one: Any, other: Any) -> Any:
+    joint = _joint(one, other)
+    if isinstance(mask, MaskType):
+        return VectorType(mask.width) if joint in (VectorType(mask.width), types.float64) else None
+    return joint if mask == types.boolean and not isinstance(joint, VectorType) else None
+
+
+def _lower_select(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    one, other = (
+        _as(context, builder, value, kind, signature.return_type)
+        for value, kind in zip(args[1:], signature.args[1:], strict=True)
+    )
+    return builder.select(args[0], one, other)
+
+
+_typed(vectors.select, _select_type)
+lower_builtin(vectors.select, types.Any, types.Any, types.Any)(_lower_select)
+
+
+def _chosen_by(symbol: str) -> Callable[[Any, Any, Any], Any]:
+    """Return the one that compares so with the other, else the other."""
+    return lambda builder, one, other: builder.select(builder.fcmp_ordered(symbol, one, other), one, other)
+
+
+def _extreme(operation: Any, symbol: str) -> None:
+    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pairs = zip(args, signature.args, strict=True)
+        one, other = (_as(context, builder, *pair, signature.return_type) for pair in pairs)
+        return _chosen_by(symbol)(builder, one, other)
+
+    _typed(operation, _joint)
+    lower_builtin(operation, types.Any, types.Any)(lower)
+
+
+_extreme(vectors.least, "<")
+_extreme(vectors.most, ">")
+
+
+# Between vectors and what they are made of
+
+
+def _vector_in(operation: Any, *kinds: Any) -> Callable[[Any], Any]:
+    """Register an operation whose last argument is the width of the vector that it returns."""
+
+    def register(emit: Any) -> Any:
+        def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return emit(context, builder, signature, *args[:-1], signature.return_type.width)
+
+        lower_builtin(operation, *kinds, types.IntegerLiteral)(lower)
+        return emit
+
+    return register
+
+
+_typed(vectors.splat, lambda value, width: VectorType(_width_of(width)))
+
+
+@_vector_in(vectors.splat, types.Number)
+def _lower_splat(context: Any, builder: Any, signature: Any, value: Any, width: int) -> Any:
+    return _as(context, builder, value, signature.args[0], signature.return_type)
+
+
+def _is_of_floats(array: Any, most_dimensions: int) -> bool:
+    """Tell whether the elements of an array's rows follow one another; others are refused."""
+    if not isinstance(array, types.Array):
+        return False
+    if array.dtype != types.float64 or array.layout != "C" or array.ndim > most_dimensions:
+        raise TypingError(
+            f"vectors are not read from {array}; pass an array of float64 in C order, "
+            f"of {'one dimension' if most_dimensions == 1 else 'one or two dimensions'}"
+        )
+    return True
+
+
+def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
+    """Return the pointer to element `at` of an array, or of two dimensions to the first of row `at`."""
+    whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
+    at = context.cast(builder, at, index, types.intp)
+    if kind.ndim == 2:
+        at = builder.mul(at, builder.extract_value(whole.shape, 1))
+    return builder.gep(whole.data, [at])
+
+
+def _load_type(array: Any, at: Any, width: Any) -> Any:
+    if not (_is_of_floats(array, 2) and isinstance(at, types.Integer)):
+        return None
+    return VectorType(_width_of(width))
+
+
+_typed(vectors.load, _load_type)
+
+
+@_vector_in(vectors.load, types.Array, types.Integer)
+def _lower_load(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
+    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    return builder.load(builder.bitcast(place, ir.VectorType(F64, width).as_pointer()), align=8)
+
+
+def _spread_type(array: Any, at: Any, width: Any) -> Any:
+    if not (_is_of_floats(array, 1) and isinstance(at, types.Integer)):
+        return None
+    return VectorType(_width_of(width))
+
+
+_typed(vectors.spread, _spread_type)
+
+
+@_vector_in(vectors.spread, types.Array, types.Integer)
+def _lower_spread(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
+    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    return _splat(builder, builder.load(place), width)
+
+
+def _store_type(array: Any, at: Any, vector: Any) -> Any:
+    is_possible = _is_of_floats(array, 2) and isinstance(at, types.Integer) and isinstance(vector, VectorType)
+    return types.none if is_possible else None
+
+
+_typed(vectors.store, _store_type)
+
+
+@lower_builtin(vectors.store, types.Array, types.Integer, VectorType)
+def _lower_store(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    array, at, vector = args
+    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    builder.store(vector, builder.bitcast(place, vector.type.as_pointer()), align=8)
+    return context.get_dummy_value()
+
+
+def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
+    is_possible = (
+        _is_of_floats(array, 1) and isinstance(at, types.Integer) and isinstance(offsets, VectorType)
+    )
+    return offsets if is_possible else None
+
+
+_typed(vectors.gather, _gather_type)
+
+
+@lower_builtin(vectors.gather, types.Array, types.Integer, VectorType)
+def _lower_gather(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    array, at, offsets = args
+    width = offsets.type.count
+    first = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    whole = builder.fptosi(offsets, ir.VectorType(I64, width))
+    found = ir.Constant(offsets.type, ir.Undefined)
+    # one by one: on most processors an instruction that gathers is no faster
+    for lane in range(width):
+        element = builder.load(builder.gep(first, [builder.extract_element(whole, I32(lane))]), align=8)
+        found = builder.insert_element(found, element, I32(lane))
+    return found
+
+
+def _of_vector(operation: Any, kind: type, result: Any) -> Callable[[Any], Any]:
+    """Register an operation that makes a scalar of a vector or a mask."""
+
+    def register(emit: Any) -> Any:
+        _typed(operation, lambda x: result if isinstance(x, kind) else None)
+        lower_builtin(operation, kind)(lambda context, builder, signature, args: emit(builder, args[0]))
+        return emit
+
+    return register
+
+
+def _by_halves(builder: Any, vector: Any, combine: Callable[[Any, Any, Any], Any]) -> Any:
+    half = vector.type.count // 2
+    while half:
+        lanes = [ir.Constant(ir.VectorType(I32, half), list(range(k, k + half))) for k in (0, half)]
+        lower, upper = (builder.shuffle_vector(vector, vector, own) for own in lanes)
+        vector = combine(builder, lower, upper)
+        half //= 2
+    return builder.extract_element(vector, I32(0))
+
+
+@_of_vector(vectors.total, VectorType, types.float64)
+def _lower_total(builder: Any, vector: Any) -> Any:
+    return _by_halves(builder, vector, lambda builder, lower, upper: builder.fadd(lower, upper))
+
+
+@_of_vector(vectors.highest, VectorType, types.float64)
+def _lower_highest(builder: Any, vector: Any) -> Any:
+    return _by_halves(builder, vector, _chosen_by(">"))
+
+
+def _as_integer(builder: Any, mask: Any) -> Any:
+    return builder.bitcast(mask, ir.IntType(mask.type.count))
+
+
+def _as_int64(builder: Any, number: Any) -> Any:
+    return number if number.type == I64 else builder.zext(number, I64)
+
+
+@_of_vector(vectors.some, MaskType, types.boolean)
+def _lower_some(builder: Any, mask: Any) -> Any:
+    number = _as_integer(builder, mask)
+    return builder.icmp_unsigned("!=", number, number.type(0))
+
+
+@_of_vector(vectors.bits, MaskType, types.uint64)
+def _lower_bits(builder: Any, mask: Any) -> Any:
+    return _as_int64(builder, _as_integer(builder, mask))
+
+
+@_of_vector(vectors.count, MaskType, types.int64)
+def _lower_count(builder: Any, mask: Any) -> Any:
+    return builder.ctpop(_as_int64(builder, _as_integer(builder, mask)))
+
+
+def _power_of_two(builder: Any, exponent: Any) -> Any:
+    """Put whole numbers where a float has its exponent, bits 52 to 62, which counts from 1023."""
+    whole = ir.VectorType(I64, exponent.type.count)
+    biased = builder.add(builder.fptosi(exponent, whole), ir.Constant(whole, [1023] * whole.count))
+    return builder.bitcast(builder.shl(biased, ir.Constant(whole, [52] * whole.count)), exponent.type)
+
+
+_unary(vectors.power_of_two, VectorType, _power_of_two)

@@ -1,0 +1,124 @@
+"""Vectors of floats: one formula for many samples, as instructions of the processor where it is compiled.
+
+A vector holds a float in each of its lanes; comparing vectors gives a mask, which holds a truth in each lane.
+``+ - * /``, comparisons, ``& | ^ ~``, `abs` and NumPy's ``sqrt``, ``floor`` and ``rint`` work lane by lane,
+between vectors and floats as well. A function that is written for floats therefore works on vectors, unless
+it branches on a comparison: it calls `select`, `least` or `most` instead, which take floats, too.
+
+Here stands what the operations mean, in NumPy: a vector is an array of shape (width,), a mask one of bools.
+Kernels run on that where numba is switched off. `fis_tools.engines.vector_code` gives the same operations to
+numba, where a vector is a value like a float. Its width is part of its type: where an operation takes a
+`width`, it is a constant, a power of two up to 64. See docs/explanation/vectors.md.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+#: A vector, or a float in its place; a mask, or a bool in its place.
+Vector = Any
+Mask = Any
+
+#: bytes that processors fetch at once, most of them
+CACHE_LINE = 64
+
+
+def splat(value: float, width: int) -> Vector:
+    """Return a vector with the same value in each of its lanes."""
+    return np.full(width, value, dtype=np.float64)
+
+
+def load(array: Floats, at: int, width: int) -> Vector:
+    """Return consecutive elements of an array of shape (n,), or of row `at` of one of shape (n, m).
+
+    Compiled code does not check that they lie inside the array, and counts no index from the end.
+    """
+    row = array[at] if array.ndim == 2 else array[at:]
+    return np.array(row[:width])
+
+
+def spread(array: Floats, at: int, width: int) -> Vector:
+    """Return a vector with one element of an array of shape (n,) in each of its lanes.
+
+    Compiled code does not check that it lies inside the array, and counts no index from the end.
+    """
+    return np.full(width, array[at])
+
+
+def store(array: Floats, at: int, vector: Vector) -> None:
+    """Write a vector to where `load` reads it."""
+    row = array[at] if array.ndim == 2 else array[at:]
+    row[: len(vector)] = vector
+
+
+def gather(array: Floats, at: int, offsets: Vector) -> Vector:
+    """Return the elements of an array of shape (n,) at offsets from an index; their fractions are cut off.
+
+    Compiled code does not check that they lie inside the array.
+    """
+    whole: NDArray[np.int64] = np.trunc(offsets).astype(np.int64)
+    return array[at + whole]
+
+
+def select(mask: Mask, one: Vector, other: Vector) -> Vector:
+    """Return `one` where the mask holds, elsewhere `other`."""
+    return np.asarray(np.where(mask, one, other))[()]
+
+
+def least(one: Vector, other: Vector) -> Vector:
+    """Return the lesser; `other` where they are equal or one of them is NaN."""
+    return select(one < other, one, other)
+
+
+def most(one: Vector, other: Vector) -> Vector:
+    """Return the greater; `other` where they are equal or one of them is NaN."""
+    return select(one > other, one, other)
+
+
+def total(vector: Vector) -> float:
+    """Return the sum over the lanes: the upper half is added to the lower one until one lane is left."""
+    while len(vector) > 1:
+        vector = vector[: len(vector) // 2] + vector[len(vector) // 2 :]
+    return float(vector[0])
+
+
+def highest(vector: Vector) -> float:
+    """Return the greatest of the lanes, found by halves as by `total`; no lane is NaN."""
+    while len(vector) > 1:
+        vector = most(vector[: len(vector) // 2], vector[len(vector) // 2 :])
+    return float(vector[0])
+
+
+def some(mask: Mask) -> bool:
+    """Tell whether a mask holds in any lane."""
+    return bool(np.any(mask))
+
+
+def count(mask: Mask) -> int:
+    """Return in how many lanes a mask holds."""
+    return int(np.count_nonzero(mask))
+
+
+def bits(mask: Mask) -> int:
+    """Return a mask as the bits of an integer, the first lane lowest; of at most 64 lanes."""
+    return int(sum(1 << lane for lane in np.flatnonzero(mask).tolist()))
+
+
+def power_of_two(exponent: Vector) -> Vector:
+    """Return two to the power of whole numbers from -1022 to 1023."""
+    return np.ldexp(1.0, np.asarray(exponent).astype(np.int64))[()]
+
+
+def padded(count: int, width: int) -> int:
+    """Return the least number of lanes of whole vectors that hold so many values."""
+    return -(-count // width) * width
+
+
+def aligned(count: int, dtype: Any = np.float64) -> Any:
+    """Allocate zeros, shape (count,), so that no vector in whole rows lies across two lines of the cache."""
+    kind = np.dtype(dtype)
+    room = np.zeros(count * kind.itemsize + CACHE_LINE, dtype=np.uint8)
+    skipped = -room.ctypes.data % CACHE_LINE
+    return room[skipped : skipped + count * kind.itemsize].view(kind)

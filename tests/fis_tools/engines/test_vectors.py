@@ -1,0 +1,355 @@
+"""Vectors against NumPy, compiled; and the same where numba is switched off."""
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numba import njit
+from numba.core.errors import TypingError
+from numpy.typing import NDArray
+
+from fis_tools.engines import vector_code
+from fis_tools.engines.vectors import (
+    CACHE_LINE,
+    aligned,
+    bits,
+    count,
+    gather,
+    highest,
+    least,
+    load,
+    most,
+    padded,
+    power_of_two,
+    select,
+    some,
+    splat,
+    spread,
+    store,
+    total,
+)
+from tests.places import PROJECT
+
+Floats = NDArray[np.float64]
+Kernel = Callable[..., None]
+
+#: narrower and wider than the registers of any processor
+WIDTHS = (1, 2, 8, 16, vector_code.MOST_LANES)
+SPECIAL = [0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324, -1e-310, 1.7e308, 0.5, 2.5, -3.5, 1e17]
+
+when_compiled = pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="numba is switched off: nothing is typed"
+)
+
+
+def same(found: Floats, expected: Floats) -> None:
+    """Equal to the last bit, signs of zeros included; any NaN is like any other."""
+    np.testing.assert_array_equal(found, expected)
+    is_number = ~np.isnan(expected)
+    np.testing.assert_array_equal(np.signbit(found)[is_number], np.signbit(expected)[is_number])
+
+
+def pairs(width: int) -> st.SearchStrategy[Floats]:
+    """Two rows of numbers, among them those that are easily got wrong."""
+    numbers = st.sampled_from(SPECIAL) | st.floats(-1e3, 1e3)
+    return arrays(np.float64, (2, width), elements=numbers)
+
+
+@cache
+def arithmetic(width: int) -> Kernel:
+    @njit(error_model="numpy")
+    def run(a: Floats, b: Floats, number: float, out: Floats) -> None:
+        x, y = load(a, 0, width), load(b, 0, width)
+        store(out, 0, x + y)
+        store(out, 1, x - y)
+        store(out, 2, x * y)
+        store(out, 3, x / y)
+        store(out, 4, -x)
+        store(out, 5, abs(x))
+        store(out, 6, np.sqrt(abs(x)))
+        store(out, 7, np.floor(x))
+        store(out, 8, np.rint(x))
+        store(out, 9, number - x)
+        store(out, 10, x / number)
+        store(out, 11, 2 * x)
+        z = splat(number, width)
+        z += x
+        z *= 3
+        z -= y
+        z /= number
+        store(out, 12, z)
+        store(out, 13, least(x, y))
+        store(out, 14, most(x, y))
+        store(out, 15, least(x, number))
+        store(out, 16, most(0, x))
+
+    return run
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_arithmetic_is_that_of_numpy(width: int) -> None:
+    @settings(max_examples=60, deadline=None)
+    @given(pairs(width), st.floats(0.1, 10.0))
+    def check(rows: Floats, number: float) -> None:
+        x, y = rows
+        out = np.zeros((17, width))
+        with np.errstate(all="ignore"):
+            arithmetic(width)(x, y, number, out)
+            expected = [
+                *(x + y, x - y, x * y, x / y, -x, np.abs(x), np.sqrt(np.abs(x)), np.floor(x), np.rint(x)),
+                *(number - x, x / number, 2.0 * x, ((number + x) * 3.0 - y) / number),
+                *(np.where(x < y, x, y), np.where(x > y, x, y), np.where(x < number, x, number)),
+                np.where(x < 0.0, 0.0, x),
+            ]
+        for found, truth in zip(out, expected, strict=True):
+            same(found, truth)
+
+    check()
+
+
+@cache
+def choices(width: int) -> Kernel:
+    @njit(error_model="numpy")
+    def run(a: Floats, b: Floats, number: float, out: Floats, whole: NDArray[np.uint64]) -> None:
+        x, y = load(a, 0, width), load(b, 0, width)
+        store(out, 0, select(x < y, x, y))
+        store(out, 1, select(x <= y, 1.0, 0))
+        store(out, 2, select(x > y, x, number))
+        store(out, 3, select(x >= y, 1, y))
+        store(out, 4, select(x == y, 1.0, 0.0))
+        store(out, 5, select(x != y, 1.0, 0.0))
+        store(out, 6, select((x < y) & (x > number), 1.0, 0.0))
+        store(out, 7, select((x < y) | (x > number), 1.0, 0.0))
+        store(out, 8, select((x < y) ^ (x > number), 1.0, 0.0))
+        mask = ~(x < number)
+        mask &= y > -number
+        store(out, 9, select(mask, 1.0, 0.0))
+        whole[0] = bits(x < y)
+        whole[1] = count(x < y)
+        whole[2] = some(x < y)
+
+    return run
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_comparisons_logic_and_choice_are_those_of_numpy(width: int) -> None:
+    @settings(max_examples=60, deadline=None)
+    @given(pairs(width), st.floats(-2.0, 2.0))
+    def check(rows: Floats, number: float) -> None:
+        x, y = rows
+        out, whole = np.zeros((10, width)), np.zeros(3, dtype=np.uint64)
+        choices(width)(x, y, number, out, whole)
+        truths = [
+            *(x == y, x != y, (x < y) & (x > number), (x < y) | (x > number), (x < y) ^ (x > number)),
+            ~(x < number) & (y > -number),
+        ]
+        chosen = [
+            *(np.where(x < y, x, y), np.where(x <= y, 1.0, 0.0)),
+            *(np.where(x > y, x, number), np.where(x >= y, 1.0, y)),
+        ]
+        for found, truth in zip(out, [*chosen, *(mask.astype(np.float64) for mask in truths)], strict=True):
+            same(found, truth)
+        packed = np.packbits(x < y, bitorder="little").tobytes()
+        assert whole.tolist() == [int.from_bytes(packed, "little"), (x < y).sum(), (x < y).any()]
+
+    check()
+
+
+@cache
+def reductions(width: int) -> Kernel:
+    @njit(error_model="numpy")
+    def run(a: Floats, out: Floats) -> None:
+        x = load(a, 0, width)
+        out[0], out[1] = total(x), highest(x)
+
+    return run
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_sums_and_greatest_lanes(width: int) -> None:
+    @settings(max_examples=60, deadline=None)
+    @given(arrays(np.float64, width, elements=st.floats(-1e6, 1e6)))
+    def check(x: Floats) -> None:
+        out = np.zeros(2)
+        reductions(width)(x, out)
+        assert out[1] == x.max()
+        bound = 2.3e-16 * math.log2(2 * width) * np.abs(x).sum()
+        assert abs(out[0] - math.fsum(x)) <= bound
+
+    check()
+
+
+def test_a_sum_is_taken_by_halves() -> None:
+    # (1e17 + 1) + (1 - 1e17), where adding from the left gives 0 and exactly it were 2
+    out = np.zeros(2)
+    reductions(8)(np.array([1e17, 1.0, 0.0, 0.0, -1e17, 1.0, 0.0, 0.0]), out)
+    assert out[0] == 2.0
+    reductions(8)(np.array([1e17, -1e17, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]), out)
+    assert out[0] == 0.0
+
+
+@cache
+def places(width: int) -> Kernel:
+    @njit(error_model="numpy")
+    def run(flat: Floats, table: Floats, at: int, offsets: Floats, out: Floats) -> None:
+        store(out, 0, load(flat, at, width))
+        store(out, 1, load(table, at, width))
+        store(out, 2, spread(flat, at, width))
+        store(out, 3, gather(flat, at, load(offsets, 0, width)))
+        store(out, 4, power_of_two(load(offsets, 0, width) - 500.0))
+        before = load(out, 0, width)
+        store(out, 0, splat(7, width))  # what has been read stays as it was
+        store(flat, at + 1, before)
+
+    return run
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
+    generator = np.random.default_rng(width)
+    flat, table = generator.random(200), generator.random((5, width + 3))
+    offsets = generator.integers(-3, 100, width) + 0.0
+    offsets += np.sign(offsets) * generator.choice([0.0, 0.999], width)  # the fraction is cut off
+    before, out = flat.copy(), np.zeros((5, width))
+    places(width)(flat, table, 3, offsets, out)
+    same(out[0], np.full(width, 7.0))
+    same(out[1], table[3, :width])
+    same(out[2], np.full(width, before[3]))
+    same(out[3], before[3 + np.trunc(offsets).astype(int)])
+    expected = before.copy()
+    expected[4 : 4 + width] = before[3 : 3 + width]
+    same(flat, expected)
+
+
+def test_powers_of_two_are_exact_over_all_normal_numbers() -> None:
+    exponents = np.arange(-1022.0, 1024.0)
+    exponents = np.resize(exponents, padded(len(exponents), 64))
+
+    @njit(error_model="numpy")
+    def run(exponents: Floats, out: Floats) -> None:
+        for at in range(0, len(exponents), 64):
+            store(out, at, power_of_two(load(exponents, at, 64)))
+
+    out = np.zeros(len(exponents))
+    run(exponents, out)
+    same(out, np.ldexp(1.0, exponents.astype(int)))
+
+
+@njit(error_model="numpy")
+def clipped_root(x: float, limit: float) -> float:
+    """A function as one writes it for floats."""
+    return select(x > 0.0, least(np.sqrt(abs(x)), limit), -limit)
+
+
+@njit(error_model="numpy")
+def roots(a: Floats, out: Floats) -> None:
+    store(out, 0, clipped_root(load(a, 0, 8), 1.5))
+    out[8] = clipped_root(a[3], 1.5)
+
+
+def test_a_function_for_floats_works_on_vectors() -> None:
+    a, out = np.array([-1.0, 0.0, 0.25, 1.0, 2.0, 4.0, 9.0, np.inf]), np.zeros(9)
+    roots(a, out)
+    same(out, np.array([-1.5, -1.5, 0.5, 1.0, math.sqrt(2.0), 1.5, 1.5, 1.5, 1.0]))
+
+
+@njit(error_model="numpy")
+def record_total(room: NDArray[np.void]) -> float:
+    rows = room[0].rows
+    store(rows, 1, 2.0 * load(rows, 0, 8))
+    return total(load(rows, 1, 8))
+
+
+def test_rows_of_a_record_are_read_and_written() -> None:
+    room = aligned(1, np.dtype([("rows", np.float64, (2, 8))])).view(np.recarray)
+    room[0].rows[0] = np.arange(8.0)
+    assert record_total(room) == 56.0
+    same(room[0].rows[1], 2.0 * np.arange(8.0))
+
+
+@pytest.mark.parametrize("length", [1, 3, 1000])
+def test_aligned_rooms_begin_with_a_line_of_the_cache_and_are_empty(length: int) -> None:
+    for kind in (np.float64, np.dtype([("x", np.float64, 16)])):
+        room = aligned(length, kind)
+        assert room.ctypes.data % CACHE_LINE == 0
+        assert (room.shape, room.dtype) == ((length,), np.dtype(kind))
+        assert not room.tobytes().strip(b"\0")
+
+
+@pytest.mark.parametrize(("number", "width", "lanes"), [(0, 8, 0), (1, 8, 8), (8, 8, 8), (99, 8, 104)])
+def test_padded_lengths_are_whole_vectors(number: int, width: int, lanes: int) -> None:
+    assert padded(number, width) == lanes
+
+
+@when_compiled
+@pytest.mark.parametrize("width", [0, 3, 12, 128])
+def test_other_widths_are_refused(width: int) -> None:
+    @njit
+    def run(a: Floats) -> float:
+        return total(load(a, 0, width))
+
+    with pytest.raises(TypingError, match=f"a vector cannot be {width} wide; choose a power of two up to 64"):
+        run(np.zeros(200))
+
+
+@when_compiled
+def test_widths_that_are_no_constant_are_refused() -> None:
+    @njit
+    def run(a: Floats, width: int) -> float:
+        return total(load(a, 0, width))
+
+    with pytest.raises(TypingError, match="the width of a vector is int64; pass a constant"):
+        run(np.zeros(8), 8)
+
+
+@when_compiled
+@pytest.mark.parametrize("array", [np.zeros(16)[::2], np.zeros(8, dtype=np.float32), np.zeros((2, 2, 8))])
+def test_arrays_that_hold_no_vectors_are_refused(array: Floats) -> None:
+    @njit
+    def run(a: Floats) -> float:
+        return total(load(a, 0, 8))
+
+    with pytest.raises(TypingError, match="pass an array of float64 in C order"):
+        run(array)
+
+
+@when_compiled
+def test_vectors_of_different_widths_do_not_mix() -> None:
+    @njit
+    def run(a: Floats) -> float:
+        return total(load(a, 0, 8) + load(a, 0, 4))
+
+    with pytest.raises(TypingError, match=r"Vector\(8\), Vector\(4\)"):
+        run(np.zeros(8))
+
+
+def run(command: list[str], **variables: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | variables
+    return subprocess.run(  # noqa: S603
+        command, check=False, cwd=PROJECT, env=environment, capture_output=True, text=True
+    )
+
+
+@when_compiled
+def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
+    program = "import numba.extending as e\ndel e.type_callable\nimport fis_tools.engines.vector_code\n"
+    done = run([sys.executable, "-c", program])
+    assert done.returncode != 0
+    assert "lacks what compiled vectors are made with" in done.stderr
+    assert "pip install 'numba>=0.62" in done.stderr
+
+
+@when_compiled
+def test_the_same_without_numba() -> None:
+    done = run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__], NUMBA_DISABLE_JIT="1"
+    )
+    assert done.returncode == 0, done.stdout
