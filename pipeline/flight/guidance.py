@@ -6,24 +6,20 @@ centre. Two kinds are offered: the centroid of all candidates, and the centre ne
 Information Theory 28(2), 1982).
 
 `cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")``
-move by move, relocation of empty clusters included, and `choose_cluster_sklearn` calls it: the twins agree to
-rounding unless two distances tie. Clusters are warm: each step starts from the centres of the step before.
+move by move, relocation of empty clusters included; `pipeline.flight.reference.guidance` calls that one: the
+two agree to rounding unless two distances tie. Clusters are warm: each step starts from the centres of the
+step before.
 
 Compiled functions take candidates as an array of shape (3, P), one row an axis, of which the first
 `num_candidates` columns count; they allocate nothing but what they return.
 """
 
-from functools import cache
-from math import atan2, hypot, pi, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-
-if TYPE_CHECKING:  # compiled code depends on what this file imports, and on no setting
-    from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -35,51 +31,8 @@ MAX_ITERATIONS = 50
 CENTRE_SHIFT_M = 0.5
 #: squared distances this close are equal, so that rounding does not choose between mirrored points, m^2
 TIE_M2 = 1e-9
-#: seconds between the places at which a deputy foresees what coasting would show it; the Sun turns by 8 deg
-PREVIEW_PERIOD_S = 120.0
 #: projections shorter than this have no angle, m
 MIN_PROJECTION_M = 1e-9
-
-
-def preview_stride(mission: "Mission") -> int:
-    """Return the control periods between the places at which coasting is foreseen."""
-    return max(1, round(PREVIEW_PERIOD_S / mission.control_period_s))
-
-
-class ClusterMemory(NamedTuple):
-    """Arrays that clustering works in; `centres` and `num_centres` carry over from step to step.
-
-    Attributes
-    ----------
-    centres : array, shape (C, 3)
-        Of the last step, m, Hill axes; the first ``num_centres[0]`` rows count.
-    num_centres : array of int, shape (1,)
-        Zero where the last step had no candidates.
-    labels : array of int, shape (2, P)
-        Cluster of each candidate, in two consecutive passes.
-    distances : array, shape (P,)
-        Squared, from each candidate to its centre, m^2.
-    sums : array, shape (C, 4)
-        Coordinates summed over each cluster, m, and their number.
-    """
-
-    centres: Floats
-    num_centres: Integers
-    labels: Integers
-    distances: Floats
-    sums: Floats
-
-
-def cluster_memory(num_points: int) -> ClusterMemory:
-    """Return the memory of a flight around `num_points` points that has not chosen yet."""
-    most = num_clusters(num_points)
-    return ClusterMemory(
-        centres=np.zeros((most, 3)),
-        num_centres=np.zeros(1, dtype=np.int64),
-        labels=np.zeros((2, num_points), dtype=np.int64),
-        distances=np.zeros(num_points),
-        sums=np.zeros((most, 4)),
-    )
 
 
 @compiled
@@ -351,118 +304,3 @@ def nearest_centre(centres: Floats, num_centres: int, position_h: Floats) -> int
             nearest = distance
             chosen = j
     return chosen
-
-
-@compiled
-def choose_centroid(
-    candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
-) -> Floats:
-    """Return the mean of the candidates, of which there is at least one, shape (3,); the rest is not used."""
-    target = np.zeros(3)
-    for axis in range(3):
-        for i in range(num_candidates):
-            target[axis] += candidates[axis, i]
-    return target / num_candidates
-
-
-@compiled
-def choose_cluster(
-    candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
-) -> Floats:
-    """Return the centre of the cluster nearest the deputy.
-
-    Parameters
-    ----------
-    candidates : array, shape (3, P)
-        m, Hill axes; the first `num_candidates` columns count.
-    num_candidates : int
-        At least 1; a step without candidates sets ``memory.num_centres[0]`` to zero instead.
-    position_h : array, shape (3,)
-        Of the deputy, m, Hill axes.
-    memory : ClusterMemory
-        In and out.
-
-    Returns
-    -------
-    array, shape (3,)
-        m, Hill axes.
-    """
-    memory.num_centres[0] = cluster_centres(
-        candidates,
-        num_candidates,
-        position_h,
-        memory.centres,
-        memory.num_centres[0],
-        memory.labels,
-        memory.distances,
-        memory.sums,
-    )
-    target: Floats = memory.centres[nearest_centre(memory.centres, memory.num_centres[0], position_h)].copy()
-    return target
-
-
-@cache
-def _kmeans() -> tuple[Any, Any]:
-    """Return scikit-learn's KMeans and what keeps it to one thread; a second to import, and only here."""
-    from sklearn.cluster import KMeans  # noqa: PLC0415
-    from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # noqa: PLC0415
-
-    return KMeans, ThreadpoolController()
-
-
-def choose_cluster_sklearn(
-    candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
-) -> Floats:
-    """Return what `choose_cluster` does, by scikit-learn's KMeans; plain Python."""
-    kmeans, threads = _kmeans()
-    wanted = start_centres(
-        candidates,
-        num_candidates,
-        position_h,
-        memory.centres,
-        int(memory.num_centres[0]),
-        memory.labels[0],
-        memory.distances,
-    )
-    # So few points are clustered by one thread; others would only wait for each other.
-    with threads.limit(limits=1, user_api="openmp"):
-        fitted = kmeans(
-            n_clusters=wanted,
-            init=memory.centres[:wanted],
-            n_init=1,
-            max_iter=MAX_ITERATIONS,
-            tol=0,
-            algorithm="lloyd",
-        ).fit(candidates[:, :num_candidates].T)
-    memory.centres[:wanted] = fitted.cluster_centers_
-    memory.num_centres[0] = wanted
-    target: Floats = memory.centres[nearest_centre(memory.centres, wanted, position_h)].copy()
-    return target
-
-
-@compiled
-def relative_angle(target_a: float, target_b: float, position_a: float, position_b: float) -> float:
-    """Return the angle from the deputy's direction to the target's in a plane of Hill axes a and b.
-
-    In the i-j plane this is the paper's lambda_u, in the i-k plane eta_u.
-
-    Parameters
-    ----------
-    target_a, target_b : float
-        Components of p_u, m.
-    position_a, position_b : float
-        Components of the deputy's position, m.
-
-    Returns
-    -------
-    float
-        In (-pi, pi], rad; zero where a projection is shorter than `MIN_PROJECTION_M`.
-    """
-    if hypot(target_a, target_b) < MIN_PROJECTION_M or hypot(position_a, position_b) < MIN_PROJECTION_M:
-        return 0.0
-    angle = atan2(target_b, target_a) - atan2(position_b, position_a)
-    if angle > pi:
-        return angle - 2.0 * pi
-    if angle <= -pi:
-        return angle + 2.0 * pi
-    return angle

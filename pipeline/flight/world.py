@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
-from pipeline.flight.guidance import preview_stride
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.safety import guard_of
+from pipeline.flight.preview import preview_stride
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement

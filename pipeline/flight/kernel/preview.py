@@ -1,6 +1,6 @@
 """What the deputies of all lanes would see if they fired no more: free motion followed to the flight's end.
 
-Places are foreseen every `pipeline.flight.guidance.PREVIEW_PERIOD_S`, with the camera on the chief's centre.
+Places are foreseen every `pipeline.flight.preview.PREVIEW_PERIOD_S`, with the camera on the chief's centre.
 Written out plainly in `pipeline.flight.reference.preview`.
 """
 

@@ -1,34 +1,31 @@
 """One flight in plain order: the readable truth that the fast kernel is tested against.
 
 At each sample k the deputy inspects, chooses a target among the candidates and infers a force, which is held
-for a control period while the attitude clock ticks. The equations are those of `pipeline.physics`, called one
-by one on small arrays.
-
-`fly` runs in plain Python with any engine for inference and guidance. `fly_compiled` is the same function
-compiled, with the inference of `pipeline.flight.reference.inference`: the baseline of the benchmark.
+for a control period while the attitude clock ticks. The order of things is plain Python; the equations are
+those of `pipeline.physics`, called one by one on small arrays.
 """
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.engines import interpreter
 from fis_tools.engines.compiled import compiled
-from pipeline.flight.guidance import (
-    ClusterMemory,
+from fis_tools.engines.program import assemble
+from fis_tools.model import FuzzySystem
+from pipeline.flight.log import FlightLog, Scenario, empty_log
+from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
+from pipeline.flight.reference.guidance import (
+    ChooseTarget,
     choose_centroid,
     choose_cluster,
     choose_cluster_sklearn,
     cluster_memory,
     relative_angle,
 )
-from pipeline.flight.log import FlightLog, Scenario, empty_log
-from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
-from pipeline.flight.reference.engines import ChooseTarget, Infer, choose_target, infer
-from pipeline.flight.reference.inference import PackedSystems
 from pipeline.flight.reference.preview import preview
-from pipeline.flight.reference.safety import SafetyWorld, assured, safety_world_of
+from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.flight.reference.world import World, turn_chief, world_of
 from pipeline.flight.signals import DEAD_BAND, PREVIEW, URGENCY, constant
@@ -47,6 +44,9 @@ Booleans = NDArray[np.bool_]
 
 COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
+
+#: place of a system in the channels, inputs of shape (3,) -> output, N
+Infer = Callable[[int, Floats], float]
 
 
 @compiled
@@ -170,20 +170,54 @@ def clipped(force_h: Floats, max_force: float) -> Floats:
     return np.minimum(np.maximum(force_h, -max_force), max_force)
 
 
-def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
-    world: World,
-    safety: SafetyWorld,
+def inference_of(systems: Sequence[FuzzySystem]) -> Infer:
+    """Return the inference of some systems, of one output each, by the interpreter of any system."""
+    programs = [assemble(system) for system in systems]
+
+    def infer(system: int, inputs: Floats) -> float:
+        row = inputs[np.newaxis, : len(systems[system].inputs)]
+        return float(interpreter.evaluate(programs[system], row)[0, 0])
+
+    return infer
+
+
+def guidance_of(mission: Mission) -> ChooseTarget:
+    """Return what chooses the targets of a mission."""
+    if mission.guidance.kind == "centroid":
+        return choose_centroid
+    return choose_cluster_sklearn if mission.guidance.engine == "sklearn" else choose_cluster
+
+
+def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
+    mission: Mission,
+    scenario: Scenario,
     channels: Channels,
-    start: Floats,
-    initial_sun_angle: float,
-    inference: Any,
-    guidance: Any,
-    memory: ClusterMemory,
-    log: FlightLog,
-) -> None:
-    """Fly from a start of shape (6,), m and m/s in Hill axes, and write the log."""
+    infer: Infer,
+    choose_target: ChooseTarget | None = None,
+) -> FlightLog:
+    """Fly once.
+
+    Parameters
+    ----------
+    mission : Mission
+        Valid settings.
+    scenario : Scenario
+        The start.
+    channels : Channels
+        How the controller is wired.
+    infer : callable
+        Returns the output of a system, N, from its place in `channels` and three inputs, of which the last
+        may be unused: `inference_of` its systems, or any other engine.
+    choose_target : callable, optional
+        By default the one of the mission, `guidance_of`.
+    """
+    world, safety = world_of(mission), safety_world_of(mission)
     num_points = len(world.points_c)
-    state = start
+    choose_target = choose_target or guidance_of(mission)
+    memory = cluster_memory(num_points)
+    log = empty_log(world.num_controls, world.num_ticks, num_points, len(channels.axes))
+    initial_sun_angle = float(scenario.sun_angle_rad)
+    state = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
     quaternion = np.array([0.0, 0.0, 0.0, 1.0])
     rate = np.array([0.0, 0.0, world.mean_motion])
     y = np.array(FIRST_Y)
@@ -214,7 +248,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         num_candidates = gather_candidates(points_h, is_lit, is_inspected, candidates)
         target = np.zeros(3)
         if num_candidates > 0:
-            target = choose_target(guidance, candidates, num_candidates, position, memory)
+            target = choose_target(candidates, num_candidates, position, memory)
         else:
             memory.num_centres[0] = 0
         lambda_u = relative_angle(target[0], target[1], position[0], position[1])
@@ -271,7 +305,7 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
                 for i in range(MAX_INPUTS):
                     if channels.signals[f, i] >= 0:
                         inputs[i] = signals[channels.signals[f, i]]
-                output = infer(inference, f, inputs)
+                output = infer(f, inputs)
                 if abs(output) >= constants[DEAD_BAND + channels.axes[f]] and not is_coasting:
                     commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
@@ -303,73 +337,4 @@ def _episode(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one pi
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
         state = propagate(state, force_h, world.control_transition, world.control_input)
         delta_v += np.abs(force_h).sum() * world.control_period / world.mass
-
-
-_compiled_episode = compiled(_episode)
-
-
-def fly(
-    mission: Mission,
-    scenario: Scenario,
-    channels: Channels,
-    inference: Infer,
-    guidance: ChooseTarget | None = None,
-) -> FlightLog:
-    """Fly once in plain Python, with any engine.
-
-    Parameters
-    ----------
-    mission : Mission
-        Valid settings.
-    scenario : Scenario
-        The start.
-    channels : Channels
-        How the controller is wired.
-    inference : callable
-        Returns the output of a system, N, from its place in `channels` and three inputs, of which the last
-        may be unused.
-    guidance : callable, optional
-        Chooses a target as `pipeline.flight.guidance.choose_cluster` does; by default the one that
-        ``mission.guidance`` names.
-    """
-    if guidance is None and mission.guidance.kind == "centroid":
-        guidance = choose_centroid
-    elif guidance is None:
-        guidance = choose_cluster_sklearn if mission.guidance.engine == "sklearn" else choose_cluster
-    return _fly(_episode, mission, scenario, channels, inference, guidance)
-
-
-def fly_compiled(
-    mission: Mission, scenario: Scenario, channels: Channels, systems: PackedSystems
-) -> FlightLog:
-    """Fly once, compiled from the same lines as `fly`, with our own inference and guidance.
-
-    Parameters
-    ----------
-    mission : Mission
-        Valid settings.
-    scenario : Scenario
-        The start.
-    channels : Channels
-        How the controller is wired.
-    systems : PackedSystems
-        Of `pipeline.flight.reference.inference.pack`; ``pack([])`` beside a plan.
-    """
-    is_clustered = mission.guidance.kind == "clusters"
-    return _fly(_compiled_episode, mission, scenario, channels, systems, is_clustered)
-
-
-def _fly(
-    episode: Callable[..., None],
-    mission: Mission,
-    scenario: Scenario,
-    channels: Channels,
-    inference: Any,
-    guidance: Any,
-) -> FlightLog:
-    world, safety = world_of(mission), safety_world_of(mission)
-    log = empty_log(world.num_controls, world.num_ticks, len(world.points_c), len(channels.axes))
-    memory = cluster_memory(len(world.points_c))
-    start = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
-    episode(world, safety, channels, start, float(scenario.sun_angle_rad), inference, guidance, memory, log)
     return log

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from pipeline.flight.guidance import preview_stride
+from pipeline.flight.preview import preview_stride
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.rigid_body import tumbling_step

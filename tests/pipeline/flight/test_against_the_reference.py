@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.flight.controller import Controller, coast, constants_of, law_of, open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.reference.channels import channels_of
-from pipeline.flight.reference.inference import pack
-from pipeline.flight.reference.loop import fly_compiled
+from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.flight.simulation import fly_logged
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import (
@@ -109,7 +108,7 @@ POINTED = {
 def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
     plan = None if controller.plan is None else law_of(controller, what.num_controls).plan
     channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
-    return fly_logged(what, controller, start), fly_compiled(what, start, channels, pack(controller.systems))
+    return fly_logged(what, controller, start), fly(what, start, channels, inference_of(controller.systems))
 
 
 @pytest.mark.parametrize("name", FLOWN)

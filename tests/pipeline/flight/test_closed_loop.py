@@ -16,8 +16,7 @@ from threadpoolctl import ThreadpoolController
 from fis_tools.engines import inference
 from pipeline.flight.log import Scenario
 from pipeline.flight.reference.channels import channels_of
-from pipeline.flight.reference.inference import pack
-from pipeline.flight.reference.loop import fly_compiled
+from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.missions import (
     BEHIND,
@@ -231,7 +230,7 @@ MISSIONS = {
 @pytest.mark.parametrize("name", MISSIONS)
 def test_the_reference_flies_as_the_second_implementation_does(name):
     mission, scenario, systems, force_axes = MISSIONS[name]
-    log = fly_compiled(mission, scenario, channels_of(systems, force_axes), pack(systems))
+    log = fly(mission, scenario, channels_of(systems, force_axes), inference_of(systems))
     second = SecondFlight(mission, scenario, systems, force_axes).fly()
 
     assert np.any(log.force_hill_n)

@@ -8,15 +8,17 @@ from threadpoolctl import ThreadpoolController
 
 from pipeline.flight.guidance import (
     CENTRE_SHIFT_M,
+    cluster_centres,
+    nearest_centre,
+    num_clusters,
+    start_centres,
+)
+from pipeline.flight.reference.guidance import (
     choose_centroid,
     choose_cluster,
     choose_cluster_sklearn,
-    cluster_centres,
     cluster_memory,
-    nearest_centre,
-    num_clusters,
     relative_angle,
-    start_centres,
 )
 from pipeline.physics.inspection_points import regular_placement
 from pipeline.physics.visibility import is_in_view

@@ -8,11 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from fis_tools.engines import inference
 from fis_tools.scikit_fuzzy.build import ReferenceEngine
-from pipeline.flight.guidance import choose_cluster
 from pipeline.flight.log import Scenario
 from pipeline.flight.reference.channels import channels_of
-from pipeline.flight.reference.inference import infer, pack
-from pipeline.flight.reference.loop import fly, fly_compiled
+from pipeline.flight.reference.guidance import choose_cluster
+from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.missions import (
     BEHIND,
@@ -32,7 +31,7 @@ STEERING = steering_systems()
 @pytest.fixture(scope="module")
 def complete_flight():
     """All 99 points are inspected before the hour is over."""
-    return fly_compiled(PAPER, BEHIND, channels_of(STEERING), pack(STEERING))
+    return fly(PAPER, BEHIND, channels_of(STEERING), inference_of(STEERING))
 
 
 def assert_same(log, other, tolerance):
@@ -51,15 +50,7 @@ def test_scikit_fuzzy_and_scikit_learn_fly_the_same():
     by_libraries = fly(
         mission, BEHIND, channels_of(STEERING), lambda f, x: float(engines[f].compute(x[:2])[0])
     )
-    assert_same(fly_compiled(SHORT, BEHIND, channels_of(STEERING), pack(STEERING)), by_libraries, 1e-9)
-
-
-def test_plain_python_is_what_is_compiled():
-    packed = pack(STEERING)
-    for kind in ("centroid", "clusters"):
-        mission = replace(SHORT, guidance=replace(PAPER.guidance, kind=kind))
-        plain = fly(mission, BEHIND, channels_of(STEERING), lambda f, x: infer(packed, f, x))
-        assert_same(fly_compiled(mission, BEHIND, channels_of(STEERING), packed), plain, 1e-12)
+    assert_same(fly(SHORT, BEHIND, channels_of(STEERING), inference_of(STEERING)), by_libraries, 1e-9)
 
 
 def test_any_guidance_can_be_flown():
@@ -74,7 +65,7 @@ def test_any_guidance_can_be_flown():
 
 
 def test_it_starts_as_the_mission_says():
-    log = fly_compiled(SHORT, BEHIND, channels_of(STEERING), pack(STEERING))
+    log = fly(SHORT, BEHIND, channels_of(STEERING), inference_of(STEERING))
     np.testing.assert_array_equal(log.position_m[0], BEHIND.position_m)
     np.testing.assert_array_equal(log.quaternion_b_from_h[0], [0.0, 0.0, 0.0, 1.0])
     np.testing.assert_array_equal(log.angular_velocity_b_rad_s[0], [0.0, 0.0, MEAN_MOTION])
@@ -84,7 +75,7 @@ def test_it_starts_as_the_mission_says():
 
 
 def test_the_attitude_clock_starts_at_each_sample():
-    log = fly_compiled(SHORT, BEHIND, channels_of(STEERING), pack(STEERING))
+    log = fly(SHORT, BEHIND, channels_of(STEERING), inference_of(STEERING))
     assert log.attitude_quaternion.shape == (20, 10, 4)
     np.testing.assert_array_equal(log.attitude_quaternion[:, 0], log.quaternion_b_from_h[:-1])
     np.testing.assert_array_equal(log.attitude_rate_b_rad_s[:, 0], log.angular_velocity_b_rad_s[:-1])
@@ -92,7 +83,7 @@ def test_the_attitude_clock_starts_at_each_sample():
 
 
 def test_systems_sense_the_logged_state():
-    log = fly_compiled(SHORT, BEHIND, channels_of(STEERING), pack(STEERING))
+    log = fly(SHORT, BEHIND, channels_of(STEERING), inference_of(STEERING))
     body_velocity = Rotation.from_quat(log.quaternion_b_from_h).inv().apply(log.velocity_m_s)[:-1]
     distance = np.linalg.norm(log.position_m, axis=1)[:-1]
     first = [distance, log.lambda_u_rad[:-1], log.eta_u_rad[:-1]]
@@ -106,7 +97,7 @@ def test_systems_sense_the_logged_state():
 
 def test_body_forces_are_turned_to_hill_then_clipped_there():
     mission = replace(SHORT, deputy=replace(PAPER.deputy, max_force_n=0.01))
-    log = fly_compiled(mission, BEHIND, channels_of(STEERING), pack(STEERING))
+    log = fly(mission, BEHIND, channels_of(STEERING), inference_of(STEERING))
     np.testing.assert_allclose(log.force_body_n, log.fis_output_n, rtol=0, atol=1e-15)
     turned = Rotation.from_quat(log.quaternion_b_from_h[:-1]).apply(log.fis_output_n)
     assert np.abs(turned).max() > 0.01
@@ -115,7 +106,7 @@ def test_body_forces_are_turned_to_hill_then_clipped_there():
 
 def test_hill_forces_are_logged_in_body_axes_too():
     systems = restoring_systems()
-    log = fly_compiled(SHORT, BEHIND, channels_of(systems, "hill"), pack(systems))
+    log = fly(SHORT, BEHIND, channels_of(systems, "hill"), inference_of(systems))
     np.testing.assert_array_equal(log.force_hill_n, log.fis_output_n)
     turned = Rotation.from_quat(log.quaternion_b_from_h[:-1]).inv().apply(log.force_hill_n)
     np.testing.assert_allclose(log.force_body_n, turned, rtol=0, atol=1e-15)
@@ -137,7 +128,7 @@ def test_when_every_point_is_inspected_it_coasts(complete_flight):
 
 def test_unless_it_may_not(complete_flight):
     mission = replace(PAPER, coast_when_complete=False)
-    log = fly_compiled(mission, BEHIND, channels_of(STEERING), pack(STEERING))
+    log = fly(mission, BEHIND, channels_of(STEERING), inference_of(STEERING))
     assert log.is_decided.all()
     is_complete = complete_flight.is_inspected.all(axis=1)[:-1]
     np.testing.assert_array_equal(log.force_hill_n[~is_complete], complete_flight.force_hill_n[~is_complete])
@@ -157,7 +148,7 @@ def test_a_plan_is_played_to_its_end_and_clipped(complete_flight):
     plan = np.zeros((360, 3))
     plan[:, 1] = 1.5 * np.sin(np.arange(360))
     mission = replace(IDEAL, sensor=replace(PAPER.sensor, half_angle_deg=89.0))
-    log = fly_compiled(mission, BEHIND, channels_of((), plan_h=plan), pack([]))
+    log = fly(mission, BEHIND, channels_of((), plan_h=plan), inference_of(()))
     np.testing.assert_array_equal(log.force_hill_n, np.clip(plan, -1.0, 1.0))
     assert not log.is_decided.any()
     assert log.fis_output_n.shape == (360, 0)
@@ -165,7 +156,7 @@ def test_a_plan_is_played_to_its_end_and_clipped(complete_flight):
 
 def test_ideal_pointing_looks_at_the_chief_all_the_time():
     mission = replace(IDEAL, duration_s=200.0)
-    log = fly_compiled(mission, BEHIND, channels_of(STEERING), pack(STEERING))
+    log = fly(mission, BEHIND, channels_of(STEERING), inference_of(STEERING))
     boresight = Rotation.from_quat(log.quaternion_b_from_h).apply([-1.0, 0.0, 0.0])
     towards_chief = -log.position_m / np.linalg.norm(log.position_m, axis=1)[:, None]
     np.testing.assert_allclose(boresight, towards_chief, rtol=0, atol=1e-14)
@@ -180,7 +171,7 @@ def test_a_tumbling_chief_turns_its_points_and_nothing_else():
     chief = replace(PAPER.chief, initial_angular_velocity_rad_s=(0.0, 0.0, MEAN_MOTION + np.pi / 2 / 100.0))
     plan = np.zeros((10, 3))
     logs = [
-        fly_compiled(mission, BEHIND, channels_of((), plan_h=plan), pack([]))
+        fly(mission, BEHIND, channels_of((), plan_h=plan), inference_of(()))
         for mission in (replace(PAPER, duration_s=100.0), replace(PAPER, duration_s=100.0, chief=chief))
     ]
     for name in ("position_m", "quaternion_b_from_h", "sun_angle_rad"):
@@ -196,11 +187,11 @@ def test_a_tumbling_chief_turns_its_points_and_nothing_else():
 
 def test_pole_blending_turns_less_over_a_pole():
     flights = [
-        fly_compiled(
+        fly(
             replace(PAPER, duration_s=600.0, attitude=replace(PAPER.attitude, pole_blending=blending)),
             Scenario(np.array([-12.0, 0.3, 70.0]), np.array([0.1, 0.0, 0.0]), 0.0),
             channels_of((), plan_h=np.zeros((60, 3))),
-            pack([]),
+            inference_of(()),
         )
         for blending in (False, True)
     ]
@@ -218,18 +209,11 @@ def test_other_attitude_clocks_fly_much_the_same(period):
     """Slower ticks hold their torque longer but are integrated in steps of a second."""
     mission = replace(SHORT, deputy=replace(PAPER.deputy, inertia_kg_m2=FULL_INERTIA))
     plan = channels_of((), plan_h=np.zeros((20, 3)))
-    log = fly_compiled(mission, TOWARDS_THE_POLE, plan, pack([]))
-    other = fly_compiled(replace(mission, attitude_period_s=period), TOWARDS_THE_POLE, plan, pack([]))
+    log = fly(mission, TOWARDS_THE_POLE, plan, inference_of(()))
+    other = fly(replace(mission, attitude_period_s=period), TOWARDS_THE_POLE, plan, inference_of(()))
     assert other.torque_b_n_m.shape == (20, round(10.0 / period), 3)
     np.testing.assert_array_equal(other.position_m, log.position_m)
     turn = Rotation.from_quat(log.quaternion_b_from_h[12:]).inv() * Rotation.from_quat(
         other.quaternion_b_from_h[12:]
     )
     assert turn.magnitude().max() < 0.02
-
-
-def test_the_reference_refuses_what_it_does_not_evaluate():
-    with pytest.raises(ValueError, match="full rule table"):
-        pack([replace(STEERING[0], defuzzifier="mom")])
-    with pytest.raises(ValueError, match="full rule table"):
-        pack([replace(STEERING[0], rules=STEERING[0].rules[:-1])])
