@@ -58,7 +58,8 @@ class Compiled:
         with _making:
             if name not in self.__dict__:
                 options = self._options | (INSIDE if name == "inside" else {})
-                self.__dict__[name] = _dispatcher(self.py_func, options, name)
+                made = _dispatcher(self.py_func, options, name)
+                self.__dict__[name] = _for_any_constant(made) if name == "inside" else made
         return self.__dict__[name]
 
 
@@ -105,6 +106,17 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any], use: str)
     if isinstance(place, cache.Refused):
         dispatcher = njit(**options)(function)
     notice.watch(dispatcher, place)
+    return dispatcher
+
+
+def _for_any_constant(dispatcher: Any) -> Any:
+    """Let calls with a constant share the code of calls with a variable; numba would compile one for each."""
+    from numba import types  # noqa: PLC0415 - as above
+
+    template = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda args, kws: template(
+        tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}
+    )
     return dispatcher
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.physics.quaternion import error_vector
-from pipeline.physics.vectors import cross, dot, norm, times
+from pipeline.physics.vectors import assign, cross, dot, norm, times
 
 Floats = NDArray[np.float64]
 
@@ -115,9 +115,9 @@ def desired_dcm(position_h: Floats, y_h: Floats) -> Floats:
         Rows x*, y*, z*.
     """
     dcm = np.empty((3, 3))
-    dcm[0] = position_h / norm(position_h)
-    dcm[1] = y_h
-    dcm[2] = cross(dcm[0], y_h)
+    assign(dcm[0], position_h / norm(position_h))
+    assign(dcm[1], y_h)
+    assign(dcm[2], cross(dcm[0], y_h))
     return dcm
 
 

@@ -68,3 +68,14 @@ def transposed_times(matrix: Floats, a: Floats) -> Floats:
             matrix[0, 2] * a[0] + matrix[1, 2] * a[1] + matrix[2, 2] * a[2],
         ]
     )
+
+
+@compiled(error_model="numpy")
+def assign(target: Floats, source: Floats) -> None:
+    """Write the elements of one vector, shape (n,), into another.
+
+    Compiled code that assigns to a slice carries a message for shapes that differ, and with it some eighty
+    functions of strings to compile.
+    """
+    for i in range(len(target)):
+        target[i] = source[i]

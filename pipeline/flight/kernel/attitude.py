@@ -44,6 +44,7 @@ from pipeline.flight.kernel.arrays import (
 from pipeline.flight.log import FlightLog
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
 from pipeline.physics.quaternion import from_dcm
+from pipeline.physics.vectors import assign
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint64]
@@ -118,7 +119,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
         else:
             y = desired_y(r, work.y_before[lane])
         is_start = False
-        work.y_before[lane] = y
+        assign(work.y_before[lane], y)
         quaternion = from_dcm(desired_dcm(r, y))
         for i in range(4):
             work.aims[(4 * j + i) * LANES + lane] = quaternion[i]

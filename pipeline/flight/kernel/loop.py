@@ -247,7 +247,8 @@ def start_lanes(
         work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+# Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
+@compiled(error_model="numpy", inline="always", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
     law: Law,
@@ -331,7 +332,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         row[SAFETY_DELTA_V] = lanes[CORRECTED + lane]
 
 
-@compiled(nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def fly_many(
     world: World,
     law: Law,

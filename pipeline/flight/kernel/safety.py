@@ -57,6 +57,7 @@ from pipeline.flight.kernel.arrays import (
 )
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.vectors import assign
 
 if TYPE_CHECKING:  # as in `pipeline.flight.guidance`
     from pipeline.settings.experiment import Mission
@@ -234,9 +235,9 @@ def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force:
     multipliers = np.zeros(num_cuts)
     beyond = np.zeros(3)
     before = np.zeros(3)
-    force[:] = asked
+    assign(force, asked)
     for _ in range(MOST_SWEEPS):
-        before[:] = force
+        assign(before, force)
         for c in range(num_cuts):
             gx, gy, gz = cuts[c, 0], cuts[c, 1], cuts[c, 2]
             square = max(gx * gx + gy * gy + gz * gz, 1e-30)
@@ -265,7 +266,7 @@ def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Flo
     cutting-plane method for solving convex programs", J. SIAM 8, 1960).
     """
     ahead = np.zeros(6)
-    force[:] = asked
+    assign(force, asked)
     for num_cuts in range(MOST_CUTS):
         lead(world, free, force, ahead)
         limit, place, _ = most_exceeded(world, ahead, num_places)
