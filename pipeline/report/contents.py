@@ -13,16 +13,16 @@ import yaml
 from numpy.typing import NDArray
 
 from pipeline.controllers.of_run import controller_of_run
-from pipeline.evaluation.comparison import Row
+from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import given_start, starts_in, training_scenarios
-from pipeline.report.comparison import read_comparison
-from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
-from pipeline.report.safety import Without, fly_without
+from pipeline.report.beside_optimum import BesideOptimum, Pair, fly_pairs, read_beside
+from pipeline.report.comparison_tables import read_comparison
+from pipeline.report.without_safety import Without, fly_without
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
 
@@ -38,7 +38,7 @@ LOGBOOK_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", 
 
 
 @dataclass(frozen=True)
-class Flights:
+class FlightSet:
     """Many flights of one controller.
 
     Parameters
@@ -76,10 +76,10 @@ class Contents:
     folder : Path
         Of the run.
     controller : Controller, optional
-    training, evaluation : Flights, optional
+    training, evaluation : FlightSet, optional
     training_round : int, optional
         Whose starts the training flights have, from 1, where each round has its own.
-    comparison : sequence of Row
+    comparison : sequence of ComparisonRow
     beside : BesideOptimum
         The controller beside the plans of least fuel.
     pairs : sequence of Pair
@@ -103,10 +103,10 @@ class Contents:
     experiment: Experiment
     folder: Path
     controller: Controller | None
-    training: Flights | None
-    evaluation: Flights | None
+    training: FlightSet | None
+    evaluation: FlightSet | None
     training_round: int | None
-    comparison: Sequence[Row]
+    comparison: Sequence[ComparisonRow]
     beside: BesideOptimum
     pairs: Sequence[Pair]
     without_safety: Without | None
@@ -184,7 +184,7 @@ def last_training_starts(experiment: Experiment, logbook: Columns | None) -> lis
     return training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
 
 
-def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
+def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:
     """Read what the stage evaluate wrote, as far as it is there."""
     has = {
         name: (folder / name).exists()
@@ -205,7 +205,7 @@ def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
             "confidence_percent": confidence_percent,
             **summarise(episodes, confidence_percent),
         }
-    return Flights(episodes, tracks, summary)
+    return FlightSet(episodes, tracks, summary)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
@@ -254,19 +254,19 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
     return np.asarray(by_case[np.searchsorted(found, cases)])
 
 
-def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> Flights:
+def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> FlightSet:
     """Fly the starts of the training."""
     episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
     confidence = experiment.monte_carlo.confidence_percent
     counted = {"num_cases": len(starts), "confidence_percent": confidence, "sun": experiment.sun.mode}
-    return Flights(episodes, tracks, counted | summarise(episodes, confidence))
+    return FlightSet(episodes, tracks, counted | summarise(episodes, confidence))
 
 
 def fly_shown(
     experiment: Experiment,
     controller: Controller,
     starts: list[Scenario],
-    evaluation: Flights | None,
+    evaluation: FlightSet | None,
     training_round: int | None,
 ) -> list[ShownFlight]:
     """Fly what is shown in detail: a training case, the given start, or else the evaluation's median case."""

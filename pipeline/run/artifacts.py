@@ -197,12 +197,16 @@ def config_hash(config: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(counted, sort_keys=True).encode()).hexdigest()
 
 
-def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+def config_text(config: Mapping[str, Any]) -> str:
     """Write a resolved configuration as YAML that reads back to the same data."""
-    text = yaml.safe_dump(
+    return yaml.safe_dump(
         dict(config), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
     )
-    write_atomically(folder / CONFIG, text)
+
+
+def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+    """Keep a resolved configuration in a run's folder, see `config_text`."""
+    write_atomically(folder / CONFIG, config_text(config))
 
 
 def read_config(folder: Path) -> dict[str, Any]:

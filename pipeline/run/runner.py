@@ -14,17 +14,6 @@ from pipeline.settings.experiment import STAGES, Experiment
 
 Stage = Callable[[Experiment, Path], None]
 
-#: where each stage's `run` is; imported when its turn comes
-STAGE_MODULES: Mapping[str, str] = {
-    "scenario": "pipeline.stages.scenario",
-    "train": "pipeline.stages.train",
-    "evaluate": "pipeline.stages.evaluate",
-    "record": "pipeline.stages.record",
-    "optimum": "pipeline.stages.optimum",
-    "compare": "pipeline.stages.compare",
-    "report": "pipeline.stages.report",
-}
-
 _LOG = logging.getLogger("pipeline")
 
 
@@ -34,7 +23,7 @@ class Interrupted(KeyboardInterrupt):
 
 def stage_named(name: str) -> Stage:
     """Return the function that runs a stage."""
-    stage: Stage = import_module(STAGE_MODULES[name]).run
+    stage: Stage = import_module(f"pipeline.stages.{name}").run
     return stage
 
 

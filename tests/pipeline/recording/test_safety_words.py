@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.flight.log import KEEP_IN, PASSIVE_SAFETY, SPEED
 from pipeline.flight.simulation import fly_logged
 from pipeline.recording.events import Event, events
-from pipeline.report.safety import Without, safety_words
+from pipeline.report.without_safety import Without, safety_words
 from pipeline.run import artifacts
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import EARLY, guarded, pushing, starts_at_rest

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from pipeline.report.figures.optimum import ENDS, beside_optimum
+from pipeline.report.beside_optimum import COLUMNS, in_words, optimum_rows, read_beside
+from pipeline.report.figures.spent_beside_optimum import ENDS, beside_optimum
 from pipeline.report.figures.style import style
-from pipeline.report.optimum import COLUMNS, in_words, optimum_rows, read_beside
 from pipeline.run import artifacts, tables
 from tests.pipeline.report.runs import Page, page_of, run_of
 

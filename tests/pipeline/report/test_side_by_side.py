@@ -13,9 +13,9 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.optimum.account import beside_optimum
 from pipeline.optimum.solved import solved_for
+from pipeline.report.beside_optimum import fly_pairs, read_beside
 from pipeline.report.figures.side_by_side import LARGEST, side_by_side
 from pipeline.report.figures.style import style
-from pipeline.report.optimum import fly_pairs, read_beside
 from pipeline.run import artifacts, tables
 from tests.pipeline.flight.missions import PAPER
 from tests.pipeline.report.runs import Page, page_of
