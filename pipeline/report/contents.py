@@ -143,6 +143,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         starts = last_training_starts(experiment, logbook)
     training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
+    manifest = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
         experiment=experiment,
@@ -160,9 +161,9 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
         front=read_front(folder),
-        manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,
+        manifest=manifest,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
-        command=command_of(folder),
+        command=command_of(folder, manifest),
         recordings={path.relative_to(folder).as_posix(): path.stat().st_size for path in recordings},
     )
 
@@ -318,19 +319,24 @@ def read_front(folder: Path) -> Columns | None:
     return tables.read_parquet(folder, artifacts.FRONT_GENOMES)
 
 
-def command_of(folder: Path) -> str:
-    """Return what to type for the same run, as Hydra kept it; empty where it did not."""
-    overrides = _kept_by_hydra(folder / ".hydra" / "overrides.yaml")
-    words = [str(word) for word in overrides if not str(word).startswith("hydra.")]
+def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:
+    """Return what to type for the same run; empty where nobody kept it."""
+    words = [str(word) for word in (manifest or {}).get("command", ())] or _command_kept_by_hydra(folder)
+    words = [word for word in words if not word.startswith("hydra.")]
     paths = [re.fullmatch(r"controller\.path='([\w./@%+-]+)'", word) for word in words]
     if "controller=file" in words and any(paths):
         # the command line takes the path at once
         words = [f"controller={path[1]}" if path else word for word, path in zip(words, paths, strict=True)]
         words.remove("controller=file")
+    return f"python -m pipeline {shlex.join(words)}" if words else ""
+
+
+def _command_kept_by_hydra(folder: Path) -> list[str]:
+    """Return the words with which a run was started before manifests told them."""
+    words = [str(word) for word in _kept_by_hydra(folder / ".hydra" / "overrides.yaml")]
     sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra", "runtime", "config_sources")
     own = [source["path"] for source in sources if source.get("provider") == "command-line"]
-    options = ["--config-dir", str(own[0])] if own else []
-    return "python -m pipeline " + shlex.join([*options, *words]) if words else ""
+    return ["--config-dir", str(own[0]), *words] if own and words else words
 
 
 def _kept_by_hydra(path: Path, *keys: str) -> list[Any]:

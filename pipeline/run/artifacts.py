@@ -249,7 +249,9 @@ def list_artifacts(folder: Path) -> list[str]:
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
 
 
-def write_manifest(folder: Path, config: Mapping[str, Any], finished: Sequence[str]) -> None:
+def write_manifest(
+    folder: Path, config: Mapping[str, Any], finished: Sequence[str], command: Sequence[str] = ()
+) -> None:
     """Write down what the files of a run come from.
 
     Parameters
@@ -260,12 +262,15 @@ def write_manifest(folder: Path, config: Mapping[str, Any], finished: Sequence[s
         Resolved, plain data.
     finished : sequence of str
         The stages that have come to their end.
+    command : sequence of str
+        The words with which the run was started, after ``python -m pipeline``.
     """
     manifest: dict[str, Any] = {
         "manifest_version": MANIFEST_VERSION,
         "name": config["name"],
         "config_hash": config_hash(config),
         "seed": config["seed"],
+        "command": list(command),
         "finished_stages": list(finished),
         "versions": versions(),
     }

@@ -31,11 +31,19 @@ def finished_stages(folder: Path) -> list[str]:
     """Return the stages that have come to their end in a run's folder, none for a new one."""
     if not (folder / artifacts.MANIFEST).exists():
         return []
-    return [str(name) for name in artifacts.read_manifest(folder)["finished_stages"]]
+    return _finished(artifacts.read_manifest(folder))
+
+
+def _finished(manifest: Mapping[str, Any]) -> list[str]:
+    return [str(name) for name in manifest.get("finished_stages", ())]
 
 
 def run_stages(
-    experiment: Experiment, config: Mapping[str, Any], folder: Path, stages: Sequence[str] | None = None
+    experiment: Experiment,
+    config: Mapping[str, Any],
+    folder: Path,
+    stages: Sequence[str] | None = None,
+    command: Sequence[str] | None = None,
 ) -> None:
     """Run stages in a run's folder.
 
@@ -48,6 +56,8 @@ def run_stages(
         Made where it is missing.
     stages : sequence of str, optional
         Those to run; by default all of the experiment's.
+    command : sequence of str, optional
+        The words with which a new run is started; by default those that its manifest tells.
 
     Raises
     ------
@@ -56,9 +66,11 @@ def run_stages(
     """
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
-    finished = finished_stages(folder)
+    earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
+    finished = _finished(earlier)
+    command = earlier.get("command", ()) if command is None else command
     artifacts.write_config(folder, config)
-    artifacts.write_manifest(folder, config, finished)
+    artifacts.write_manifest(folder, config, finished, command)
     with _logged_to(folder / artifacts.LOG):
         for index, name in enumerate(stages, start=1):
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
@@ -66,7 +78,7 @@ def run_stages(
             try:
                 stage_named(name)(experiment, folder)
             except KeyboardInterrupt as error:
-                artifacts.write_manifest(folder, config, finished)
+                artifacts.write_manifest(folder, config, finished, command)
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, finished)) from error
             except Exception:  # raised again below: here the run's own log learns of it too
@@ -75,7 +87,7 @@ def run_stages(
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             # what came after is made from files that are no longer there
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
-            artifacts.write_manifest(folder, config, finished)
+            artifacts.write_manifest(folder, config, finished, command)
 
 
 def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
