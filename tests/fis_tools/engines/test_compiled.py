@@ -118,6 +118,13 @@ def test_nothing_imports_numba_before_the_first_call(package: Package) -> None:
     assert package.run(look).stdout.strip() == "False 7 True Take two steps. twice"
 
 
+def test_no_kernel_is_left_to_numbas_own_cache() -> None:
+    for package in ("fis_tools", "pipeline", "telemetry"):
+        for path in (PROJECT / package).rglob("*.py"):
+            is_decorator = path.name == "compiled.py" and path.parent.name == "engines"
+            assert is_decorator or not re.search(r"\bn?jit\b", path.read_text(encoding="utf-8")), path
+
+
 def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
     call = (
         "from numba import njit\nfrom kernels.caller import twice\n"
