@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from pipeline.flight.log import KEEP_IN, PASSIVE_SAFETY, SPEED
 from pipeline.flight.simulation import fly_logged
@@ -83,6 +84,7 @@ def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
     assert safety_words("training", {"num_cases": 1000}, None) == ""
 
 
+@pytest.mark.slow
 def test_a_report_of_guarded_flights_has_their_paragraph_and_picture(tmp_path: Path) -> None:
     stages = ("scenario", "evaluate", "report")
     push = tmp_path / "push.csv"

@@ -89,6 +89,7 @@ def test_a_table_without_a_column_is_refused(tmp_path, name):
         read_beside(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_table_the_reason_or_what_is_missing(tmp_path):
     overrides = ("+experiment=evaluate", "controller=coast", "telemetry.record_start=true")
     experiment = run_of(tmp_path, ("evaluate",), *overrides)

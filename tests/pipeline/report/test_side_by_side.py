@@ -102,6 +102,7 @@ def test_flights_without_any_burn_can_be_drawn():
         assert side_by_side(log, log, MISSION, 95).axes
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     run = compose_experiment(
         [

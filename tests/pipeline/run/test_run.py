@@ -55,6 +55,7 @@ def test_the_working_directory_stays(monkeypatch, tmp_path):
     assert (tmp_path / "here.txt").exists()
 
 
+@pytest.mark.slow
 def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
     called = use_stages(monkeypatch)
     assert main(["-m", *EVALUATE, "seed=1,2", "sun=fixed,random"]) == 0
@@ -68,6 +69,7 @@ def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
         assert manifest["finished_stages"] == STAGES
 
 
+@pytest.mark.slow
 def test_options_may_stand_between_overrides(monkeypatch):
     called = use_stages(monkeypatch)
     assert main(["+experiment=fly", "-m", "controller=coast", "seed=3,4"]) == 0
@@ -86,6 +88,7 @@ def test_a_controller_may_be_a_path(name, monkeypatch):
     assert experiment.controller == {"path": f"folder/{name}" if "," not in name else name}
 
 
+@pytest.mark.slow
 def test_several_controllers_in_a_sweep(monkeypatch):
     called = use_stages(monkeypatch)
     monkeypatch.setattr("pipeline.command_line.runs._check_controller", lambda _experiment: None)
@@ -133,6 +136,7 @@ def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys)
     assert "nothing is left to do" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_stops(monkeypatch):
     def stop(_experiment, _folder):
         raise KeyboardInterrupt
@@ -190,6 +194,7 @@ def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
     assert [name for name, _, _ in called] == ["record", "report"]
 
 
+@pytest.mark.slow
 def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(EVALUATE)
@@ -207,6 +212,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, c
     assert "did you mean report?" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_differs_from_an_earlier_run_is_told_in_short(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(["+experiment=evaluate", "controller=paper"])
@@ -240,6 +246,7 @@ def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, c
     assert not is_there or not list(Path("typo").iterdir())
 
 
+@pytest.mark.slow
 def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys):
     use_stages(monkeypatch)
     sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]

@@ -67,6 +67,7 @@ def test_the_short_flight_is_of_three_flushes(chunks: list[tuple[int, int]]) -> 
     assert len(chunks) == 3
 
 
+@pytest.mark.slow
 def test_a_file_cut_anywhere_gives_back_every_flushed_step(
     short_file: Path, chunks: list[tuple[int, int]], tmp_path: Path
 ) -> None:
@@ -111,6 +112,7 @@ def test_a_rescued_file_reads_like_the_whole_one_up_to_its_end(
     assert rescued.metadata["recovery"]["end_s"] == "1190.0"
 
 
+@pytest.mark.slow
 def test_a_wrong_byte_never_gives_a_wrong_message(short_file: Path, tmp_path: Path) -> None:
     rows = set(messages_of(short_file))
     content = short_file.read_bytes()
