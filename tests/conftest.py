@@ -7,6 +7,9 @@ import pytest
 #: Read by BLAS and OpenMP when they are loaded, and by the commands that tests start.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
+#: Each imports everything, so more of them would spend their time on that.
+MOST_PROCESSES = 8
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     share = max(1, (os.cpu_count() or 1) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))
     os.environ.update(dict.fromkeys(THREADS, str(share)))
@@ -26,6 +29,6 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
         return
     is_whole = config.args_source == pytest.Config.ArgsSource.TESTPATHS
     if option.numprocesses is None and is_whole and not (option.usepdb or option.collectonly):
-        option.numprocesses = os.cpu_count()
+        option.numprocesses = min(os.cpu_count() or 1, MOST_PROCESSES)
     if option.numprocesses and option.dist == "no":
         option.dist = "worksteal"

@@ -83,7 +83,7 @@ def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(
         output = tmp_path / f"rescued_{num_bytes}.mcap"
         num_flushed = max((samples for size, samples in flushes if size <= num_bytes), default=0)
         if num_bytes < first_record_end:
-            with pytest.raises(RecordingError, match=r"nothing in .* is whole"):
+            with pytest.raises(RecordingError, match=r"nothing in .* is intact"):
                 recover(cut, output)
             continue
         recover(cut, output)
