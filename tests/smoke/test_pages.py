@@ -62,6 +62,7 @@ REVIEWED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", REVIEWED, ids=name_of)
 def test_review(page, tmp_path, monkeypatch, capsys):
     """Each page's commands run one after the other, on files of the names that they ask for."""
