@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.run import artifacts
-from pipeline.settings.experiment import STAGES, Experiment
+from pipeline.settings.experiment import STAGES, Experiment, Mission
 
 Stage = Callable[[Experiment, Path], None]
 
@@ -68,9 +68,12 @@ def run_stages(
     folder.mkdir(parents=True, exist_ok=True)
     earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
     finished = _finished(earlier)
-    command = earlier.get("command", ()) if command is None else command
+    known: dict[str, Any] = {
+        "command": earlier.get("command", ()) if command is None else command,
+        "scene": scene_of(experiment.mission),
+    }
     artifacts.write_config(folder, config)
-    artifacts.write_manifest(folder, config, finished, command)
+    artifacts.write_manifest(folder, config, finished, **known)
     with _logged_to(folder / artifacts.LOG):
         for index, name in enumerate(stages, start=1):
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
@@ -78,7 +81,7 @@ def run_stages(
             try:
                 stage_named(name)(experiment, folder)
             except KeyboardInterrupt as error:
-                artifacts.write_manifest(folder, config, finished, command)
+                artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, finished)) from error
             except Exception:  # raised again below: here the run's own log learns of it too
@@ -87,7 +90,18 @@ def run_stages(
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             # what came after is made from files that are no longer there
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
-            artifacts.write_manifest(folder, config, finished, command)
+            artifacts.write_manifest(folder, config, finished, **known)
+
+
+def scene_of(mission: Mission) -> dict[str, float]:
+    """Return what a picture of a mission's flights needs, see `artifacts.write_manifest`."""
+    return {
+        "sample_period_s": mission.control_period_s,
+        "min_distance_m": mission.deputy.min_distance_m,
+        "max_distance_m": mission.deputy.max_distance_m,
+        "threshold_percent": mission.inspection_threshold_percent,
+        "chief_radius_m": mission.chief.inspection_radius_m,
+    }
 
 
 def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:

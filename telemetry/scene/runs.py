@@ -1,7 +1,8 @@
 """Reads the trajectories in a run's folder: those of its evaluation and of its training."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Final
@@ -14,12 +15,16 @@ from telemetry.file.errors import RecordingError
 Floats = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
-CONFIG: Final = "config.yaml"
-EPISODES: Final = "episodes.parquet"
-EVALUATION_TRAJECTORIES: Final = "evaluate/trajectories.parquet"
-HISTORY: Final = "train/history.parquet"
-CHAMPION_TRAJECTORIES: Final = "train/trajectories.parquet"
-CHAMPION: Final = "champion.json"
+MANIFEST: Final = "manifest.json"
+#: where a run whose manifest does not name its files, of version 1, has those of each role
+FILES: Final[Mapping[str, str]] = {
+    "configuration": "config.yaml",
+    "champion": "champion.json",
+    "training_history": "train/history.parquet",
+    "training_trajectories": "train/trajectories.parquet",
+    "evaluation_episodes": "evaluate/episodes.parquet",
+    "evaluation_trajectories": "evaluate/trajectories.parquet",
+}
 
 _POSITION: Final = ("position_x_m", "position_y_m", "position_z_m")
 _JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "success", "violated")
@@ -129,12 +134,30 @@ class Training:
 
 def has_evaluation(path: Path) -> bool:
     """Return whether a path is a run's folder with evaluated trajectories, or a table of them."""
-    return path.suffix == ".parquet" or (path / EVALUATION_TRAJECTORIES).exists()
+    return path.suffix == ".parquet" or file_of(path, "evaluation_trajectories").exists()
 
 
 def has_training(path: Path) -> bool:
     """Return whether a path is a run's folder in which a training has begun."""
-    return (path / HISTORY).exists()
+    return file_of(path, "training_history").exists()
+
+
+def file_of(folder: Path, role: str) -> Path:
+    """Return where a run has the file of a role, as its manifest says; see `FILES`."""
+    files = _manifest(folder).get("files")
+    name = files.get(role) if isinstance(files, dict) else None
+    return folder / (name if isinstance(name, str) else FILES[role])
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    """Return what a run's manifest holds, nothing where there is none."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{folder / MANIFEST} cannot be read ({error}); restore it") from error
+    return manifest if isinstance(manifest, dict) else {}
 
 
 def read_evaluation(path: Path) -> Evaluation:
@@ -152,10 +175,10 @@ def read_evaluation(path: Path) -> Evaluation:
     """
     if path.is_file() and path.suffix != ".parquet":
         raise RecordingError(
-            f"{path} is neither a run's folder nor its {EVALUATION_TRAJECTORIES}; to look at a flight: "
-            f"python -m telemetry replay {path}"
+            f"{path} is neither a run's folder nor its {FILES['evaluation_trajectories']}; to look at a "
+            f"flight: python -m telemetry replay {path}"
         )
-    table = path if path.suffix == ".parquet" else path / EVALUATION_TRAJECTORIES
+    table = path if path.suffix == ".parquet" else file_of(path, "evaluation_trajectories")
     if not table.exists():
         raise RecordingError(
             f"{table} does not exist; give the folder of a run that has been evaluated, as "
@@ -168,7 +191,7 @@ def read_evaluation(path: Path) -> Evaluation:
         name=root.resolve().name,
         case=cases[:, 0],
         position_m=tracks,
-        episodes=_episodes(table.with_name(EPISODES), cases[:, 0]),
+        episodes=_episodes(table.with_name(file_of(root, "evaluation_episodes").name), cases[:, 0]),
         surroundings=_surroundings(root),
     )
 
@@ -183,11 +206,11 @@ def read_training(folder: Path) -> Training:
     """
     if not has_training(folder):
         raise RecordingError(
-            f"{folder} has no {HISTORY}; give the folder of a run that trains, or has trained, as "
-            "`python -m pipeline +experiment=train` makes one"
+            f"{folder} has no {FILES['training_history']}; give the folder of a run that trains, or has "
+            "trained, as `python -m pipeline +experiment=train` makes one"
         )
     # the history first: a later flight belongs to a generation that is not read yet
-    history = _read(folder / HISTORY, _HISTORY_COLUMNS)
+    history = _read(file_of(folder, "training_history"), _HISTORY_COLUMNS)
     rows = {
         moment: row
         for row, moment in enumerate(
@@ -195,7 +218,7 @@ def read_training(folder: Path) -> Training:
         )
     }
     tracks: dict[int, NDArray[np.float32]] = {}
-    path = folder / CHAMPION_TRAJECTORIES
+    path = file_of(folder, "training_trajectories")
     if path.exists():
         moments, flown = _tracks(
             path, _read(path, ("round", "generation", "sample", *_POSITION)), ("round", "generation")
@@ -207,8 +230,8 @@ def read_training(folder: Path) -> Training:
 
 
 def is_finished(folder: Path) -> bool:
-    """Return whether a training has ended: its champion is newer than its history."""
-    champion, history = folder / CHAMPION, folder / HISTORY
+    """Tell whether a training has come to its end: its champion is younger than its history."""
+    champion, history = (file_of(folder, role) for role in ("champion", "training_history"))
     return champion.exists() and history.exists() and champion.stat().st_mtime >= history.stat().st_mtime
 
 
@@ -261,7 +284,14 @@ def _episodes(path: Path, cases: NDArray[np.int64]) -> Columns:
 
 
 def _surroundings(folder: Path) -> Surroundings:
-    path = folder / CONFIG
+    scene = _manifest(folder).get("scene")
+    if isinstance(scene, dict):
+        told = {field.name: scene.get(field.name) for field in fields(Surroundings)}
+        return Surroundings(
+            **{name: float(value) for name, value in told.items() if isinstance(value, int | float)}
+        )
+    # a run of version 1
+    path = file_of(folder, "configuration")
     if not path.exists():
         return Surroundings()
     import yaml  # noqa: PLC0415 - only runs have a configuration

@@ -82,7 +82,7 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
         if not runs.has_evaluation(folder) and not runs.has_training(folder):
             raise RecordingError(
                 f"{folder} holds neither an evaluation nor a training; give the folder of a run with "
-                f"{runs.EVALUATION_TRAJECTORIES} or {runs.HISTORY}"
+                f"{runs.FILES['evaluation_trajectories']} or {runs.FILES['training_history']}"
             )
     evaluated = [folder for folder in folders if runs.has_evaluation(folder)]
     for folder in evaluated:

@@ -15,7 +15,7 @@ from telemetry.scene import blueprint, entities, viewer
 from telemetry.scene.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
 from telemetry.scene.entities import generations, send
 from telemetry.scene.lettering import drawable
-from telemetry.scene.runs import HISTORY, Training, has_training, is_finished, read_training
+from telemetry.scene.runs import Training, file_of, has_training, is_finished, read_training
 from telemetry.scene.viewer import Scene
 
 Floats = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _grow(
     while True:
         # asked first, so that the last generations are sent before the end
         over = is_over()
-        changed = (folder / HISTORY).stat().st_mtime_ns
+        changed = file_of(folder, "training_history").stat().st_mtime_ns
         if changed != stamp:
             stamp = changed
             training = read_training(folder)
