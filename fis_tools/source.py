@@ -1,5 +1,6 @@
 """Controllers from wherever a person has them: a file of any kind, the folder of a run, a logged flight."""
 
+import json
 from pathlib import Path
 
 from fis_tools.analysis import flights
@@ -7,6 +8,8 @@ from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController
 
+MANIFEST = "manifest.json"
+#: where a folder whose manifest names no champion has it
 CHAMPION = "champion.json"
 
 
@@ -26,11 +29,20 @@ def read_controller(path: Path | str) -> FuzzyController:
             "flight (.mcap)"
         )
     if path.is_dir():
-        if not (path / CHAMPION).is_file():
+        champion = path / _champion_of(path)
+        if not champion.is_file():
             raise ControllerFileError(
                 f"{path} is a folder without {CHAMPION}; give the folder of a run that has trained, or a file"
             )
-        return serialize.load(path / CHAMPION)
+        return serialize.load(champion)
     if flights.is_flight(path):
         return flights.read_controller(path)
     return serialize.load(path)
+
+
+def _champion_of(folder: Path) -> str:
+    """Return the name of the champion of a folder, as its manifest says."""
+    try:
+        return str(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]["champion"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return CHAMPION

@@ -13,7 +13,7 @@ __all__ = ["EpisodeWriter", "RecordingError", "flat_table", "read", "show"]
 
 def show(*paths: str | Path) -> Any:
     """Show flights or a run in a notebook; see `telemetry.scene.notebook.show`."""
-    # the viewer takes half a second to import, which nobody who only writes or reads should pay
+    # the viewer takes half a second to import; writing and reading do without it
     from telemetry.scene import notebook  # noqa: PLC0415
 
     return notebook.show(*paths)

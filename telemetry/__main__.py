@@ -1,4 +1,4 @@
-"""The way in: ``python -m telemetry``."""
+"""Entry point of ``python -m telemetry``."""
 
 import sys
 

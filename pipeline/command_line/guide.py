@@ -20,7 +20,7 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m fis_tools show CONTROLLER                              read a controller
 
 options: --help, --version, -m (sweep), --config-dir DIR (experiments and controllers of your own),
-         --cfg job (print the configuration and stop), --hydra-help (all others)
+         --cfg job (print the configuration and stop; with --resolve, references followed)
 """
 
 

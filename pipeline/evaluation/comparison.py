@@ -28,7 +28,7 @@ HEADER = (
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparisonRow:
     """A controller under one Sun setting and one safety layer.
 
     Parameters
@@ -64,7 +64,9 @@ def rules_of(controller: Controller) -> int | None:
     return sum(len(system.rules) for system in controller.systems) or None
 
 
-def planned_row(solved: Solved, sun: str, num_points: int, threshold: float, confidence: float) -> Row:
+def planned_row(
+    solved: Solved, sun: str, num_points: int, threshold: float, confidence: float
+) -> ComparisonRow:
     """Return the row of the minimum-fuel plans."""
     cases = solved.cases
     episodes = {
@@ -72,21 +74,25 @@ def planned_row(solved: Solved, sun: str, num_points: int, threshold: float, con
         "success": cases["inspected_count"] >= points_needed(num_points, threshold),
         "violated": cases["outside_m"] > 0.0,
     }
-    return Row("optimum", PLANNED, sun, "none", len(cases["case"]), None, summarise(episodes, confidence))
+    return ComparisonRow(
+        "optimum", PLANNED, sun, "none", len(cases["case"]), None, summarise(episodes, confidence)
+    )
 
 
-def published_row(name: str, num_cases: int, means: Mapping[str, float], spreads: Mapping[str, float]) -> Row:
+def published_row(
+    name: str, num_cases: int, means: Mapping[str, float], spreads: Mapping[str, float]
+) -> ComparisonRow:
     """Return a row of published means and standard deviations."""
     summary = {part: {"mean": means[part], "standard_deviation": spreads[part]} for part in means}
-    return Row(name, PUBLISHED, "", "none", num_cases, None, summary)
+    return ComparisonRow(name, PUBLISHED, "", "none", num_cases, None, summary)
 
 
-def as_mapping(row: Row) -> dict[str, Any]:
+def as_mapping(row: ComparisonRow) -> dict[str, Any]:
     """Return a row as plain data."""
     return asdict(row)
 
 
-def row_of(told: Mapping[str, Any]) -> Row:
+def row_of(told: Mapping[str, Any]) -> ComparisonRow:
     """Return the row of plain data.
 
     Raises
@@ -94,10 +100,10 @@ def row_of(told: Mapping[str, Any]) -> Row:
     KeyError, TypeError
         If it is of something else.
     """
-    return Row(**{field.name: told[field.name] for field in fields(Row)})
+    return ComparisonRow(**{field.name: told[field.name] for field in fields(ComparisonRow)})
 
 
-def as_cells(row: Row) -> list[Any]:
+def as_cells(row: ComparisonRow) -> list[Any]:
     """Return the cells of a row of ``compare/table.csv``; empty where nothing is known."""
     cells: dict[str, Any] = {
         "controller": row.controller,
@@ -115,7 +121,7 @@ def as_cells(row: Row) -> list[Any]:
     return ["" if cells.get(name) is None else cells[name] for name in HEADER]
 
 
-def joined(parts: Sequence[tuple[Row, Mapping[str, Column]]]) -> dict[str, Column]:
+def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[str, Column]:
     """Put the flights of several rows under one another, each with its row's names."""
     names = list(parts[0][1])
     columns: dict[str, Column] = {
@@ -140,7 +146,7 @@ COLUMNS = (
 )
 
 
-def cells_in_words(row: Row, guarded: Row | None) -> list[str]:
+def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[str]:
     """Return a line of the table: a row without the safety layer, and the same with it where it was flown."""
     mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
     layer = ["", "", ""]
@@ -158,13 +164,13 @@ def cells_in_words(row: Row, guarded: Row | None) -> list[str]:
     ]
 
 
-def mean(row: Row, name: str, places: int) -> str:
+def mean(row: ComparisonRow, name: str, places: int) -> str:
     """Return a mean with its standard deviation."""
     told = row.summary[name]
     return f"{told['mean']:.{places}f} ± {told['standard_deviation']:.{places}f}"
 
 
-def share(row: Row, name: str) -> str:
+def share(row: ComparisonRow, name: str) -> str:
     """Return a share of cases in per cent with its interval; empty where it is not known."""
     told = row.summary.get(name)
     if told is None:
@@ -172,7 +178,7 @@ def share(row: Row, name: str) -> str:
     return f"{100 * told['fraction']:.1f} ({100 * told['low']:.1f}-{100 * told['high']:.1f})"
 
 
-def lines_of(rows: Sequence[Row], sun: str) -> list[list[str]]:
+def lines_of(rows: Sequence[ComparisonRow], sun: str) -> list[list[str]]:
     """Return the table of one Sun setting in words: what is published first, one line a controller."""
     of_sun = [row for row in rows if row.sun in (sun, "")]
     guarded = {row.controller: row for row in of_sun if row.safety != "none"}
@@ -187,7 +193,7 @@ def lines_of(rows: Sequence[Row], sun: str) -> list[list[str]]:
     return lines
 
 
-def in_words(rows: Sequence[Row]) -> str:
+def in_words(rows: Sequence[ComparisonRow]) -> str:
     """Write the table as plain text, one section per Sun setting."""
     parts = []
     for sun in dict.fromkeys(row.sun for row in rows if row.sun):

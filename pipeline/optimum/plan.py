@@ -35,7 +35,7 @@ SAME_M_S = 1e-3
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlownPlan:
     """A plan as it was flown.
 
     Parameters
@@ -74,14 +74,14 @@ class CasePlan:
 
     Parameters
     ----------
-    flight : Flight
+    flight : FlownPlan
     restart_delta_v : (R,)
         After coarse polishing, m/s, ascending; infinite where demands were missed.
     bound : float
         No plan inspects as many points for less, m/s.
     """
 
-    flight: Flight
+    flight: FlownPlan
     restart_delta_v: Floats
     bound: float
 
@@ -180,7 +180,7 @@ def _total(done: Step) -> float:
     return done.delta_v + done.slack
 
 
-def finish(problem: Problem, forces: Floats, needed: int) -> Flight:
+def finish(problem: Problem, forces: Floats, needed: int) -> FlownPlan:
     """Polish on all periods, flying each step's plan, for the camera points as its flight lets it."""
     log = flown(problem, forces)
     best = judge(problem, forces, log)
@@ -197,12 +197,12 @@ def finish(problem: Problem, forces: Floats, needed: int) -> Flight:
     return best
 
 
-def judge(problem: Problem, forces: Floats, log: FlightLog) -> Flight:
+def judge(problem: Problem, forces: Floats, log: FlightLog) -> FlownPlan:
     """Tell what a flight came to."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(log.position_m, axis=1)
     outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)
-    return Flight(
+    return FlownPlan(
         forces=forces,
         delta_v=float(log.delta_v_m_s[-1]),
         num_inspected=int(log.is_inspected[-1].sum()),

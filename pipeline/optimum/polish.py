@@ -21,7 +21,7 @@ from scipy.optimize import linprog
 from pipeline.optimum.problem import Problem, margins_along, path_of
 
 Floats = NDArray[np.float64]
-Row = tuple[Floats, int, float]
+Constraint = tuple[Floats, int, float]
 
 #: m/s for a metre that a demand is missed by: many times what a metre ever costs
 PRICE_OF_SLACK = 0.05
@@ -95,7 +95,7 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     return replace(done, prices=new_prices)
 
 
-def _solve(problem: Problem, rows: Sequence[Row], periods: NDArray[np.int64]) -> Step:
+def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int64]) -> Step:
     """Solve one linear program; its prices are those of the rows."""
     matrix, least = _rows(problem, rows, periods)
     num_rows, num_forces = matrix.shape
@@ -128,7 +128,7 @@ def choose(best: Floats, needed: int, prices: Floats) -> NDArray[np.int64]:
     return np.asarray(order[:needed], dtype=np.int64)
 
 
-def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Row]:
+def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Constraint]:
     """Yield the tangent planes of the spheres that the deputy must keep outside or inside of."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(path, axis=1)
@@ -141,7 +141,7 @@ def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Row]:
     yield from _far_planes(problem, path, FAR_REACH)
 
 
-def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Row]:
+def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constraint]:
     """Yield tangent planes of the far limit at the samples of a path that are within its reach, m."""
     farthest = problem.mission.deputy.max_distance_m
     distances = np.linalg.norm(path, axis=1)
@@ -149,7 +149,9 @@ def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Row]:
         yield -path[k] / distances[k], int(k), FAR_MARGIN - farthest
 
 
-def _rows(problem: Problem, demands: Iterable[Row], periods: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _rows(
+    problem: Problem, demands: Iterable[Constraint], periods: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
     """Turn demands ``direction . position_k >= least`` into rows over the forces of some periods."""
     matrix, least = [], []
     for direction, k, bound in demands:

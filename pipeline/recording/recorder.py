@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
@@ -75,7 +74,7 @@ class FlightRecorder:
         self._config_hash = artifacts.config_hash(config)
         self._product_version = artifacts.product_version()
         self._attachments = {
-            CONFIG_ATTACHMENT: _config_text(config).encode(),
+            CONFIG_ATTACHMENT: artifacts.config_text(config).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),
         }
         self._systems = {
@@ -287,9 +286,3 @@ def _point_states(
             elif is_in_view(point_h, position_h[k], boresight_h, cos_half_angle, radius):
                 states[k, j] = IN_VIEW_BUT_DARK
     return states
-
-
-def _config_text(config: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(
-        dict(config), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-    )

@@ -13,16 +13,16 @@ import yaml
 from numpy.typing import NDArray
 
 from pipeline.controllers.of_run import controller_of_run
-from pipeline.evaluation.comparison import Row
+from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import given_start, starts_in, training_scenarios
-from pipeline.report.comparison import read_comparison
-from pipeline.report.optimum import BesideOptimum, Pair, fly_pairs, read_beside
-from pipeline.report.safety import Without, fly_without
+from pipeline.report.beside_optimum import BesideOptimum, Pair, fly_pairs, read_beside
+from pipeline.report.comparison_tables import read_comparison
+from pipeline.report.without_safety import Without, fly_without
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
 
@@ -38,7 +38,7 @@ LOGBOOK_COLUMNS = ("round", "best", "mean", "delta_v_m_s", "points", "outside", 
 
 
 @dataclass(frozen=True)
-class Flights:
+class FlightSet:
     """Many flights of one controller.
 
     Parameters
@@ -76,10 +76,10 @@ class Contents:
     folder : Path
         Of the run.
     controller : Controller, optional
-    training, evaluation : Flights, optional
+    training, evaluation : FlightSet, optional
     training_round : int, optional
         Whose starts the training flights have, from 1, where each round has its own.
-    comparison : sequence of Row
+    comparison : sequence of ComparisonRow
     beside : BesideOptimum
         The controller beside the plans of least fuel.
     pairs : sequence of Pair
@@ -103,10 +103,10 @@ class Contents:
     experiment: Experiment
     folder: Path
     controller: Controller | None
-    training: Flights | None
-    evaluation: Flights | None
+    training: FlightSet | None
+    evaluation: FlightSet | None
     training_round: int | None
-    comparison: Sequence[Row]
+    comparison: Sequence[ComparisonRow]
     beside: BesideOptimum
     pairs: Sequence[Pair]
     without_safety: Without | None
@@ -143,6 +143,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         starts = last_training_starts(experiment, logbook)
     training_round = int(logbook["round"][-1]) + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
+    manifest = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
         experiment=experiment,
@@ -160,9 +161,9 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         shown=fly_shown(experiment, controller, starts, evaluation, training_round) if controller else (),
         logbook=logbook,
         front=read_front(folder),
-        manifest=artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else None,
+        manifest=manifest,
         config_text=config.read_text(encoding="utf-8") if config.exists() else "",
-        command=command_of(folder),
+        command=command_of(folder, manifest),
         recordings={path.relative_to(folder).as_posix(): path.stat().st_size for path in recordings},
     )
 
@@ -184,7 +185,7 @@ def last_training_starts(experiment: Experiment, logbook: Columns | None) -> lis
     return training_scenarios(experiment.starts, experiment.sun, experiment.seed, last)
 
 
-def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
+def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:
     """Read what the stage evaluate wrote, as far as it is there."""
     has = {
         name: (folder / name).exists()
@@ -205,7 +206,7 @@ def read_evaluation(folder: Path, confidence_percent: float) -> Flights | None:
             "confidence_percent": confidence_percent,
             **summarise(episodes, confidence_percent),
         }
-    return Flights(episodes, tracks, summary)
+    return FlightSet(episodes, tracks, summary)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
@@ -254,19 +255,19 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
     return np.asarray(by_case[np.searchsorted(found, cases)])
 
 
-def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> Flights:
+def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> FlightSet:
     """Fly the starts of the training."""
     episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
     confidence = experiment.monte_carlo.confidence_percent
     counted = {"num_cases": len(starts), "confidence_percent": confidence, "sun": experiment.sun.mode}
-    return Flights(episodes, tracks, counted | summarise(episodes, confidence))
+    return FlightSet(episodes, tracks, counted | summarise(episodes, confidence))
 
 
 def fly_shown(
     experiment: Experiment,
     controller: Controller,
     starts: list[Scenario],
-    evaluation: Flights | None,
+    evaluation: FlightSet | None,
     training_round: int | None,
 ) -> list[ShownFlight]:
     """Fly what is shown in detail: a training case, the given start, or else the evaluation's median case."""
@@ -318,19 +319,24 @@ def read_front(folder: Path) -> Columns | None:
     return tables.read_parquet(folder, artifacts.FRONT_GENOMES)
 
 
-def command_of(folder: Path) -> str:
-    """Return what to type for the same run, as Hydra kept it; empty where it did not."""
-    overrides = _kept_by_hydra(folder / ".hydra" / "overrides.yaml")
-    words = [str(word) for word in overrides if not str(word).startswith("hydra.")]
+def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:
+    """Return what to type for the same run; empty where nobody kept it."""
+    words = [str(word) for word in (manifest or {}).get("command", ())] or _command_kept_by_hydra(folder)
+    words = [word for word in words if not word.startswith("hydra.")]
     paths = [re.fullmatch(r"controller\.path='([\w./@%+-]+)'", word) for word in words]
     if "controller=file" in words and any(paths):
         # the command line takes the path at once
         words = [f"controller={path[1]}" if path else word for word, path in zip(words, paths, strict=True)]
         words.remove("controller=file")
+    return f"python -m pipeline {shlex.join(words)}" if words else ""
+
+
+def _command_kept_by_hydra(folder: Path) -> list[str]:
+    """Return the words with which a run was started before manifests told them."""
+    words = [str(word) for word in _kept_by_hydra(folder / ".hydra" / "overrides.yaml")]
     sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra", "runtime", "config_sources")
     own = [source["path"] for source in sources if source.get("provider") == "command-line"]
-    options = ["--config-dir", str(own[0])] if own else []
-    return "python -m pipeline " + shlex.join([*options, *words]) if words else ""
+    return ["--config-dir", str(own[0]), *words] if own and words else words
 
 
 def _kept_by_hydra(path: Path, *keys: str) -> list[Any]:

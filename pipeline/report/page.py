@@ -13,12 +13,12 @@ from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
 from pipeline.evaluation.published import Reported
 from pipeline.flight.log import points_needed
-from pipeline.report.comparison import headings, tables_of
-from pipeline.report.contents import POSITION, Columns, Contents, Flights, ShownFlight
+from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, times_tile
+from pipeline.report.comparison_tables import headings, tables_of
+from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS
-from pipeline.report.optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.pictures import Illustration
-from pipeline.report.safety import safety_words
+from pipeline.report.without_safety import safety_words
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
 
@@ -39,7 +39,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class SummaryRow:
     """A row of the summary."""
 
     label: str
@@ -203,7 +203,7 @@ def tiles(contents: Contents) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def summary_rows(contents: Contents) -> list[Row]:
+def summary_rows(contents: Contents) -> list[SummaryRow]:
     """Return the rows of the summary: ours, and the paper's under each."""
     rows = []
     pairs = (
@@ -218,7 +218,7 @@ def summary_rows(contents: Contents) -> list[Row]:
                 note += f", starts of round {contents.training_round}"
             cells = [*(_mean_cell(told[name], places) for name, places in DECIMALS.items())]
             cells += [_share_cell(told[name]) for name in SHARES]
-            rows += [Row(word, note, cells, is_ours=True), _paper_row(reported)]
+            rows += [SummaryRow(word, note, cells, is_ours=True), _paper_row(reported)]
     return rows
 
 
@@ -232,14 +232,14 @@ def _share_cell(told: Mapping[str, float]) -> Cell:
     return Cell(f"{100 * told['fraction']:.1f} %", told["fraction"], note)
 
 
-def _paper_row(reported: Reported) -> Row:
+def _paper_row(reported: Reported) -> SummaryRow:
     cells = [
         Cell(f"{reported.means[name]:g} ± {reported.standard_deviations[name]:g}", reported.means[name])
         for name in DECIMALS
     ]
     note = f"{reported.num_cases:,} flights, Sun not stated"
     cells += [Cell("not stated") for _ in SHARES]
-    return Row(f"Paper, {reported.label}", note, cells, is_ours=False)
+    return SummaryRow(f"Paper, {reported.label}", note, cells, is_ours=False)
 
 
 def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:
@@ -267,7 +267,7 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
     ]
 
 
-def case_rows(training: Flights | None) -> list[list[str]]:
+def case_rows(training: FlightSet | None) -> list[list[str]]:
     """Return one row of words for each training flight, none where they are too many."""
     if training is None or training.episodes is None or len(training.episodes["case"]) > MOST_ROWS:
         return []

@@ -9,21 +9,21 @@ import numpy as np
 from pipeline.evaluation import published
 from pipeline.flight.log import points_needed
 from pipeline.flight.world import inspection_points
-from pipeline.report.comparison import marks_of
-from pipeline.report.contents import Contents, Flights, ShownFlight
-from pipeline.report.figures.comparison import LINEAR, compared
+from pipeline.report.beside_optimum import Pair
+from pipeline.report.comparison_tables import marks_of
+from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.control import controls
 from pipeline.report.figures.convergence import convergence
+from pipeline.report.figures.delta_v_and_rate import LINEAR, compared
 from pipeline.report.figures.distributions import METRICS, Sample, distributions
 from pipeline.report.figures.front import front_of_training
-from pipeline.report.figures.optimum import beside_optimum
-from pipeline.report.figures.safety import with_and_without
 from pipeline.report.figures.side_by_side import side_by_side
+from pipeline.report.figures.spent_beside_optimum import beside_optimum
 from pipeline.report.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
 from pipeline.report.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
-from pipeline.report.optimum import Pair
-from pipeline.report.safety import Without
+from pipeline.report.figures.with_and_without import with_and_without
 from pipeline.report.svg import inline
+from pipeline.report.without_safety import Without
 from pipeline.settings.experiment import Mission
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
@@ -150,7 +150,7 @@ def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[_Sketch]
         yield _Sketch("trajectories-start", caption, trajectories(tracks, mission))
 
 
-def _training_sketch(training: Flights, mission: Mission) -> _Sketch:
+def _training_sketch(training: FlightSet, mission: Mission) -> _Sketch:
     assert training.tracks_m is not None  # noqa: S101 - they were flown for this
     count = len(training.tracks_m)
     if count > MOST_TOLD_APART:
@@ -165,7 +165,7 @@ def _training_sketch(training: Flights, mission: Mission) -> _Sketch:
     return _Sketch("trajectories-training", caption, trajectories(tracks, mission))
 
 
-def _evaluation_sketch(evaluation: Flights, mission: Mission) -> _Sketch:
+def _evaluation_sketch(evaluation: FlightSet, mission: Mission) -> _Sketch:
     assert evaluation.tracks_m is not None  # noqa: S101 - asked before
     caption = (
         f"The {len(evaluation.tracks_m):,} flights of the evaluation, overlapped, in the Hill frame: in "
@@ -217,7 +217,7 @@ def _needed(mission: Mission) -> int:
     return points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
 
 
-def _tracks_by_outcome(flights: Flights, mission: Mission) -> Tracks:
+def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:
     """Colour flights by how they ended, those outside the limits last."""
     assert flights.episodes is not None  # noqa: S101 - flights with tracks have episodes
     assert flights.tracks_m is not None  # noqa: S101

@@ -2,7 +2,8 @@
 
 The manifest says what a run's files come from: the hash of its configuration, the versions of everything
 that took part, the seed, the revision of the sources where they lie in a git repository, the finished stages,
-and the SHA-256 of each file.
+and the SHA-256 of each file. It also says, for programs that know nothing of this one, which file has which
+role (`ROLES`) and what the scene of its flights is (`docs/reference/run-folder.md`).
 """
 
 import hashlib
@@ -76,7 +77,19 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
 
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
-MANIFEST_VERSION: Final = 1
+#: 2 added the roles of files, the scene and the command; runs of version 1 are read and gone on with
+MANIFEST_VERSION: Final = 2
+VERSIONS_READ: Final = (1, 2)
+#: what other programs look for in a run's folder; they find it by these names in the manifest
+ROLES: Final[Mapping[str, str]] = {
+    "configuration": CONFIG,
+    "champion": CHAMPION,
+    "training_history": HISTORY,
+    "training_trajectories": CHAMPION_TRAJECTORIES,
+    "evaluation_episodes": EPISODES,
+    "evaluation_trajectories": TRAJECTORIES,
+    "recordings": RECORDINGS,
+}
 #: what is read of a manifest again
 MANIFEST_KEYS: Final[Mapping[str, type]] = {"config_hash": str, "finished_stages": list}
 #: packages whose version may change a result or a file
@@ -197,12 +210,16 @@ def config_hash(config: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(counted, sort_keys=True).encode()).hexdigest()
 
 
-def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+def config_text(config: Mapping[str, Any]) -> str:
     """Write a resolved configuration as YAML that reads back to the same data."""
-    text = yaml.safe_dump(
+    return yaml.safe_dump(
         dict(config), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
     )
-    write_atomically(folder / CONFIG, text)
+
+
+def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+    """Keep a resolved configuration in a run's folder, see `config_text`."""
+    write_atomically(folder / CONFIG, config_text(config))
 
 
 def read_config(folder: Path) -> dict[str, Any]:
@@ -245,7 +262,14 @@ def list_artifacts(folder: Path) -> list[str]:
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
 
 
-def write_manifest(folder: Path, config: Mapping[str, Any], finished: Sequence[str]) -> None:
+def write_manifest(
+    folder: Path,
+    config: Mapping[str, Any],
+    finished: Sequence[str],
+    *,
+    command: Sequence[str] = (),
+    scene: Mapping[str, float] | None = None,
+) -> None:
     """Write down what the files of a run come from.
 
     Parameters
@@ -256,13 +280,21 @@ def write_manifest(folder: Path, config: Mapping[str, Any], finished: Sequence[s
         Resolved, plain data.
     finished : sequence of str
         The stages that have come to their end.
+    command : sequence of str
+        The words with which the run was started, after ``python -m pipeline``.
+    scene : mapping of str to float, optional
+        What a picture of its flights needs: ``sample_period_s``, ``min_distance_m`` and ``max_distance_m``
+        (limits), ``threshold_percent`` (of a success), ``chief_radius_m``.
     """
     manifest: dict[str, Any] = {
         "manifest_version": MANIFEST_VERSION,
         "name": config["name"],
         "config_hash": config_hash(config),
         "seed": config["seed"],
+        "command": list(command),
         "finished_stages": list(finished),
+        "files": dict(ROLES),
+        "scene": dict(scene or {}),
         "versions": versions(),
     }
     if revision := git_revision():
@@ -281,10 +313,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     manifest = read_json(folder, MANIFEST)
     version = manifest.get("manifest_version") if isinstance(manifest, dict) else None
-    if version != MANIFEST_VERSION:
+    if version not in VERSIONS_READ:
         raise ArtifactError(
-            f"{folder / MANIFEST} has manifest version {version}, this program reads {MANIFEST_VERSION}; "
-            "use the program that made the run"
+            f"{folder / MANIFEST} has manifest version {version}, this program reads "
+            f"{' and '.join(map(str, VERSIONS_READ))}; use the program that made the run"
         )
     for name, kind in MANIFEST_KEYS.items():
         if not isinstance(manifest.get(name), kind):

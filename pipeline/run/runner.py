@@ -10,20 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.run import artifacts
-from pipeline.settings.experiment import STAGES, Experiment
+from pipeline.settings.experiment import STAGES, Experiment, Mission
 
 Stage = Callable[[Experiment, Path], None]
-
-#: where each stage's `run` is; imported when its turn comes
-STAGE_MODULES: Mapping[str, str] = {
-    "scenario": "pipeline.stages.scenario",
-    "train": "pipeline.stages.train",
-    "evaluate": "pipeline.stages.evaluate",
-    "record": "pipeline.stages.record",
-    "optimum": "pipeline.stages.optimum",
-    "compare": "pipeline.stages.compare",
-    "report": "pipeline.stages.report",
-}
 
 _LOG = logging.getLogger("pipeline")
 
@@ -34,7 +23,7 @@ class Interrupted(KeyboardInterrupt):
 
 def stage_named(name: str) -> Stage:
     """Return the function that runs a stage."""
-    stage: Stage = import_module(STAGE_MODULES[name]).run
+    stage: Stage = import_module(f"pipeline.stages.{name}").run
     return stage
 
 
@@ -42,11 +31,19 @@ def finished_stages(folder: Path) -> list[str]:
     """Return the stages that have come to their end in a run's folder, none for a new one."""
     if not (folder / artifacts.MANIFEST).exists():
         return []
-    return [str(name) for name in artifacts.read_manifest(folder)["finished_stages"]]
+    return _finished(artifacts.read_manifest(folder))
+
+
+def _finished(manifest: Mapping[str, Any]) -> list[str]:
+    return [str(name) for name in manifest.get("finished_stages", ())]
 
 
 def run_stages(
-    experiment: Experiment, config: Mapping[str, Any], folder: Path, stages: Sequence[str] | None = None
+    experiment: Experiment,
+    config: Mapping[str, Any],
+    folder: Path,
+    stages: Sequence[str] | None = None,
+    command: Sequence[str] | None = None,
 ) -> None:
     """Run stages in a run's folder.
 
@@ -59,6 +56,8 @@ def run_stages(
         Made where it is missing.
     stages : sequence of str, optional
         Those to run; by default all of the experiment's.
+    command : sequence of str, optional
+        The words with which a new run is started; by default those that its manifest tells.
 
     Raises
     ------
@@ -67,9 +66,14 @@ def run_stages(
     """
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
-    finished = finished_stages(folder)
+    earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
+    finished = _finished(earlier)
+    known: dict[str, Any] = {
+        "command": earlier.get("command", ()) if command is None else command,
+        "scene": scene_of(experiment.mission),
+    }
     artifacts.write_config(folder, config)
-    artifacts.write_manifest(folder, config, finished)
+    artifacts.write_manifest(folder, config, finished, **known)
     with _logged_to(folder / artifacts.LOG):
         for index, name in enumerate(stages, start=1):
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
@@ -77,7 +81,7 @@ def run_stages(
             try:
                 stage_named(name)(experiment, folder)
             except KeyboardInterrupt as error:
-                artifacts.write_manifest(folder, config, finished)
+                artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, finished)) from error
             except Exception:  # raised again below: here the run's own log learns of it too
@@ -86,7 +90,18 @@ def run_stages(
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             # what came after is made from files that are no longer there
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
-            artifacts.write_manifest(folder, config, finished)
+            artifacts.write_manifest(folder, config, finished, **known)
+
+
+def scene_of(mission: Mission) -> dict[str, float]:
+    """Return what a picture of a mission's flights needs, see `artifacts.write_manifest`."""
+    return {
+        "sample_period_s": mission.control_period_s,
+        "min_distance_m": mission.deputy.min_distance_m,
+        "max_distance_m": mission.deputy.max_distance_m,
+        "threshold_percent": mission.inspection_threshold_percent,
+        "chief_radius_m": mission.chief.inspection_radius_m,
+    }
 
 
 def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:

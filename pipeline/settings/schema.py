@@ -50,7 +50,7 @@ def is_key(key: str) -> bool:
     return key in all_keys() or key.startswith(FREE + ".")
 
 
-def experiment_from(config: Mapping[str, Any], *, resume: bool = False) -> Experiment:
+def experiment_from(config: Mapping[str, Any]) -> Experiment:
     """Build an experiment from a resolved configuration of plain data.
 
     Raises
@@ -60,7 +60,7 @@ def experiment_from(config: Mapping[str, Any], *, resume: bool = False) -> Exper
     """
     values = _group_values(Experiment, config, "")
     mission = {name: values.pop(name) for name in types_of(Mission)}
-    return Experiment(**values, mission=Mission(**mission), resume=resume)
+    return Experiment(**values, mission=Mission(**mission))
 
 
 def _group_values(kind: type, node: object, prefix: str) -> dict[str, Any]:

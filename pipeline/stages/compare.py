@@ -15,7 +15,7 @@ from pipeline.evaluation.comparison import (
     FLOWN,
     HEADER,
     Column,
-    Row,
+    ComparisonRow,
     as_cells,
     as_mapping,
     in_words,
@@ -45,7 +45,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     name = "the paper"
     reported = published.TEST
     rows = [published_row(name, reported.num_cases, reported.means, reported.standard_deviations)]
-    flown: list[tuple[Row, dict[str, Column]]] = []
+    flown: list[tuple[ComparisonRow, dict[str, Column]]] = []
     for sun in experiment.compare.suns:
         under = replace(experiment, sun=replace(experiment.sun, mode=cast(Any, sun)))
         scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
@@ -80,7 +80,7 @@ def _solved(experiment: Experiment) -> Solved | None:
 
 def _row(
     experiment: Experiment, name: str, layer: str, scenarios: list[Scenario], solved: Solved | None
-) -> tuple[Row, dict[str, Column]]:
+) -> tuple[ComparisonRow, dict[str, Column]]:
     """Fly one controller under one layer."""
     mission, workers = guarded(experiment.mission, layer), experiment.monte_carlo.workers
     controller = named(name, mission)
@@ -91,7 +91,7 @@ def _row(
         beside, _ = fly_cases(mission, controller, solved.scenarios, workers)
         times = summarise_times(beside_optimum(beside, solved.cases))
     summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
-    row = Row(
+    row = ComparisonRow(
         label_of(name, experiment.compare.controllers),
         FLOWN,
         experiment.sun.mode,
@@ -137,7 +137,7 @@ def _fly(
     return episodes
 
 
-def _planned(experiment: Experiment, solved: Solved) -> Row:
+def _planned(experiment: Experiment, solved: Solved) -> ComparisonRow:
     mission = experiment.mission
     return planned_row(
         solved,
@@ -148,7 +148,7 @@ def _planned(experiment: Experiment, solved: Solved) -> Row:
     )
 
 
-def _told(experiment: Experiment, rows: list[Row]) -> str:
+def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
     """Write the table and what its columns mean."""
     threshold = experiment.mission.inspection_threshold_percent
     confidence = experiment.monte_carlo.confidence_percent

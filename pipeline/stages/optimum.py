@@ -22,7 +22,7 @@ from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
 
 Floats = NDArray[np.float64]
-Row = dict[str, Any]
+CaseRow = dict[str, Any]
 
 SECONDS_BETWEEN_LINES = 5.0
 
@@ -71,7 +71,7 @@ def plan_path(folder: Path, case: int) -> Path:
     return folder / artifacts.OPTIMUM_PLANS / f"case-{case:04d}.csv"
 
 
-def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, Row]:
+def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
     """Return the rows of cases solved before, whose plan is there and whose start is this run's."""
     if not (folder / artifacts.OPTIMUM_CASES).exists():
         return {}
@@ -93,7 +93,7 @@ def _solve(experiment: Experiment, case: int, scenario: Scenario) -> CasePlan:
     return solve(experiment.mission, scenario, experiment.optimum, seed)
 
 
-def _keep(experiment: Experiment, folder: Path, case: int, scenario: Scenario, plan: CasePlan) -> Row:
+def _keep(experiment: Experiment, folder: Path, case: int, scenario: Scenario, plan: CasePlan) -> CaseRow:
     """Write a plan as the table of forces that ``controller=open_loop`` flies, and return its row."""
     forces, period = plan.flight.forces, experiment.mission.control_period_s
     last = int(np.flatnonzero(np.any(forces != 0.0, axis=1)).max(initial=0))
@@ -103,14 +103,14 @@ def _keep(experiment: Experiment, folder: Path, case: int, scenario: Scenario, p
     return case_row(case, scenario, plan, experiment.optimum.points, num_points)
 
 
-def write_cases(folder: Path, rows: Mapping[int, Row]) -> None:
+def write_cases(folder: Path, rows: Mapping[int, CaseRow]) -> None:
     """Write the table of cases, in order."""
     ordered = [rows[case] for case in sorted(rows)]
     columns = {name: np.array([row[name] for row in ordered]) for name in ordered[0]}
     tables.write_parquet(folder / artifacts.OPTIMUM_CASES, columns)
 
 
-def _told(row: Row) -> str:
+def _told(row: CaseRow) -> str:
     """Say how a case ended."""
     if not row["is_feasible"]:
         return (
@@ -123,7 +123,7 @@ def _told(row: Row) -> str:
     )
 
 
-def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, Row]) -> None:
+def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -> None:
     """Write all forces as one small table, and the summary."""
     fired = []
     for case in sorted(rows):

@@ -30,7 +30,7 @@ OWN_FILES: Final = re.compile(r"(training-\d+|(worst|median|best)-case-\d+|start
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightToRecord:
     """A flight to record.
 
     Parameters
@@ -70,20 +70,20 @@ def run(experiment: Experiment, folder: Path) -> None:
             path.unlink()
 
 
-def flights_of(experiment: Experiment, folder: Path) -> list[Flight]:
+def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
     """Return the flights to record: of the training, of the evaluation, from the given start."""
-    flights: list[Flight] = []
+    flights: list[FlightToRecord] = []
     if experiment.telemetry.record_training:
         scenarios = training_scenarios(
             experiment.starts, experiment.sun, experiment.seed, _last_round(folder)
         )
         for case, scenario in enumerate(scenarios[:MOST_TRAINING_FLIGHTS]):
-            flights.append(Flight(f"training-{case}", f"training-{case}", scenario))
+            flights.append(FlightToRecord(f"training-{case}", f"training-{case}", scenario))
     if experiment.telemetry.record_ranked:
         flights += _ranked_flights(experiment, tables.read_parquet(folder, artifacts.EPISODES))
     if experiment.telemetry.record_start:
         start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
-        flights.append(Flight("start", "start", start))
+        flights.append(FlightToRecord("start", "start", start))
     return flights
 
 
@@ -93,7 +93,7 @@ def _last_round(folder: Path) -> int:
     return int(tables.read_parquet(folder, artifacts.HISTORY)["round"][-1]) if is_there else 0
 
 
-def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[Flight]:
+def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     order = rank(episodes)
@@ -101,7 +101,7 @@ def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[Flight]:
     return [_evaluated_flight(name, episodes, int(row), scenarios) for name, row in chosen.items()]
 
 
-def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> Flight:
+def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> FlightToRecord:
     """Return the flight of a row of an evaluation, once it is sure that this run's case started there."""
     case = int(episodes["case"][row])
     start = [float(episodes[column][row]) for column in (*_POSITION, "sun_angle_rad")]
@@ -112,13 +112,13 @@ def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Sc
             "stage evaluate"
         )
     expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])
-    return Flight(f"{name}-case-{case}", f"case-{case}", drawn, expected)
+    return FlightToRecord(f"{name}-case-{case}", f"case-{case}", drawn, expected)
 
 
 _POSITION = ("position_x_m", "position_y_m", "position_z_m")
 
 
-def _record(experiment: Experiment, folder: Path, flights: list[Flight]) -> None:
+def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:
     """Fly and record, with a line a flight."""
     controller = controller_of_run(experiment, folder)
     recorder = FlightRecorder(
@@ -145,7 +145,7 @@ def _record(experiment: Experiment, folder: Path, flights: list[Flight]) -> None
     sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")
 
 
-def _check_repeated(flight: Flight, log: FlightLog) -> None:
+def _check_repeated(flight: FlightToRecord, log: FlightLog) -> None:
     """Refuse to call a flight the worst, median or best of an evaluation that it does not repeat."""
     if flight.expected is None:
         return

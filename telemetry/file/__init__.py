@@ -1,1 +1,1 @@
-"""Recordings as files: written, read, rescued, compared, turned into tables."""
+"""Recordings as files: write, read, recover, compare, and export to tables."""

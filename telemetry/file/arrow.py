@@ -1,4 +1,4 @@
-"""Columns as Arrow tables, for data frames: each field carries its unit."""
+"""Arrow tables for data frames; each field carries its unit."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: under which a field's metadata holds its unit
+#: key of the unit in a field's metadata
 UNIT: Final = "unit"
 
 
@@ -21,13 +21,13 @@ def table(
     Parameters
     ----------
     columns : mapping of str to array
-        Arrays of one length; of each further axis comes a list of fixed size.
+        Arrays of equal length; further axes become lists of fixed size.
     units : mapping of str to str
-        Of the columns that have one; it stands in the metadata of the field, under ``unit``.
+        Of the columns that have one; stored in the field's metadata as ``unit``.
     description : mapping of str to str
         Metadata of the table.
     """
-    # pyarrow takes a tenth of a second to import, which nobody who needs no table should pay
+    # pyarrow takes a tenth of a second to import; only tables need it
     import pyarrow as pa  # noqa: PLC0415
 
     arrays = {name: _array(values) for name, values in columns.items()}

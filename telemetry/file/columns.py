@@ -1,4 +1,4 @@
-"""Turns the messages of a topic into columns: one array a field, the first axis being time."""
+"""Decodes the messages of a topic into columns: one array per field, time along the first axis."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
@@ -22,7 +22,7 @@ from telemetry.file.schema import inspection_pb2
 
 Columns = dict[str, NDArray[np.generic]]
 
-#: what a point's colour is worth where it is none of ours
+#: state of a point whose colour is not one of `topics.POINT_COLOURS_RGBA`
 UNKNOWN_STATE: Final = 255
 
 _DTYPE_OF_FIELD: Final[Mapping[int, np.dtype[Any]]] = {
@@ -48,9 +48,9 @@ def decode(schema: str, payloads: Sequence[bytes]) -> Columns:
     Parameters
     ----------
     schema : str
-        The messages' full protobuf name, one of `known_schemas`.
+        Full protobuf name of the messages, one of `known_schemas`.
     payloads : sequence of bytes
-        The messages as they are in the file, in the order of time.
+        Serialized messages, in order of time.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def decode(schema: str, payloads: Sequence[bytes]) -> Columns:
     Raises
     ------
     RecordingError
-        If the messages do not have the same shape throughout.
+        If the messages differ in shape.
     """
     return _DECODERS[schema](payloads)
 

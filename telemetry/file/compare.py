@@ -1,4 +1,4 @@
-"""Compares two recordings: where they first part, by how much, and how far each field strays."""
+"""Compares two recordings: where they first differ, and how much each field differs at most."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, TopicColumns
+from telemetry.file.text import aligned
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Value = float | int | bool | str
 
-#: within a sample a topic follows from those before it: the first that parts is the nearest to the cause
+#: within a sample a topic depends on those before it, so the first that differs is nearest to the cause
 _DATA_FLOW: Final = (
     topics.DEPUTY_STATE,
     topics.DEPUTY_POSE,
@@ -40,12 +41,12 @@ class Parting:
     ----------
     topic, field, unit : str
     sample : int
-        Number of the instant among all instants of both recordings, from 0.
+        Index of the time among all times of both recordings.
     time_s : float
     component : tuple of int
-        Which number of the field; the farthest apart, if several part at once.
+        Index within the field; that of the largest difference, if several differ.
     first, second : float, int, bool or str
-        What the two recordings say there.
+        The two values.
     """
 
     topic: str
@@ -60,18 +61,18 @@ class Parting:
 
 @dataclass(frozen=True)
 class FieldComparison:
-    """One field, over all messages that both recordings have.
+    """Comparison of a field over all messages that both recordings have.
 
     Parameters
     ----------
     topic, field, unit : str
     greatest : float
-        The largest difference of two numbers, in the field's unit; infinite where one is not finite, and for
-        words and lengths that differ.
+        The largest difference, in the field's unit; infinite if a number is not finite, or texts or
+        lengths differ.
     greatest_time_s : float
-        Where it is.
+        Time of the largest difference.
     parting : Parting or None
-        None where the field never differs by more than is tolerated.
+        None if the field never differs by more than the tolerance.
     """
 
     topic: str
@@ -84,16 +85,16 @@ class FieldComparison:
 
 @dataclass(frozen=True)
 class LoneMessages:
-    """Messages of a topic that one recording has and the other has not.
+    """Messages of a topic that only one recording has.
 
     Parameters
     ----------
     topic : str
     is_in_first : bool
-        Whether it is the first recording that has them.
+        Whether the first recording has them.
     num_messages : int
     sample, time_s : int, float
-        The first of them.
+        Of the first of them.
     """
 
     topic: str
@@ -111,14 +112,14 @@ class Comparison:
     ----------
     first, second : Path
     tolerance : float
-        Differences of quantities up to it, in each field's own unit, do not count.
+        Differences of quantities up to it count as equal, in each field's own unit.
     num_samples : int
-        Instants of both recordings together.
+        Number of distinct times in both recordings.
     fields : tuple of FieldComparison
-        In the order of the data's flow within a sample.
+        In the order of data flow within a sample.
     lone : tuple of LoneMessages
     told_apart : tuple of str
-        Metadata entries and attachments that differ: why flights part, but not whether they do.
+        Metadata entries and attachments that differ; they may explain differences but do not count as such.
     """
 
     first: Path
@@ -143,15 +144,15 @@ class Comparison:
 
 
 def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comparison:
-    """Compare two recordings message by message; those of a topic at the same time belong together.
+    """Compare two recordings message by message, pairing messages of a topic by time.
 
     Parameters
     ----------
     first, second : Recording
-        They may be of different lengths and have different topics.
+        They may differ in length and topics.
     tolerance : float
-        The greatest difference that does not count, in each field's own unit. It is for measured quantities:
-        counts, states, masks and words have to be the same, as everything has where it is 0. Two NaNs are.
+        The largest difference that counts as equal, in each field's own unit. It applies to quantities;
+        counts, states, masks and texts must be identical. Two NaNs are equal.
 
     Returns
     -------
@@ -165,7 +166,7 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
     if not tolerance >= 0.0:
         raise RecordingError(
             f"the tolerance is {tolerance}, but zero or a positive number is expected; "
-            "give the greatest difference that does not count"
+            "give the largest difference that counts as equal"
         )
     recorded = [topic for recording in (first, second) for topic in recording.topics.values()]
     samples = np.unique(np.concatenate([np.empty(0), *(topic.time_s for topic in recorded)]))
@@ -200,13 +201,13 @@ def _told_apart(first: Recording, second: Recording) -> Iterator[str]:
 
 
 def _flow(topic: str) -> tuple[int, str]:
-    """Place a topic in the order of the data's flow; one of another kind comes last."""
+    """Return a sort key for the order of data flow; other topics come last."""
     kind = topics.FIS_PREFIX if topic.startswith(topics.FIS_PREFIX) else topic
     return (_DATA_FLOW.index(kind) if kind in _DATA_FLOW else len(_DATA_FLOW)), topic
 
 
 def _common_rows(first: TopicColumns | None, second: TopicColumns | None) -> tuple[Indices, Indices]:
-    """Find the messages that belong together: the same time, and the same place among those of that time."""
+    """Pair messages: the same time, and the same index among those of that time."""
     _, rows, other_rows = np.intersect1d(_keys(first), _keys(second), assume_unique=True, return_indices=True)
     return rows, other_rows
 
@@ -243,7 +244,7 @@ def _compared_fields(
         one, other = first[field][rows[0]], second[field][rows[1]]
         apart = _apart(one, other)
         greatest = apart.reshape(len(apart), -1).max(axis=1, initial=0.0)
-        # half a point is not inspected: whole numbers are the same or they are not
+        # the tolerance does not apply to counts and states
         row = _first_beyond(greatest, tolerance if one.dtype.kind == "f" else 0.0)
         unit = first.units.get(field, "")
         parting = None
@@ -267,7 +268,7 @@ def _first_beyond(numbers: Floats, limit: float) -> int | None:
 
 
 def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
-    """Return how far numbers are apart; infinitely where they cannot be subtracted."""
+    """Return absolute differences; infinite where numbers cannot be subtracted."""
     if one.shape != other.shape:
         return np.full(len(one), np.inf)
     if one.dtype.kind == "U":
@@ -282,7 +283,7 @@ def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
 def _values(
     one: NDArray[np.generic], other: NDArray[np.generic], apart: Floats, row: int
 ) -> tuple[tuple[int, ...], Value, Value]:
-    """Return which numbers of a row are the farthest apart, and what they are."""
+    """Return the index of the largest difference in a row, and both values."""
     if one.shape != other.shape:
         return (), _length(one), _length(other)
     component = tuple(int(i) for i in np.unravel_index(int(apart[row].argmax()), apart.shape[1:]))
@@ -307,11 +308,11 @@ def in_words(comparison: Comparison) -> list[str]:
         within = f" to within {comparison.tolerance:g}" if comparison.tolerance else ""
         lines = [f"{pair} are the same{within}: {extent}"]
     else:
-        lines = [f"{pair} part at {_parting_in_words(parting, comparison.num_samples)}"]
+        lines = [f"{pair} differ from {_parting_in_words(parting, comparison.num_samples)}"]
     for lone in comparison.lone:
         owner = "first" if lone.is_in_first else "second"
         lines.append(
-            f"  {lone.topic}: {lone.num_messages} messages in the {owner} alone, from {lone.time_s:g} s on"
+            f"  {lone.topic}: {lone.num_messages} messages only in the {owner}, from {lone.time_s:g} s on"
         )
     if comparison.told_apart:
         lines.append(f"  described differently: {', '.join(comparison.told_apart)}")
@@ -321,7 +322,7 @@ def in_words(comparison: Comparison) -> list[str]:
 def _parting_in_words(parting: Parting | LoneMessages, num_samples: int) -> str:
     instant = f"sample {parting.sample} of 0 to {num_samples - 1} ({parting.time_s:g} s): {parting.topic}"
     if isinstance(parting, LoneMessages):
-        return f"{instant} has a message in the {'first' if parting.is_in_first else 'second'} alone"
+        return f"{instant} has a message only in the {'first' if parting.is_in_first else 'second'}"
     first, second, unit = parting.first, parting.second, _spaced(parting.unit)
     index = f"[{', '.join(map(str, parting.component))}]" if parting.component else ""
     told = (
@@ -333,13 +334,13 @@ def _parting_in_words(parting: Parting | LoneMessages, num_samples: int) -> str:
 
 
 def _spaced(unit: str) -> str:
-    """Return a unit to stand behind a number; none for a field whose numbers have several."""
+    """Return a unit to follow a number; empty for a field whose numbers have several units."""
     return f" {unit}" if unit and "," not in unit else ""
 
 
 def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
-    """Lay out the fields that differ at all, those that never do being counted."""
-    rows = [("field", "parts at", "greatest difference", "at")]
+    """Tabulate the fields that differ, and count the others."""
+    rows = [("field", "differs from", "largest difference", "at")]
     for field in fields:
         if field.greatest > 0.0:
             rows.append(
@@ -354,6 +355,4 @@ def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
             )
     if len(rows) == 1:
         return []
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    table = ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    return ["", *table, "", f"  the other {len(fields) - len(rows) + 1} fields are the same"]
+    return ["", *aligned(rows), "", f"  the other {len(fields) - len(rows) + 1} fields are the same"]

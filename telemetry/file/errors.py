@@ -1,5 +1,5 @@
-"""The one error a user of recordings meets."""
+"""The error that recordings raise."""
 
 
 class RecordingError(Exception):
-    """A recording cannot be written, read or shown; its text gives the fact, the expectation and the cure."""
+    """A recording cannot be written, read or shown; the message says what is wrong and how to fix it."""

@@ -1,4 +1,4 @@
-"""Builds Foxglove's messages, and the parts that all messages share, from plain numbers and arrays."""
+"""Builds Foxglove's messages, and the parts that all messages share, from numbers and arrays."""
 
 from typing import Final
 
@@ -31,7 +31,7 @@ POINT_DTYPE: Final = np.dtype(
     ]
 )
 
-#: the same bytes, as they are filled in
+#: the same bytes, as they are written
 _PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
 
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
@@ -71,12 +71,12 @@ def pose_in_hill(time_ns: int, position_m: list[float], quaternion: list[float])
 
 
 def point_cloud(time_ns: int, points_m: ArrayLike, states: ArrayLike) -> PointCloud:
-    """Build the cloud of points of shape (P, 3), chief axes, in the colours of their states, shape (P,).
+    """Build a point cloud from points, (P, 3), chief axes, coloured by their states, (P,).
 
     Raises
     ------
     RecordingError
-        If the shapes do not fit or a state is none of `topics.PointState`.
+        If the shapes do not match or a state is not a `topics.PointState`.
     """
     return PointCloud(
         timestamp=_timestamp(time_ns),
@@ -94,7 +94,7 @@ def log(time_ns: int, level: str, text: str) -> Log:
     Raises
     ------
     RecordingError
-        If `level` is none of `LOG_LEVELS`.
+        If `level` is not one of `LOG_LEVELS`.
     """
     if level not in LOG_LEVELS:
         raise RecordingError(f"there is no log level {level!r}; choose one of {', '.join(LOG_LEVELS)}")
@@ -124,7 +124,7 @@ def _packed_points(points_m: ArrayLike, states: ArrayLike) -> NDArray[np.void]:
         )
     if state.size and not (state.min() >= 0 and state.max() < len(topics.POINT_COLOURS_RGBA)):
         raise RecordingError(
-            f"point states reach from {state.min()} to {state.max()}, but 0 to "
+            f"point states range from {state.min()} to {state.max()}, but 0 to "
             f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.file.topics.PointState"
         )
     cloud = np.empty(len(points), dtype=_PACKED_DTYPE)

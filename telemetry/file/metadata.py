@@ -1,7 +1,7 @@
-"""The words of a recording: what metadata `episode` and `fis.<name>` hold, and how they are spelled.
+"""The metadata records `episode` and `fis.<name>`: their keys, and how values are encoded.
 
-Metadata values are strings. Numbers and lists are spelled as JSON, words stand as they are, and a key whose
-value is not known is left out.
+Metadata values are strings. Numbers and lists are encoded as JSON, text is stored as it is, and keys with
+unknown values are left out.
 """
 
 import json
@@ -14,26 +14,26 @@ from telemetry.file.errors import RecordingError
 
 JsonValue = float | str | list[float] | list[str]
 
-#: under which a record in a file carries the checksum of its other entries: MCAP has none for metadata
+#: key of the checksum of a record's other entries; MCAP itself has none for metadata
 CHECKSUM_KEY: Final = "crc32"
 
 
 def sealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
-    """Add the checksum with which a metadata record stands in a file."""
+    """Add a checksum to a metadata record, for writing it to a file."""
     return {**entries, CHECKSUM_KEY: _checksum(name, entries)}
 
 
 def unsealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
-    """Take the checksum off a metadata record; one that carries none, of another writer, stays as it is.
+    """Remove the checksum from a metadata record; a record of another writer, without one, stays as it is.
 
     Raises
     ------
     ValueError
-        If the entries are not those that were sealed.
+        If the checksum does not match the entries.
     """
     found = {key: value for key, value in entries.items() if key != CHECKSUM_KEY}
     if CHECKSUM_KEY in entries and entries[CHECKSUM_KEY] != _checksum(name, found):
-        raise ValueError(f"metadata {name} does not agree with its checksum")
+        raise ValueError(f"metadata {name} does not match its checksum")
     return found
 
 
@@ -43,27 +43,27 @@ def _checksum(name: str, entries: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeDescription:
-    """What an episode was, and what a replay needs to draw it; None where it is not known.
+    """Description of an episode, with what a replay needs to draw it; unknown values are None.
 
     Parameters
     ----------
     scenario_id, product_version, config_hash : str
-        Which start it was, of which version, under which configuration.
+        The start, the version of the product, and the hash of the configuration.
     seed : int
     position_m, velocity_m_s : tuple of 3 floats
         The start, Hill axes.
     sun_angle_rad : float
         At the start.
     min_distance_m, max_distance_m : float
-        Between which the deputy has to stay.
+        Limits of the deputy's distance to the chief.
     max_force_n, max_torque_n_m : float
-        Of each axis.
+        Limits per axis.
     half_angle_rad : float
         Of the camera's field of view.
     boresight : tuple of 3 floats
         Unit vector, body axes.
     inspection_threshold_percent : float
-        From which inspection rate on the flight is a success.
+        A flight is a success from this inspection rate on.
     """
 
     scenario_id: str | None = None
@@ -82,7 +82,7 @@ class EpisodeDescription:
     inspection_threshold_percent: float | None = None
 
     def to_metadata(self) -> dict[str, str]:
-        """Spell the description as metadata, without the keys whose value is None."""
+        """Encode the description as metadata, without the keys whose value is None."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {
             key: value if isinstance(value, str) else json.dumps(value)
@@ -92,12 +92,12 @@ class EpisodeDescription:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str]) -> "EpisodeDescription":
-        """Read the description back; unknown keys are ignored.
+        """Decode metadata; unknown keys are ignored.
 
         Raises
         ------
         RecordingError
-            If a value is not spelled as `to_metadata` spells it.
+            If a value is not encoded as `to_metadata` does.
         """
         words = ("scenario_id", "product_version", "config_hash")
         known = {field.name for field in fields(cls)} & metadata.keys()
@@ -107,12 +107,12 @@ class EpisodeDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class FisDescription:
-    """What the numbers of one fuzzy system's topic mean.
+    """Meaning of the numbers on a fuzzy system's topic.
 
     Parameters
     ----------
     input_names, input_units : tuple of str
-        In the order of the field `inputs`; an empty unit where there is none.
+        In the order of the field `inputs`; the unit is empty if there is none.
     output_name, output_unit : str
     rules : tuple of str
         In words, in the order of the field `firing_strengths`.
@@ -125,7 +125,7 @@ class FisDescription:
     rules: tuple[str, ...]
 
     def to_metadata(self) -> dict[str, str]:
-        """Spell the description as metadata."""
+        """Encode the description as metadata."""
         return {
             "input_names": json.dumps(self.input_names, ensure_ascii=False),
             "input_units": json.dumps(self.input_units, ensure_ascii=False),
@@ -136,12 +136,12 @@ class FisDescription:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str]) -> "FisDescription":
-        """Read the description back.
+        """Decode metadata.
 
         Raises
         ------
         RecordingError
-            If a key is missing or a value is not spelled as `to_metadata` spells it.
+            If a key is missing or a value is not encoded as `to_metadata` does.
         """
         missing = {field.name for field in fields(cls)} - metadata.keys()
         if missing:

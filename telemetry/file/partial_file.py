@@ -1,4 +1,4 @@
-"""A file under construction, which gets its name only when it is complete and safely on disk."""
+"""A file that gets its final name only when it is complete and synced to disk."""
 
 import os
 from collections.abc import Iterator
@@ -11,12 +11,12 @@ PARTIAL_SUFFIX: Final = ".partial"
 
 
 class PartialFile:
-    """A binary file called ``<path>.partial`` until it is committed; an earlier attempt is replaced.
+    """A binary file called ``<path>.partial`` until it is committed; replaces an earlier partial file.
 
     Parameters
     ----------
     path : Path
-        The name to be.
+        The final name.
 
     Raises
     ------
@@ -35,7 +35,7 @@ class PartialFile:
         Raises
         ------
         OSError
-            If the disk refuses; the file under construction is then left as it is.
+            If writing fails; the partial file is then left as it is.
         """
         try:
             self.stream.flush()
@@ -49,19 +49,19 @@ class PartialFile:
 
     def abandon(self) -> None:
         """Close the file and leave it under its provisional name."""
-        # closing writes what is buffered; the error worth reporting is the one that came first
+        # closing writes what is buffered; the first error is the one to report
         with suppress(OSError):
             self.stream.close()
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BufferedWriter]:
-    """Give a stream whose file gets its name when the block ends; if it ends in an exception nothing is left.
+    """Open a stream to a file that gets its name when the block ends; after an exception nothing is left.
 
     Raises
     ------
     OSError
-        If the file cannot be opened or the disk refuses.
+        If the file cannot be opened or written.
     """
     file = PartialFile(path)
     try:

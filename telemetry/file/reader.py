@@ -36,7 +36,7 @@ __all__ = ["Recording", "RecordingError", "read"]
 CHECKSUM_SIZE: Final = 4
 #: the kind of a record, one byte, and its length, eight
 RECORD_HEAD_SIZE: Final = 9
-#: what the mcap library raises on bytes that are not what they should be
+#: what the mcap library raises on damaged bytes
 DAMAGE: Final = (
     McapError,
     DecodeError,
@@ -52,18 +52,18 @@ DAMAGE: Final = (
 
 @dataclass(frozen=True)
 class TopicColumns:
-    """The messages of one topic as columns.
+    """Messages of a topic as columns.
 
     Parameters
     ----------
     topic, schema : str
-        Where the messages were, and the full name of their protobuf type.
+        The topic, and the full name of its protobuf type.
     time_s : (N,)
         Simulation time of each message, ascending.
     columns : mapping of str to array
-        One array a field; the first axis, of length N, is the message.
+        One array per field; the first axis, of length N, is the message.
     units : mapping of str to str
-        The unit of each column; empty where it has none.
+        The unit of each column; empty if it has none.
     """
 
     topic: str
@@ -78,7 +78,7 @@ class TopicColumns:
     def to_arrow(self) -> "pa.Table":
         """Return the columns as an Arrow table: `time_s` first, vectors as lists of fixed size.
 
-        Each field's metadata holds its ``unit``; `telemetry.flat_table` gives one number a cell instead.
+        Each field's metadata holds its ``unit``; `telemetry.flat_table` returns one number per cell instead.
         """
         return arrow.table(
             {"time_s": self.time_s, **self.columns},
@@ -87,7 +87,7 @@ class TopicColumns:
         )
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        # whatever takes Arrow's stream protocol takes a topic as it is: polars.DataFrame(topic), duckdb
+        # anything that accepts Arrow's stream protocol accepts a topic: polars.DataFrame(topic), duckdb
         return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def __getitem__(self, field: str) -> NDArray[np.generic]:
@@ -98,15 +98,15 @@ class TopicColumns:
 
 @dataclass(frozen=True)
 class Recording:
-    """What was read of a recording.
+    """A recording, or the part of it that was read.
 
     Parameters
     ----------
     path : Path
     topics : mapping of str to TopicColumns
-        By topic name; a topic on which nothing happened is there with no messages.
+        By name; a topic without messages is included.
     metadata : mapping of str to mapping of str to str
-        By name: `episode`, ``fis.<name>``, and `recovery` in a rescued file.
+        By name: `episode`, ``fis.<name>``, and `recovery` in a recovered file.
     attachments : mapping of str to bytes
         By file name.
     """
@@ -129,16 +129,16 @@ class Recording:
 
     @property
     def episode(self) -> EpisodeDescription:
-        """What the episode was, as far as the recording tells."""
+        """Description of the episode; unknown values are None."""
         return EpisodeDescription.from_metadata(self.metadata.get(topics.EPISODE_METADATA, {}))
 
     def fis_description(self, name: str) -> FisDescription:
-        """Return what the numbers of the fuzzy system called `name` mean.
+        """Return the meaning of the numbers of the fuzzy system `name`.
 
         Raises
         ------
         RecordingError
-            If the metadata does not fit what was recorded.
+            If the metadata contradicts the recorded messages.
         """
         description = FisDescription.from_metadata(self.metadata[topics.FIS_METADATA_PREFIX + name])
         topic = self.topics.get(topics.fis_topic(name))
@@ -147,7 +147,7 @@ class Recording:
             recorded = (topic["inputs"].shape[1], topic["firing_strengths"].shape[1])
             if told != recorded or len(description.input_units) != told[0]:
                 raise RecordingError(
-                    f"{self.path}: metadata fis.{name} tells of {told[0]} inputs and {told[1]} rules, but "
+                    f"{self.path}: metadata fis.{name} describes {told[0]} inputs and {told[1]} rules, but "
                     f"{recorded[0]} and {recorded[1]} are recorded; record the flight again, with metadata "
                     "and inferences of the same fuzzy system"
                 )
@@ -162,15 +162,15 @@ def read(
 ) -> Recording:
     """Read a recording, or a part of it.
 
-    The file's index is used: chunks outside the time asked for are not read.
+    Chunks outside the requested time are not read.
 
     Parameters
     ----------
     path : Path or str
     topics : str or iterable of str, optional
-        Topics to read, ``*`` standing for any part of a name (``/fis/*``, which may be none); all by default.
+        Topics to read, all by default; ``*`` matches any part of a name, and a pattern may match none.
     start_s, end_s : float, optional
-        The first and the last simulation time to read, both included; infinity is no limit.
+        First and last simulation time to read, inclusive; infinity is no limit.
 
     Returns
     -------
@@ -179,8 +179,8 @@ def read(
     Raises
     ------
     RecordingError
-        If the file is missing, is no MCAP file, is cut short or damaged, or lacks a topic asked for, or
-        if the times are no span.
+        If the file is missing, truncated, damaged or not an MCAP file, if it lacks a requested topic, or if
+        the end is before the start.
     """
     path = Path(path)
     _check_span(start_s, end_s)
@@ -206,7 +206,7 @@ def read(
 
 def _check_span(start_s: float | None, end_s: float | None) -> None:
     first, last = -inf if start_s is None else start_s, inf if end_s is None else end_s
-    # also false where one is no number
+    # also false if one is NaN
     if not (first <= last and first < inf and last > -inf):
         raise RecordingError(
             f"from start_s={start_s} to end_s={end_s} there is no time; "
@@ -216,12 +216,12 @@ def _check_span(start_s: float | None, end_s: float | None) -> None:
 
 @contextmanager
 def damage_explained(path: Path) -> Iterator[None]:
-    """Turn what the mcap library raises on damaged bytes into one clear error."""
+    """Turn the errors of the mcap library on damaged bytes into a `RecordingError`."""
     try:
         yield
     except DAMAGE as error:
         raise RecordingError(
-            f"{path} is damaged ({error or type(error).__name__}), but a recording must be whole to be read; "
+            f"{path} is damaged ({error or type(error).__name__}), but only intact recordings can be read; "
             f"rescue what can be read with `python -m telemetry recover {shlex.quote(str(path))}`"
         ) from error
 
@@ -240,12 +240,12 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
 
 
 def check_is_whole(path: Path, stream: BinaryIO) -> None:
-    """Check that a file begins and ends as an MCAP file does.
+    """Check that a file begins and ends like an MCAP file.
 
     Raises
     ------
     RecordingError
-        If it does not; the text tells a cut recording from a file of another kind.
+        If it does not; the message distinguishes a truncated recording from another kind of file.
     """
     head = stream.read(MAGIC_SIZE)
     if not head or not MCAP0_MAGIC.startswith(head):
@@ -260,7 +260,7 @@ def check_is_whole(path: Path, stream: BinaryIO) -> None:
     stream.seek(0)
     if size < 2 * MAGIC_SIZE or tail != MCAP0_MAGIC:
         raise RecordingError(
-            f"{path} is cut short, but a recording must be whole to be read; "
+            f"{path} is truncated, but only intact recordings can be read; "
             f"rescue every flushed step with `python -m telemetry recover {shlex.quote(str(path))}`"
         )
 
@@ -274,7 +274,7 @@ def _check_summary(stream: BinaryIO) -> None:
     end = stream.seek(-(MAGIC_SIZE + CHECKSUM_SIZE), os.SEEK_END)
     stream.seek(footer.summary_start)
     if zlib.crc32(stream.read(end - footer.summary_start)) != footer.summary_crc:
-        raise McapError("its index does not agree with its checksum")
+        raise McapError("its index does not match its checksum")
     stream.seek(0)
 
 
@@ -291,11 +291,11 @@ def check_attachment(record_bytes: bytes) -> None:
     Raises
     ------
     McapError
-        If they do not agree.
+        If it does not match.
     """
     checksum = int.from_bytes(record_bytes[-CHECKSUM_SIZE:], "little")
     if zlib.crc32(record_bytes[RECORD_HEAD_SIZE:-CHECKSUM_SIZE]) != checksum:
-        raise McapError("an attachment does not agree with its checksum")
+        raise McapError("an attachment does not match its checksum")
 
 
 def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None) -> dict[str, str]:

@@ -1,7 +1,7 @@
-"""Rescues a recording that was cut short or damaged: all that is provably whole, and nothing else.
+"""Recovers what is provably intact in a truncated or damaged recording, and nothing else.
 
-A record counts where all of its bytes are there. A chunk of messages counts as a whole, where its checksum
-agrees; a chunk that was still being written when the file was cut has none that does.
+A record counts if all of its bytes are there. A chunk of messages counts as a whole, if its checksum matches;
+a chunk that was being written when the file was truncated has no matching one.
 """
 
 import struct
@@ -28,20 +28,20 @@ _FRAME: Final = struct.Struct("<BQ")
 
 @dataclass(frozen=True)
 class Recovery:
-    """The result of a rescue.
+    """Result of a recovery.
 
     Parameters
     ----------
     output : Path or None
-        The file made; None where the source was whole, so that there was nothing to rescue.
+        The new file; None if the source was intact.
     num_messages : int
-        How many messages came back.
+        Number of recovered messages.
     end_s : float or None
-        Simulation time of the last one; None without any.
+        Simulation time of the last one; None if there is none.
     num_bytes_lost : int
-        Bytes of the source that no whole record covers.
+        Bytes of the source outside complete records.
     num_damaged_records : int
-        Records whose bytes are all there, but wrong.
+        Complete records with wrong bytes.
     """
 
     output: Path | None
@@ -53,7 +53,7 @@ class Recovery:
 
 @dataclass
 class _Salvage:
-    """What a scan of a file found, in the order of the file."""
+    """What a scan found, in file order."""
 
     is_finished: bool = False
     num_bytes_read: int = 0
@@ -65,7 +65,7 @@ class _Salvage:
     chunks: list[list[Message]] = field(default_factory=list)
 
     def add(self, record: McapRecord) -> None:
-        """Keep a record; schemas and channels stand in a chunk and, once more, in the summary."""
+        """Keep a record; schemas and channels appear in a chunk and again in the summary."""
         if isinstance(record, Metadata):
             self.metadata.append(record)
         elif isinstance(record, Attachment):
@@ -78,7 +78,7 @@ class _Salvage:
             self.chunks[-1].append(record)
 
     def drop_unexplained(self) -> None:
-        """Drop messages of channels that no whole record describes: nobody can tell what they mean."""
+        """Drop messages of channels that no intact record describes: they cannot be decoded."""
         self.channels = {i: c for i, c in self.channels.items() if c.schema_id in self.schemas}
         self.chunks = [[m for m in chunk if m.channel_id in self.channels] for chunk in self.chunks]
 
@@ -95,8 +95,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     path : Path or str
         The recording, also one still called ``.mcap.partial``.
     output : Path or str, optional
-        The file to make; by default it lies beside the source, ``flight.mcap`` becoming
-        ``flight.recovered.mcap``.
+        The new file; by default ``flight.recovered.mcap`` in the folder of ``flight.mcap``.
 
     Returns
     -------
@@ -105,8 +104,8 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     Raises
     ------
     RecordingError
-        If the source is missing or no MCAP file, if nothing in it is whole, or if the output exists or cannot
-        be written.
+        If the source is missing or not an MCAP file, if nothing in it is intact, or if the output exists or
+        cannot be written.
     """
     path = Path(path)
     output = _default_output(path) if output is None else Path(output)
@@ -116,7 +115,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     if not is_whole:
         if not salvage.metadata and not log_times:
             raise RecordingError(
-                f"nothing in {path} is whole: it ends before its first flushed step; fly the episode again"
+                f"nothing in {path} is intact: it ends before its first flushed step; fly the episode again"
             )
         _write(path, output, salvage)
     return Recovery(
@@ -172,7 +171,7 @@ def _scan(content: bytes) -> _Salvage:
 
 
 def _whole_records(content: bytes) -> Iterator[bytes]:
-    """Yield every record whose bytes are all there, up to the footer, which is the last one."""
+    """Yield every complete record, up to the footer, which is the last one."""
     start = len(MCAP0_MAGIC)
     while start + _FRAME.size <= len(content):
         opcode, length = _FRAME.unpack_from(content, start)

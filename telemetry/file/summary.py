@@ -1,4 +1,4 @@
-"""Tells what a recording is: the flight, how it went, and what the file holds."""
+"""Summarises a recording: the flight, its outcome, and the contents of the file."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 
 from telemetry.file import topics
 from telemetry.file.reader import Recording
+from telemetry.file.text import aligned
 
 
 def summarize(recording: Recording) -> dict[str, Any]:
@@ -15,15 +16,15 @@ def summarize(recording: Recording) -> dict[str, Any]:
     Parameters
     ----------
     recording : Recording
-        Read as a whole.
+        Read completely.
 
     Returns
     -------
     dict
-        ``path``, ``bytes``, ``start_s`` and ``end_s`` (None without messages), ``is_rescued``, ``episode``
-        (the metadata as it stands), ``outcome``, ``fuzzy_systems``, ``topics``, ``attachments`` (sizes).
+        ``path``, ``bytes``, ``start_s`` and ``end_s`` (None without messages), ``is_rescued``,
+        ``episode`` (the metadata), ``outcome``, ``fuzzy_systems``, ``topics``, ``attachments`` (sizes).
     """
-    # a rescued file may have no topics at all
+    # a recovered file may have no topics
     times = np.concatenate([np.empty(0), *(topic.time_s for topic in recording.topics.values())])
     return {
         "path": str(recording.path),
@@ -104,5 +105,4 @@ def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
 
 
 def _indented(entries: Mapping[str, str]) -> list[str]:
-    width = max(map(len, entries), default=0)
-    return [f"  {key:<{width}}  {value}" for key, value in entries.items()] or ["  none"]
+    return aligned(entries.items()) or ["  none"]

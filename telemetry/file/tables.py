@@ -1,4 +1,4 @@
-"""Flat tables of a recording, for tools that read CSV or Parquet: one number a cell, units in the names."""
+"""Flat tables of a recording, for tools that read CSV or Parquet: one number per cell, units in the names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,13 +22,13 @@ _AXES: Final = ("x", "y", "z", "w")
 
 
 def export(recording: Recording, folder: Path, file_format: Format) -> list[Path]:
-    """Write every topic that holds anything to a file of its own.
+    """Write each topic with messages to a file of its own.
 
     Parameters
     ----------
     recording : Recording
     folder : Path
-        Made where it does not exist; files of the same names are replaced, each once the new one is complete.
+        Created if missing; files of the same names are replaced when the new ones are complete.
     file_format : str
         ``csv`` or ``parquet``.
 
@@ -47,7 +47,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
             f"{recording.path} holds no messages of a flight, so there is no table to write; "
             "give a recording that telemetry.EpisodeWriter wrote"
         )
-    # pyarrow takes a tenth of a second to import, which nobody who exports nothing should pay
+    # pyarrow takes a tenth of a second to import; only exports need it
     import pyarrow.csv  # noqa: PLC0415
     import pyarrow.parquet  # noqa: PLC0415
 
@@ -74,10 +74,10 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
 
 
 def flat_table(recording: Recording, name: str) -> "pa.Table":
-    """Spread the columns of a topic over columns of one number a row, as data frames want them.
+    """Split the columns of a topic into columns of numbers, for data frames.
 
-    A vector becomes a column for each axis, its unit staying last (``position_x_m``). Instants of the
-    attitude clock and inspection points become rows of their own.
+    A vector becomes a column per axis, the unit last in its name (``position_x_m``). Attitude steps and
+    inspection points become rows of their own.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def flat_table(recording: Recording, name: str) -> "pa.Table":
     Returns
     -------
     pyarrow.Table
-        `time_s` first; each field's metadata holds its ``unit``. ``to_pandas()`` makes a data frame of it.
+        `time_s` first; each field's metadata holds its ``unit``. ``to_pandas()`` converts it to a data frame.
     """
     topic = recording[name]
     columns = _flat_columns(recording, topic)

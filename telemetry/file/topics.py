@@ -1,4 +1,4 @@
-"""What a recording is made of: a constant for each topic, frame, colour and unit."""
+"""The names in a recording: topics, frames, colours and units."""
 
 from enum import IntEnum
 from typing import Final
@@ -14,7 +14,7 @@ DEPUTY_CONTROL: Final = "/deputy/control"
 GUIDANCE: Final = "/guidance"
 MISSION: Final = "/mission"
 LOG: Final = "/log"
-#: topics of every recording; one for each fuzzy system comes besides
+#: topics of every recording; each fuzzy system adds one
 FIXED_TOPICS: Final = (
     TRANSFORMS,
     DEPUTY_POSE,
@@ -28,7 +28,7 @@ FIXED_TOPICS: Final = (
 )
 FIS_PREFIX: Final = "/fis/"
 
-#: rerun's default 3D view looks at the frame of its root entity, which it calls by this name
+#: rerun's name for the frame of its root entity, which its default 3D view shows
 VIEWER_ROOT_FRAME: Final = "tf#/"
 HILL_FRAME: Final = "hill"
 DEPUTY_FRAME: Final = "deputy"
@@ -48,7 +48,7 @@ class PointState(IntEnum):
     INSPECTED = 3
 
 
-#: red, green, blue, alpha of each `PointState`; distinct to colour-blind eyes (after Okabe and Ito)
+#: red, green, blue, alpha of each `PointState`; distinguishable by colour-blind readers (after Okabe and Ito)
 POINT_COLOURS_RGBA: Final = np.array(
     [(86, 88, 102, 255), (240, 228, 66, 255), (204, 121, 167, 255), (0, 190, 130, 255)], dtype=np.uint8
 )
@@ -74,7 +74,7 @@ def fis_topic(name: str) -> str:
 
 
 def split_unit(field: str) -> tuple[str, str]:
-    """Split a field's name before the suffix that tells its unit; the suffix is empty where there is none."""
+    """Split a field's name before its unit suffix, which is empty if it has none."""
     for suffix, _unit in _UNIT_OF_SUFFIX:
         if field.endswith(suffix):
             return field.removesuffix(suffix), suffix
@@ -82,10 +82,10 @@ def split_unit(field: str) -> tuple[str, str]:
 
 
 def unit_of(field: str) -> str:
-    """Return the unit that a field's name ends in, or the empty string where it has none."""
+    """Return the unit that a field's name ends in, or an empty string."""
     return dict(_UNIT_OF_SUFFIX).get(split_unit(field)[1], "")
 
 
 def suffix_of(unit: str) -> str:
-    """Return the suffix by which a field's name tells a unit; empty for a unit that no field has."""
+    """Return the suffix for a unit in a field's name; empty for a unit that no field has."""
     return {known: suffix for suffix, known in _UNIT_OF_SUFFIX}.get(unit, "")

@@ -1,4 +1,4 @@
-"""Writes one episode as one MCAP file that appears under its name only when it is complete."""
+"""Writes an episode to an MCAP file, which gets its final name only when it is complete."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -30,7 +30,7 @@ from telemetry.file.schema.inspection_pb2 import (
     MissionStatus,
 )
 
-#: a process killed without warning loses at most this many samples
+#: a process that is killed loses at most this many samples
 SAMPLES_PER_FLUSH: Final = 60
 
 _SCHEMA_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
@@ -50,26 +50,26 @@ _MEDIA_TYPES: Final = {".yaml": "application/yaml", ".yml": "application/yaml", 
 
 
 class EpisodeWriter:
-    """A context manager that records an episode, message by message, in the order of time.
+    """Context manager that records an episode, message by message, in order of time.
 
-    While it is open the file is called ``<path>.partial``; on a clean end it is brought safely to disk and
-    renamed. If the block ends in an exception, or the process is killed, the partial file stays: every
-    flushed step of it is readable after ``python -m telemetry recover``.
+    While open, the file is called ``<path>.partial``; it is synced to disk and renamed at the end. If the
+    block raises an exception, or the process is killed, the partial file stays;
+    ``python -m telemetry recover`` makes every flushed step of it readable.
 
     Parameters
     ----------
     path : Path or str
-        The file to make; one of the same name is replaced when the new one is complete.
+        The file to write; an existing one is replaced when the new one is complete.
     metadata : mapping of str to mapping of str to str
-        `episode` and one ``fis.<name>`` for each fuzzy system; `telemetry.file.metadata` spells them.
+        `episode`, and ``fis.<name>`` for each fuzzy system, encoded by `telemetry.file.metadata`.
     attachments : mapping of str to bytes
-        Whole files to carry along, by name.
+        Files to store in the recording, by name.
 
     Raises
     ------
     RecordingError
-        On a full or read-only disk, on records out of the order of time or of a wrong length, and on a fuzzy
-        system that the metadata does not describe.
+        If the disk is full or read-only, if records are out of order of time or of the wrong length, or if
+        the metadata does not describe a fuzzy system.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class EpisodeWriter:
         traceback: TracebackType | None,
     ) -> None:
         if exception_type is not None:
-            # the first error is the one to report; what can still be saved is saved
+            # report the first error, but save what can be saved
             with suppress(OSError):
                 self._mcap.flush()  # type: ignore[no-untyped-call]
             self._file.abandon()
@@ -197,20 +197,20 @@ class EpisodeWriter:
         angular_velocity_rad_s: ArrayLike,
         torque_n_m: ArrayLike,
     ) -> None:
-        """Record the attitude clock inside the control period that follows a sample.
+        """Record the attitude history within the control period that follows a sample.
 
         Parameters
         ----------
         time_s : float
             Simulation time of the sample.
         time_offset_s : (S,)
-            Of each attitude instant after the sample.
+            Time of each attitude step after the sample.
         quaternion : (S, 4)
             Hill to body, scalar last.
         angular_velocity_rad_s : (S, 3)
             Relative to Hill, body axes.
         torque_n_m : (S, 3)
-            As applied from each instant on, body axes.
+            Applied from each step on, body axes.
         """
         offsets = np.asarray(time_offset_s, dtype=np.float64).ravel().tolist()
         message = AttitudeHistory(
@@ -222,16 +222,16 @@ class EpisodeWriter:
         self._write(topics.DEPUTY_ATTITUDE, time_s, message)
 
     def control(self, time_s: float, force_body_n: ArrayLike, force_hill_n: ArrayLike) -> None:
-        """Record the force over the control period that follows a sample.
+        """Record the force during the control period that follows a sample.
 
         Parameters
         ----------
         time_s : float
             Simulation time of the sample.
         force_body_n : (3,)
-            As the controller asked for it, before the clip, body axes.
+            Demanded by the controller, before clipping, body axes.
         force_hill_n : (3,)
-            As applied, Hill axes.
+            Applied, Hill axes.
         """
         message = Control(
             force_body_n=row(force_body_n, 3, "force_body_n"),
@@ -247,16 +247,16 @@ class EpisodeWriter:
         lambda_u_rad: float,
         eta_u_rad: float,
     ) -> None:
-        """Record where the deputy is asked to look next.
+        """Record the direction in which the deputy should look next.
 
         Parameters
         ----------
         time_s : float
             Simulation time.
         num_candidates : int
-            Points lit and not yet inspected.
+            Number of illuminated points that are not inspected yet.
         target_direction : (3,)
-            Unit vector, Hill axes; zeros without candidates.
+            Unit vector, Hill axes; zeros if there are no candidates.
         lambda_u_rad, eta_u_rad : float
             The relative angles of target and deputy.
         """
@@ -271,7 +271,7 @@ class EpisodeWriter:
     def fis(
         self, time_s: float, name: str, inputs: ArrayLike, firing_strengths: ArrayLike, output_n: float
     ) -> None:
-        """Record one inference of the fuzzy system called `name`.
+        """Record an inference of the fuzzy system `name`.
 
         Parameters
         ----------
@@ -280,7 +280,7 @@ class EpisodeWriter:
         name : str
             As in the metadata ``fis.<name>``.
         inputs : (I,)
-            In the system's order, before they are clipped to their ranges.
+            In the system's order, before clipping to their ranges.
         firing_strengths : (R,)
             In rule order.
         output_n : float
@@ -309,13 +309,13 @@ class EpisodeWriter:
         time_s : float
             Simulation time.
         sun_angle_rad : float
-            Of the Sun from the i axis towards the j axis, Hill.
+            Angle of the Sun from the i axis towards the j axis, Hill frame.
         distance_m : float
             Between the centres of deputy and chief.
         inspected_mask : (P,) bool
-            In point order, this sample included.
+            In point order, including this sample.
         delta_v_m_s : float
-            Spent by the forces before this sample.
+            Total before this sample.
         """
         mask = np.asarray(inspected_mask, dtype=np.bool_).ravel()
         inspected_count = int(mask.sum())
@@ -330,7 +330,7 @@ class EpisodeWriter:
         self._write(topics.MISSION, time_s, message)
 
     def log(self, time_s: float, level: str, text: str) -> None:
-        """Record an event in words, and flush everything so far to the file.
+        """Record an event as text, and flush everything to the file.
 
         Parameters
         ----------
@@ -351,7 +351,7 @@ class EpisodeWriter:
         for name, content in self._attachments.items():
             media_type = _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
             self._mcap.add_attachment(0, 0, name, media_type, content)
-        # whoever looks at the file now finds out what it is
+        # the description is readable from the start
         self._mcap.flush()  # type: ignore[no-untyped-call]
 
     def _register_channels(self) -> None:
@@ -380,7 +380,7 @@ class EpisodeWriter:
             name = topic.removeprefix(topics.FIS_PREFIX)
             raise RecordingError(
                 f"the metadata does not describe the fuzzy system {name!r}; "
-                f"give the writer an entry {topics.FIS_METADATA_PREFIX + name!r}"
+                f"add an entry {topics.FIS_METADATA_PREFIX + name!r}"
             )
         time_ns = _nanoseconds(time_s)
         if time_ns != self._time_ns:
@@ -396,7 +396,7 @@ class EpisodeWriter:
         if time_ns < self._time_ns:
             raise RecordingError(
                 f"a record of {time_ns / NANOSECONDS} s follows one of {self._time_ns / NANOSECONDS} s, but "
-                "a recording goes forward in time; write the records of a sample together"
+                "recordings are in order of time; write the records of a sample together"
             )
         if self._unflushed_samples == SAMPLES_PER_FLUSH:
             self._flush()
@@ -412,9 +412,9 @@ class EpisodeWriter:
 
     def _explained(self, error: OSError) -> RecordingError:
         return RecordingError(
-            f"the recording {self.path} cannot be written: {error.strerror or error}; it needs an existing "
-            "folder that may be written to, with about 1 MiB free: make room or choose another one (steps "
-            f"already written are in {self.path.name}{PARTIAL_SUFFIX}, for `python -m telemetry recover`)"
+            f"the recording {self.path} cannot be written: {error.strerror or error}; it needs an existing, "
+            "writable folder with about 1 MiB free: make room or choose another one (`python -m telemetry "
+            f"recover` reads the steps that are already in {self.path.name}{PARTIAL_SUFFIX})"
         )
 
 

@@ -1,1 +1,1 @@
-"""What the viewer shows: flights, evaluations and trainings."""
+"""Scenes in the viewer: flights, evaluations and trainings."""

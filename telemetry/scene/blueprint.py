@@ -1,4 +1,4 @@
-"""The layouts: which view shows what, and where, in a window of about 1600 x 900."""
+"""Layouts of the views, for a window of about 1600 x 900."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -13,12 +13,12 @@ from telemetry.scene.lettering import drawable
 
 #: the timeline of a flight, s
 TIME: Final = "time"
-#: the timeline of a training, all rounds in a row
+#: the timeline of a training; rounds follow one another
 GENERATION: Final = "generation"
 #: an hour of flight in a minute
 PLAYBACK_SPEED: Final = 60.0
 GENERATIONS_PER_SECOND: Final = 10.0
-#: of so many generations the scene of a training shows where the champions flew
+#: the scene of a training shows the champions of this many generations
 GENERATIONS_IN_SIGHT: Final = 30
 
 SCENE: Final = "/scene"
@@ -35,18 +35,18 @@ SEEN: Final = f"{SCENE}/seen"
 _MAP_MARGIN: Final = 20.0
 _CLOSE_UP_M: Final = 32.0
 BACKGROUND: Final = (10, 12, 20)
-#: curves end before the right edge, so that a legend hides none of them
+#: curves end left of the legend
 _ROOM_FOR_LEGEND: Final = 1.25
 _EYE_DIRECTION: Final = np.array([0.70, -0.80, 0.42])
 
 
 def trail_path(index: int) -> str:
-    """Return under which path the trail of a flight is, the first flight being 0."""
+    """Return the path of the trail of a flight; the first flight is 0."""
     return f"{SCENE}/flights/{index}/trail"
 
 
 def plot_path(plot: Plot) -> str:
-    """Return under which path the curves of a plot are."""
+    """Return the path of the curves of a plot."""
     return f"{CURVES}/{plot.key}"
 
 
@@ -59,7 +59,7 @@ def replay(
     boresight: Sequence[float],
     trails: Sequence[str],
 ) -> rrb.Blueprint:
-    """Lay out flights: above the scene and the curves, below the rules and the events.
+    """Lay out flights: the scene and the curves above, the rules and the events below.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ def replay(
     effort : sequence of Plot
         Force and torque.
     fis : sequence of Plot
-        What the fuzzy systems answered and were told, the first in front; empty where there were none.
+        Outputs of the fuzzy systems, then their inputs; empty if there are none.
     farthest_m : float
-        The deputy's largest distance, which the scene has to hold.
+        Largest distance of the deputy, which the view covers.
     boresight : (3,)
         Unit vector along which the camera looks, body axes.
     trails : sequence of str
-        Entities of which the scene shows everything up to now.
+        Entities shown from the start up to the selected time.
     """
     end_s = max(float(lines.instants[-1]) for lines in mission[0].curves)
     summary = rrb.TextDocumentView(origin=SUMMARY, name="Flight")
@@ -97,9 +97,7 @@ def replay(
     top = rrb.Horizontal(scene, beside, rrb.Vertical(*rows), column_shares=[34, 17, 49])
     if not fis:
         return _blueprint(rrb.Vertical(top, _events(), row_shares=[75, 25]), TIME, PLAYBACK_SPEED)
-    words = rrb.TextDocumentView(
-        origin=RULES_IN_WORDS, name="What the controller is told, answers, and by which rules"
-    )
+    words = rrb.TextDocumentView(origin=RULES_IN_WORDS, name="Inputs, outputs and rules of the controller")
     bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[42, 30, 28])
     return _blueprint(rrb.Vertical(top, bottom, row_shares=[61, 39]), TIME, PLAYBACK_SPEED)
 
@@ -114,10 +112,10 @@ def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: f
     charts : sequence of (path, title)
         Bar charts.
     farthest_m : float
-        The largest distance, which the scene has to hold.
+        Largest distance, which the view covers.
     """
     end_s = max(float(lines.instants[-1]) for lines in distance.curves)
-    summary = rrb.TextDocumentView(origin=SUMMARY, name="How the cases ended")
+    summary = rrb.TextDocumentView(origin=SUMMARY, name="Outcomes")
     without_legend = rrb.PlotLegend(visible=False)
     bars = [rrb.BarChartView(origin=path, name=title, plot_legend=without_legend) for path, title in charts]
     side = rrb.Vertical(
@@ -138,9 +136,9 @@ def training(plots: Sequence[Plot], *, earlier: str, farthest_m: float) -> rrb.B
     plots : sequence of Plot
         Over the generations.
     earlier : str
-        The entity of which the scene shows the last generations besides the present one.
+        Entity of which the last generations are shown.
     farthest_m : float
-        A distance which the scene has to hold.
+        Distance which the view covers.
     """
     summary = rrb.TextDocumentView(origin=SUMMARY, name="The champion of this generation")
     lately = rrb.VisibleTimeRanges(

@@ -1,4 +1,4 @@
-"""The trajectories of an evaluation as one scene: all paths by outcome, the telling ones by name."""
+"""An evaluation as a scene: all trajectories by outcome, extreme ones labelled."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,11 +36,11 @@ class Extreme:
     Parameters
     ----------
     key : str
-        A word for its entity.
+        Name of its entity.
     row : int
-        Of the evaluation.
+        Row of the evaluation.
     sample : int
-        Where its label stands.
+        Position of its label.
     label : str
     """
 
@@ -91,7 +91,7 @@ def scene(path: Path) -> Scene:
 
 
 def extremes(evaluation: Evaluation) -> list[Extreme]:
-    """Return the cases worth a name: the most delta-v, the fewest points, the nearest and the farthest."""
+    """Return the cases with the largest delta-v, the fewest points, and the smallest and largest distance."""
     distance = evaluation.distance_m
     last = distance.shape[1] - 1
     nearest, near_sample = np.unravel_index(np.argmin(distance), distance.shape)
@@ -115,12 +115,12 @@ def _extreme(evaluation: Evaluation, what: str, row: int, sample: int, how_much:
 
 
 def in_words(evaluation: Evaluation) -> str:
-    """Say how the cases of an evaluation ended, as Markdown."""
+    """Summarise the outcomes of an evaluation as Markdown."""
     num_cases = len(evaluation.case)
     rows = ["| cases | " + str(num_cases) + " |", "|---|---|"]
     outcome = evaluation.outcome
     if outcome is None:
-        rows.append("| outcome | not known: no episodes.parquet lies beside the trajectories |")
+        rows.append("| outcome | unknown: there is no episodes.parquet next to the trajectories |")
     else:
         for kind, words in _outcomes_in_words(evaluation).items():
             count = int(np.sum(outcome == kind))
@@ -139,7 +139,7 @@ def in_words(evaluation: Evaluation) -> str:
         f"| {name} | {rest} |"
         for name, rest in (extreme.label.split(": ", 1) for extreme in extremes(evaluation))
     ]
-    told = "White: the cases named above. Dots: the deputies now; at 0 s where the cases start."
+    told = "White: the cases named above. Dots: the deputies at the selected time."
     return "\n".join(rows) + f"\n\n{told}"
 
 
@@ -157,7 +157,7 @@ def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
 
 
 def distance_plot(evaluation: Evaluation) -> Plot:
-    """Plot the nearest, the median and the farthest distance of all cases over time, with the limits."""
+    """Plot the smallest, median and largest distance of all cases over time, with the limits."""
     distance, time_s = evaluation.distance_m, evaluation.time_s
     spread = np.column_stack((distance.max(axis=0), np.median(distance, axis=0), distance.min(axis=0)))
     colours = (SIGNAL_COLOURS[3], PLAIN_COLOUR, SIGNAL_COLOURS[2])

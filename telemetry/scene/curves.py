@@ -1,4 +1,4 @@
-"""What is plotted, as data: which curves stand together, under which title, in what colour."""
+"""The plots as data: curves, titles and colours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,23 +21,23 @@ PLAIN_COLOUR: Final[Colour] = (220, 224, 235)
 LIMIT_COLOUR: Final[Colour] = (200, 70, 70)
 GOAL_COLOUR: Final[Colour] = (0, 190, 130)
 
-#: a limit is kept in sight only where the curve fills at least this part of it
+#: the axis covers a limit only if the curve reaches at least this share of it
 _LEAST_SHARE_OF_LIMIT: Final = 0.25
 
 
 @dataclass(frozen=True)
 class Curves:
-    """Lines that share their instants.
+    """Lines over the same times.
 
     Parameters
     ----------
     name : str
         Unique within the plot.
     instants : (N,)
-        Of the view's timeline: seconds, or generations.
+        Seconds or generations, as the view's timeline.
     values : (N, M)
     labels : tuple of str
-        M names for the legend.
+        M names in the legend.
     colours : tuple of Colour
         M of them.
     in_steps : bool
@@ -62,15 +62,15 @@ class Plot:
     Parameters
     ----------
     key : str
-        A word for the view.
+        Name of the view's entity.
     title : str
         With the unit.
     curves : tuple of Curves
     low, high : float or None
-        What the vertical axis shows; None to fit the curves.
+        Range of the vertical axis; None to fit the curves.
     has_legend : bool
     rises : bool
-        Whether the curves leave room for the legend to the left.
+        Whether the curves leave room for the legend on the left.
     """
 
     key: str
@@ -83,7 +83,7 @@ class Plot:
 
 
 def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) -> tuple[Plot, Plot, Plot]:
-    """Plot distance, inspection rate and delta-v of some flights, one colour each; the first one's limits."""
+    """Plot distance, inspection rate and delta-v of flights, with the limits of the first."""
     episode = recordings[0].episode
     end_s = max(float(recording[topics.MISSION].time_s[-1]) for recording in recordings)
     has_legend = len(recordings) > 1
@@ -106,7 +106,7 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
 
 
 def flight_names(recordings: Sequence[Recording]) -> list[str]:
-    """Name flights after their files, and files called the same after the folder, too, that parts them."""
+    """Name flights by their files; files of the same name also by the folder in which they differ."""
     paths = [recording.path.resolve() for recording in recordings]
     stems = [drawable(path.stem) for path in paths]
     for depth in range(min(len(path.parents) for path in paths)):
@@ -139,7 +139,7 @@ def effort_plots(recording: Recording) -> tuple[Plot, Plot]:
 
 
 def fis_plots(recording: Recording) -> list[Plot]:
-    """Plot what the fuzzy systems answered, then what they were told: one plot for each unit."""
+    """Plot the outputs of the fuzzy systems, then their inputs, one plot per unit."""
     outputs: list[Curves] = []
     inputs: dict[str, list[Curves]] = {}
     for name in recording.fis_names:

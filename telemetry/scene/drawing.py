@@ -1,4 +1,4 @@
-"""What a replay draws, as arrays and words: nothing here knows the viewer."""
+"""What a replay draws, as arrays and text; independent of the viewer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from telemetry.scene.lettering import drawable
 
 Floats = NDArray[np.float64]
 
-#: the heat map's size in pixels; a 2D view keeps the ratio
+#: size of the heat map in pixels; a 2D view keeps the aspect ratio
 MAP_WIDTH: Final = 1000
 MAP_HEIGHT: Final = 640
-#: room for the names of the systems, to the left of the map
+#: space for the names of the systems, left of the map
 MAP_NAME_WIDTH: Final = 260
 MAP_GAP: Final = 14
 
 COLOURS_IN_WORDS: Final = "Points: grey dark, yellow lit, pink in view but dark, green inspected"
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
 
-#: rules shown in words at each instant, for each fuzzy system
+#: rules listed at each time, for each fuzzy system
 NUM_RULES_IN_WORDS: Final = 3
 _LEAST_STRENGTH_IN_WORDS: Final = 0.005
 
@@ -36,7 +36,7 @@ class ActivationMap:
     Parameters
     ----------
     image : (MAP_HEIGHT, MAP_WIDTH) uint8
-        255 where a rule fires fully; one band of rows a system, its first rule on top, gaps between bands.
+        255 where a rule fires fully; one band of rows per system, its first rule on top, gaps between bands.
     band_names : tuple of str
         The systems, from top to bottom.
     band_middles : tuple of float
@@ -44,9 +44,9 @@ class ActivationMap:
     start_s, end_s : float
         Simulation time at the left and the right edge.
     strongest : (N, bands) int
-        Of each sample the rule that fired most in each system, from 0; -1 where nothing was inferred.
+        Index of the strongest rule of each system at each sample; -1 without an inference.
     strongest_middles : (N, bands) float
-        Where the middles of those rules' rows are, in pixels from the top.
+        Middles of those rules' rows, in pixels from the top.
     """
 
     image: NDArray[np.uint8]
@@ -58,7 +58,7 @@ class ActivationMap:
     strongest_middles: Floats
 
     def cursors(self, time_s: Floats) -> NDArray[np.float32]:
-        """Draw an upright line across the picture at each time, in pixels, shape (N, 2, 2)."""
+        """Draw a vertical line across the picture at each time, in pixels, shape (N, 2, 2)."""
         lines = np.zeros((len(time_s), 2, 2), dtype=np.float32)
         lines[:, :, 0] = self._across(time_s)[:, None]
         lines[:, 1, 1] = self.image.shape[0]
@@ -72,9 +72,9 @@ class ActivationMap:
         points : (M, 2)
             In pixels, sample by sample.
         labels : list of str
-            One a point.
+            One per point.
         lengths : list of int
-            How many points belong to each sample: none where nothing was inferred.
+            Number of points of each sample; 0 without an inference.
         """
         is_inferred = self.strongest >= 0
         across = np.broadcast_to(self._across(time_s)[:, None], is_inferred.shape)
@@ -89,7 +89,7 @@ class ActivationMap:
 
 
 def sample_times(recording: Recording) -> Floats:
-    """Return every instant at which anything was recorded, ascending."""
+    """Return the times of all messages, ascending."""
     return np.unique(np.concatenate([topic.time_s for topic in recording.topics.values()]))
 
 
@@ -100,7 +100,7 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
     ----------
     recording : Recording
     sample_time_s : (N,)
-        The samples of the flight, one column of the picture each; dark where nothing was inferred.
+        Times of the samples of the flight, from left to right; dark without an inference.
     """
     names = tuple(n for n in recording.fis_names if len(recording[topics.fis_topic(n)]))
     if not names:
@@ -134,12 +134,12 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
 
 
 def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Say for each sample what the fuzzy systems were told, what they answered, and by which rules.
+    """Describe the inputs, outputs and strongest rules of the fuzzy systems at each sample.
 
     Returns
     -------
     list of str
-        One Markdown text a sample.
+        One Markdown text per sample.
     """
     samples: list[list[str]] = [[] for _ in sample_time_s]
     for name in recording.fis_names:
@@ -172,7 +172,7 @@ def _one_inference(
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened in a flight, in words."""
+    """An event of a flight, as text."""
 
     time_s: float
     level: str
@@ -180,7 +180,7 @@ class Event:
 
 
 def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> list[Event]:
-    """Return what happened in some flights, in order of time; of several each says which one it was."""
+    """Return the events of flights in order of time; of several flights each event names its flight."""
     events = []
     for recording, name in zip(recordings, names, strict=True):
         log = recording[topics.LOG]
@@ -194,7 +194,7 @@ def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> li
 
 
 def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> str:
-    """Say what some flights were and how they went, as Markdown: one fact by fact, several a line each."""
+    """Summarise flights as Markdown: one flight fact by fact, several in a line each."""
     if len(recordings) == 1:
         rows = [
             f"| flight | {names[0]} |",
@@ -206,7 +206,7 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
     for recording, name in zip(recordings, names, strict=True):
         mission = recording[topics.MISSION]
         rows.append(f"| {name} | {mission['inspected_count'][-1]} | {mission['delta_v_m_s'][-1]:.3f} |")
-    return "\n".join(rows) + f"\n\nIn full: {names[0]}, the others laid over it. {COLOURS_IN_WORDS}"
+    return "\n".join(rows) + f"\n\nIn full: {names[0]}; overlaid: the others. {COLOURS_IN_WORDS}"
 
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
@@ -221,12 +221,12 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
     if recording.episode.scenario_id:
         facts.append(("scenario", drawable(recording.episode.scenario_id)))
     if topics.RECOVERY_METADATA in recording.metadata:
-        facts.append(("rescued", "the flight was cut; this is what came back"))
+        facts.append(("rescued", "the file was truncated; this is what was recovered"))
     return facts
 
 
 def view_cone(boresight: Sequence[float], half_angle_rad: float, num_rays: int = 24) -> list[Floats]:
-    """Draw a field of view of unit depth along its axis: rays from the apex, and the rim.
+    """Draw the cone of a field of view with unit depth: rays from the apex, and the rim.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every scene is made of: the chief, the limits, the curves."""
+"""The entities that scenes share: the chief, the limits, the curves."""
 
 from collections.abc import Callable, Iterable
 from typing import Final
@@ -13,7 +13,7 @@ from telemetry.scene.curves import Plot
 from telemetry.scene.lettering import drawable
 
 Floats = NDArray[np.float64]
-#: makes a column of the scene's timeline out of instants
+#: makes a column of the scene's timeline from times
 Clock = Callable[[Floats], rr.TimeColumn]
 
 BODY_COLOUR: Final = (44, 48, 62)
@@ -21,24 +21,24 @@ SHELL_COLOUR: Final = (105, 42, 48)
 
 
 def seconds(instants: Floats) -> rr.TimeColumn:
-    """Place instants on the time of a flight, s."""
+    """Return a column of flight times, s."""
     return rr.TimeColumn(blueprint.TIME, duration=instants)
 
 
 def generations(instants: Floats) -> rr.TimeColumn:
-    """Place instants on the generations of a training."""
+    """Return a column of generations of a training."""
     return rr.TimeColumn(blueprint.GENERATION, sequence=instants.astype(np.int64))
 
 
 def send(
     stream: rr.RecordingStream, entity: str, instants: rr.TimeColumn, columns: Iterable[rr.ComponentColumn]
 ) -> None:
-    """Send what an entity is at each instant."""
+    """Send the components of an entity at each time."""
     stream.send_columns(entity, [instants], columns)
 
 
 def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
-    """Send the chief's body, a little smaller than the sphere of its points, if that is known."""
+    """Send the chief's body, slightly smaller than the sphere of its points, if its radius is known."""
     if radius_m is None:
         return
     body = rr.Ellipsoids3D(radii=[0.97 * radius_m], colors=[BODY_COLOUR], fill_mode=FillMode.Solid)
@@ -48,7 +48,7 @@ def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
 def send_limits(
     stream: rr.RecordingStream, min_distance_m: float | None, max_distance_m: float | None
 ) -> None:
-    """Send the shells between which a deputy has to stay, as far as they are known."""
+    """Send the shells that limit the deputy's distance, if they are known."""
     for name, radius in (("nearest", min_distance_m), ("farthest", max_distance_m)):
         if radius is None:
             continue
@@ -62,7 +62,7 @@ def send_limits(
 
 
 def send_styles(stream: rr.RecordingStream, plots: Iterable[Plot]) -> None:
-    """Send what curves look like and are called."""
+    """Send colours, names and widths of curves."""
     for plot in plots:
         for lines in plot.curves:
             style = rr.SeriesLines(

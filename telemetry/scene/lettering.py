@@ -4,10 +4,10 @@ import re
 import unicodedata
 from typing import Final
 
-#: stands for a sign that cannot be written; it is in both fonts
+#: replaces a character without a glyph; it is in both fonts
 MISSING_SIGN: Final = "□"
 
-#: signs that both fonts of the viewer have, Inter for text and JetBrains Mono for code and events: Latin,
+#: characters in both fonts of the viewer, Inter for text and JetBrains Mono for code and events: Latin,
 #: Greek, Cyrillic and Vietnamese letters, punctuation, powers and indices, arrows, some mathematics
 _UNKNOWN: Final = re.compile(
     "[^"
@@ -20,8 +20,8 @@ _UNKNOWN: Final = re.compile(
 
 
 def drawable(text: str) -> str:
-    """Return a text in which signs that the viewer has no glyph for are empty boxes.
+    """Return a text in which characters without a glyph in the viewer are empty boxes.
 
-    Letters with marks are composed first, as file names of macOS need it.
+    Combining marks are composed first, as the file names of macOS require.
     """
     return _UNKNOWN.sub(MISSING_SIGN, unicodedata.normalize("NFC", text))

@@ -13,18 +13,18 @@ def show(*paths: str | Path) -> Any:
     Parameters
     ----------
     *paths : str or Path
-        Flights, the first in full and the others laid over it; or the folder of a run: its evaluation where
-        it has one, else its training.
+        Flights, the first in full and the others overlaid; or the folder of a run, of which the evaluation
+        is shown, or the training if there is none.
 
     Returns
     -------
     rerun.notebook.Viewer
-        Which displays itself as the value of a cell.
+        Displays itself as the value of a cell.
 
     Raises
     ------
     RecordingError
-        If nothing was given, something cannot be read, or rerun's notebook part is not installed.
+        If no path is given, a file cannot be read, or rerun's notebook extra is not installed.
     """
     if not paths:
         raise RecordingError("there is nothing to show; give flights (.mcap), or the folder of a run")

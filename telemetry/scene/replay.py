@@ -1,4 +1,4 @@
-"""Recordings of flights as a scene: one in full, others laid over it."""
+"""Flights as a scene: one in full, the others overlaid."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,9 +30,9 @@ COMPANION_COLOURS: Final[tuple[Colour, ...]] = (
     (240, 220, 90),
 )
 
-#: where the recording does not tell: the paper's
+#: the paper's, if the recording has none
 DEFAULT_BORESIGHT: Final = (-1.0, 0.0, 0.0)
-#: how long the largest force of the flight is drawn
+#: length of the arrow of the largest force
 FORCE_ARROW_M: Final = 25.0
 
 
@@ -42,7 +42,7 @@ def scene(paths: Sequence[Path]) -> Scene:
     Parameters
     ----------
     paths : sequence of Path
-        One recording, or several to lay over each other; the first is shown in full.
+        One recording, or several to overlay; the first is shown in full.
 
     Raises
     ------
@@ -87,8 +87,8 @@ def _showable(recording: Recording) -> Recording:
     ]
     if missing:
         raise RecordingError(
-            f"{recording.path} holds nothing on {', '.join(missing)}, without which there is no flight to "
-            "show; give a recording that telemetry.EpisodeWriter wrote"
+            f"{recording.path} holds no messages on {', '.join(missing)}, which a replay needs; "
+            "give a recording that telemetry.EpisodeWriter wrote"
         )
     return recording
 
@@ -156,7 +156,7 @@ def _send_camera(stream: rr.RecordingStream, recording: Recording) -> None:
         radii=rr.Radius.ui_points(0.8),
     )
     stream.log(f"{camera}/view", cone, static=True)
-    # the cone is of unit depth: the scale makes it reach the chief's centre
+    # the cone has unit depth: scaled, it reaches the chief's centre
     scale = np.repeat(_distances(recording)[:, None], 3, axis=1)
     send(stream, camera, seconds(recording[topics.DEPUTY_STATE].time_s), rr.Transform3D.columns(scale=scale))
 

@@ -1,7 +1,8 @@
-"""What a run's folder holds of trajectories: those of its evaluation, and those of its training."""
+"""Reads the trajectories in a run's folder: those of its evaluation and of its training."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Final
@@ -14,12 +15,16 @@ from telemetry.file.errors import RecordingError
 Floats = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
-CONFIG: Final = "config.yaml"
-EPISODES: Final = "episodes.parquet"
-EVALUATION_TRAJECTORIES: Final = "evaluate/trajectories.parquet"
-HISTORY: Final = "train/history.parquet"
-CHAMPION_TRAJECTORIES: Final = "train/trajectories.parquet"
-CHAMPION: Final = "champion.json"
+MANIFEST: Final = "manifest.json"
+#: where a run whose manifest does not name its files, of version 1, has those of each role
+FILES: Final[Mapping[str, str]] = {
+    "configuration": "config.yaml",
+    "champion": "champion.json",
+    "training_history": "train/history.parquet",
+    "training_trajectories": "train/trajectories.parquet",
+    "evaluation_episodes": "evaluate/episodes.parquet",
+    "evaluation_trajectories": "evaluate/trajectories.parquet",
+}
 
 _POSITION: Final = ("position_x_m", "position_y_m", "position_z_m")
 _JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "success", "violated")
@@ -36,16 +41,16 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a run's configuration tells about the scene; None where it does not.
+    """What a run's configuration says about the scene; unknown values are None.
 
     Parameters
     ----------
     sample_period_s : float
-        Between two samples of a trajectory.
+        Between samples of a trajectory.
     min_distance_m, max_distance_m : float
-        Between which a deputy has to stay.
+        Limits of a deputy's distance.
     threshold_percent : float
-        Inspection rate from which on a flight is a success.
+        Inspection rate from which a flight is a success.
     chief_radius_m : float
         Of the sphere of inspection points.
     """
@@ -59,7 +64,7 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The trajectories of many cases, and how they ended.
+    """The trajectories of many cases, and their outcomes.
 
     Parameters
     ----------
@@ -70,7 +75,7 @@ class Evaluation:
     position_m : (n, K+1, 3) float32
         Hill axes.
     episodes : mapping of str to (n,) arrays
-        `delta_v_m_s`, `inspected_count`, `inspection_rate_percent`, `success`, `violated`; empty where only
+        `delta_v_m_s`, `inspected_count`, `inspection_rate_percent`, `success`, `violated`; empty if only
         the trajectories are known.
     surroundings : Surroundings
     """
@@ -83,7 +88,7 @@ class Evaluation:
 
     @property
     def outcome(self) -> NDArray[np.int64] | None:
-        """How each case ended, as an `Outcome`; None where it is not known."""
+        """The `Outcome` of each case; None if unknown."""
         if not self.episodes:
             return None
         ended = np.where(self.episodes["success"], Outcome.SUCCESS, Outcome.SHORT)
@@ -97,7 +102,7 @@ class Evaluation:
 
     @property
     def time_s(self) -> Floats:
-        """Time of each sample, shape (K+1,); the number of the sample where the period is not known."""
+        """Time of each sample, shape (K+1,); the index of the sample if the period is unknown."""
         samples = np.arange(self.position_m.shape[1], dtype=np.float64)
         return samples * (self.surroundings.sample_period_s or 1.0)
 
@@ -111,10 +116,10 @@ class Training:
     name : str
         Of the run.
     columns : mapping of str to (N,) arrays
-        One row a generation, all rounds in a row: `round`, `generation`, `best`, `mean`, `step_size` and the
+        One row per generation, of all rounds: `round`, `generation`, `best`, `mean`, `step_size` and the
         parts of the best one's fitness.
     tracks : mapping of int to (K+1, 3) float32 array
-        Where a champion flew, m, Hill axes, under the row of the generation that brought it.
+        Trajectory of each champion, m, Hill axes, by the row of its first generation.
     surroundings : Surroundings
     """
 
@@ -128,17 +133,35 @@ class Training:
 
 
 def has_evaluation(path: Path) -> bool:
-    """Tell whether a path is a run's folder with evaluated trajectories, or a table of such."""
-    return path.suffix == ".parquet" or (path / EVALUATION_TRAJECTORIES).exists()
+    """Return whether a path is a run's folder with evaluated trajectories, or a table of them."""
+    return path.suffix == ".parquet" or file_of(path, "evaluation_trajectories").exists()
 
 
 def has_training(path: Path) -> bool:
-    """Tell whether a path is a run's folder in which a training has begun."""
-    return (path / HISTORY).exists()
+    """Return whether a path is a run's folder in which a training has begun."""
+    return file_of(path, "training_history").exists()
+
+
+def file_of(folder: Path, role: str) -> Path:
+    """Return where a run has the file of a role, as its manifest says; see `FILES`."""
+    files = _manifest(folder).get("files")
+    name = files.get(role) if isinstance(files, dict) else None
+    return folder / (name if isinstance(name, str) else FILES[role])
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    """Return what a run's manifest holds, nothing where there is none."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{folder / MANIFEST} cannot be read ({error}); restore it") from error
+    return manifest if isinstance(manifest, dict) else {}
 
 
 def read_evaluation(path: Path) -> Evaluation:
-    """Read the trajectories of an evaluation, and how its cases ended where that lies beside them.
+    """Read the trajectories of an evaluation, and the outcomes of its cases if they are stored with them.
 
     Parameters
     ----------
@@ -148,14 +171,14 @@ def read_evaluation(path: Path) -> Evaluation:
     Raises
     ------
     RecordingError
-        If there are none, or a table is damaged or of something else.
+        If there are none, or a table is damaged or holds something else.
     """
     if path.is_file() and path.suffix != ".parquet":
         raise RecordingError(
-            f"{path} is neither a run's folder nor its {EVALUATION_TRAJECTORIES}; to look at a flight: "
-            f"python -m telemetry replay {path}"
+            f"{path} is neither a run's folder nor its {FILES['evaluation_trajectories']}; to look at a "
+            f"flight: python -m telemetry replay {path}"
         )
-    table = path if path.suffix == ".parquet" else path / EVALUATION_TRAJECTORIES
+    table = path if path.suffix == ".parquet" else file_of(path, "evaluation_trajectories")
     if not table.exists():
         raise RecordingError(
             f"{table} does not exist; give the folder of a run that has been evaluated, as "
@@ -168,7 +191,7 @@ def read_evaluation(path: Path) -> Evaluation:
         name=root.resolve().name,
         case=cases[:, 0],
         position_m=tracks,
-        episodes=_episodes(table.with_name(EPISODES), cases[:, 0]),
+        episodes=_episodes(table.with_name(file_of(root, "evaluation_episodes").name), cases[:, 0]),
         surroundings=_surroundings(root),
     )
 
@@ -179,15 +202,15 @@ def read_training(folder: Path) -> Training:
     Raises
     ------
     RecordingError
-        If no generation has been finished there, or a table is damaged.
+        If no generation is finished, or a table is damaged.
     """
     if not has_training(folder):
         raise RecordingError(
-            f"{folder} has no {HISTORY}; give the folder of a run that trains, or has trained, as "
-            "`python -m pipeline +experiment=train` makes one"
+            f"{folder} has no {FILES['training_history']}; give the folder of a run that trains, or has "
+            "trained, as `python -m pipeline +experiment=train` makes one"
         )
-    # the history first: a flight that has come since belongs to a generation that is not known yet
-    history = _read(folder / HISTORY, _HISTORY_COLUMNS)
+    # the history first: a later flight belongs to a generation that is not read yet
+    history = _read(file_of(folder, "training_history"), _HISTORY_COLUMNS)
     rows = {
         moment: row
         for row, moment in enumerate(
@@ -195,7 +218,7 @@ def read_training(folder: Path) -> Training:
         )
     }
     tracks: dict[int, NDArray[np.float32]] = {}
-    path = folder / CHAMPION_TRAJECTORIES
+    path = file_of(folder, "training_trajectories")
     if path.exists():
         moments, flown = _tracks(
             path, _read(path, ("round", "generation", "sample", *_POSITION)), ("round", "generation")
@@ -208,12 +231,12 @@ def read_training(folder: Path) -> Training:
 
 def is_finished(folder: Path) -> bool:
     """Tell whether a training has come to its end: its champion is younger than its history."""
-    champion, history = folder / CHAMPION, folder / HISTORY
+    champion, history = (file_of(folder, role) for role in ("champion", "training_history"))
     return champion.exists() and history.exists() and champion.stat().st_mtime >= history.stat().st_mtime
 
 
 def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    import pyarrow as pa  # noqa: PLC0415 - a tenth of a second that replays of flights need not pay
+    import pyarrow as pa  # noqa: PLC0415 - takes a tenth of a second; replays of flights do without it
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     try:
@@ -235,7 +258,7 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
 def _tracks(
     path: Path, columns: Columns, keys: tuple[str, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Return which tracks there are, (n, keys), and the tracks, (n, K+1, 3)."""
+    """Return the keys of the tracks, (n, keys), and the tracks, (n, K+1, 3)."""
     sample = columns["sample"]
     num_samples = int(sample.max(initial=-1)) + 1
     num_tracks = len(sample) // max(num_samples, 1)
@@ -255,13 +278,20 @@ def _episodes(path: Path, cases: NDArray[np.int64]) -> Columns:
     episodes = _read(path, ("case", *_JUDGED))
     if not np.array_equal(episodes["case"], cases):
         raise RecordingError(
-            f"{path} tells of other cases than the trajectories beside it; repeat the stage evaluate"
+            f"{path} holds other cases than the trajectories next to it; repeat the stage evaluate"
         )
     return {name: episodes[name] for name in _JUDGED}
 
 
 def _surroundings(folder: Path) -> Surroundings:
-    path = folder / CONFIG
+    scene = _manifest(folder).get("scene")
+    if isinstance(scene, dict):
+        told = {field.name: scene.get(field.name) for field in fields(Surroundings)}
+        return Surroundings(
+            **{name: float(value) for name, value in told.items() if isinstance(value, int | float)}
+        )
+    # a run of version 1
+    path = file_of(folder, "configuration")
     if not path.exists():
         return Surroundings()
     import yaml  # noqa: PLC0415 - only runs have a configuration
@@ -269,7 +299,7 @@ def _surroundings(folder: Path) -> Surroundings:
     try:
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError) as error:
-        raise RecordingError(f"{path} cannot be read ({error}); restore it, or take it away") from error
+        raise RecordingError(f"{path} cannot be read ({error}); restore it, or remove it") from error
 
     def number(*keys: str) -> float | None:
         value = config

@@ -1,4 +1,4 @@
-"""Pictures of scenes: the viewer draws them without a display."""
+"""Pictures of scenes, drawn by the viewer without a display."""
 
 import subprocess
 import tempfile
@@ -19,10 +19,10 @@ from telemetry.scene.viewer import Scene
 
 #: of the viewer's window, in pixels
 SIZE: Final = (1600, 900)
-#: the viewer's own bar with its menu, and with notes about the machine that draws
+#: height of the viewer's menu bar, which shows details of the machine
 _BAR: Final = 36
 _COLOURS: Final = 128
-#: how long a scene may take until it stands still
+#: how long a scene may take to come to rest
 _PATIENCE_S: Final = 120.0
 _PAUSE_S: Final = 0.6
 #: how long a viewer that no longer answers may take to end
@@ -31,12 +31,12 @@ _END_S: Final = 10.0
 
 @dataclass(frozen=True)
 class Picture:
-    """An instant of a scene to be drawn.
+    """A moment of a scene to draw.
 
     Parameters
     ----------
     name : str
-        Of the file, without the ending.
+        Of the file, without its suffix.
     timeline : str
         `blueprint.TIME` or `blueprint.GENERATION`.
     instant : float
@@ -50,27 +50,27 @@ class Picture:
 
 @dataclass(frozen=True)
 class Subject:
-    """A scene, and which instants of it are drawn."""
+    """A scene and the moments of it to draw."""
 
     scene: Scene
     pictures: tuple[Picture, ...]
 
 
 def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject]:
-    """Choose what to draw of flights and of runs.
+    """Choose the scenes of flights and runs.
 
     Parameters
     ----------
     paths : sequence of Path
-        Flights, which are laid over each other, and folders of runs, of which the evaluation is drawn as it
-        starts and the training as it ended.
+        Flights, which are overlaid, and folders of runs: evaluations are drawn at their start, trainings at
+        their end.
     instants_s : sequence of float
-        At which the flights are drawn.
+        Times of the flights.
 
     Raises
     ------
     RecordingError
-        If something cannot be read, or a folder holds neither an evaluation nor a training.
+        If a file cannot be read, or a folder holds neither an evaluation nor a training.
     """
     found = []
     flights = [path for path in paths if not path.is_dir()]
@@ -82,7 +82,7 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
         if not runs.has_evaluation(folder) and not runs.has_training(folder):
             raise RecordingError(
                 f"{folder} holds neither an evaluation nor a training; give the folder of a run with "
-                f"{runs.EVALUATION_TRAJECTORIES} or {runs.HISTORY}"
+                f"{runs.FILES['evaluation_trajectories']} or {runs.FILES['training_history']}"
             )
     evaluated = [folder for folder in folders if runs.has_evaluation(folder)]
     for folder in evaluated:
@@ -107,17 +107,17 @@ def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
     ----------
     subjects : sequence of Subject
     folder : Path
-        Takes the PNG files; made where it does not exist.
+        For the PNG files; created if missing.
 
     Yields
     ------
     Path
-        Of each picture, once it is written.
+        Each picture, once it is written.
 
     Raises
     ------
     RecordingError
-        If the viewer does not come up, finds something wrong with a view, or a file cannot be written.
+        If the viewer does not start or reports a fault in a view, or a file cannot be written.
     """
     with tempfile.TemporaryDirectory() as scratch, headless() as client:
         for number, subject in enumerate(subjects):
@@ -133,12 +133,12 @@ def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def headless() -> Iterator[ViewerClient]:
-    """Start a viewer without a window, listening to this machine alone.
+    """Start a viewer without a window that accepts connections of this machine only.
 
     Raises
     ------
     RecordingError
-        If it does not come up, as without a Vulkan driver, or does not answer.
+        If it does not start, for example without a Vulkan driver, or does not answer.
     """
     size = "x".join(str(pixels) for pixels in SIZE)
     with (
@@ -157,25 +157,25 @@ def headless() -> Iterator[ViewerClient]:
                     "(on Debian: apt-get install mesa-vulkan-drivers)"
                 ) from error
             raise RecordingError(
-                f"the viewer does not answer ({error}); it needs a Vulkan driver to draw with, which may be "
-                "a program (on Debian: apt-get install mesa-vulkan-drivers)"
+                f"the viewer does not answer ({error}); it needs a Vulkan driver; a software "
+                "renderer will do (on Debian: apt-get install mesa-vulkan-drivers)"
             ) from error
 
 
 def _last_words(log: IO[bytes]) -> str:
-    """Return what a viewer that ended told of it."""
+    """Return why a viewer ended, from its log."""
     log.seek(0)
     lines = log.read().decode(errors="replace").splitlines()
     return next((line for line in lines if "panicked" in line), "it did not say why")
 
 
 def load(client: ViewerClient, file: Path) -> None:
-    """Open an .rrd file and wait until all of it has arrived.
+    """Open an .rrd file and wait until it is loaded.
 
     Raises
     ------
     RecordingError
-        If it does not arrive.
+        If it does not load in time.
     """
     client.open(str(file))
     end = time.monotonic() + _PATIENCE_S
@@ -188,7 +188,7 @@ def load(client: ViewerClient, file: Path) -> None:
 
 
 def complaints(client: ViewerClient) -> list[str]:
-    """Return what is wrong with the views that the viewer shows, and what errors it has logged."""
+    """Return the faults of the views, and the errors in the viewer's log."""
     found = [
         f"{view.name}: {report.summary} {report.details or ''}".strip()
         for view in client.get_state().views

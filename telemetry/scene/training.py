@@ -1,4 +1,4 @@
-"""A training as a scene, also while it goes on: fitness, its parts, and where each champion flies."""
+"""A training, finished or running, as a scene: fitness, its parts, and the flights of the champions."""
 
 import time
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from telemetry.scene import blueprint, entities, viewer
 from telemetry.scene.curves import PLAIN_COLOUR, SIGNAL_COLOURS, Colour, Curves, Plot
 from telemetry.scene.entities import generations, send
 from telemetry.scene.lettering import drawable
-from telemetry.scene.runs import HISTORY, Training, has_training, is_finished, read_training
+from telemetry.scene.runs import Training, file_of, has_training, is_finished, read_training
 from telemetry.scene.viewer import Scene
 
 Floats = NDArray[np.float64]
@@ -26,7 +26,7 @@ EARLIER_COLOUR: Final = (95, 120, 175, 120)
 DEFAULT_FARTHEST_M: Final = 75.0
 POLL_S: Final = 0.5
 
-#: of each plot the key, the title, whether decimal logarithms are shown, and the columns with their names
+#: key, title, whether it is logarithmic, and columns with their labels, of each plot
 _PLOTS: Final[tuple[tuple[str, str, bool, dict[str, str]], ...]] = (
     ("fitness", "Fitness, log10; smaller is better", True, {"best": "best", "mean": "mean"}),
     ("step_size", "Step size of the mutation, log10", True, {"step_size": "step size"}),
@@ -38,7 +38,7 @@ _PLOTS: Final[tuple[tuple[str, str, bool, dict[str, str]], ...]] = (
 
 
 def scene(folder: Path) -> Scene:
-    """Make a scene of a training as far as it has come.
+    """Make a scene of the finished generations of a training.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def scene(folder: Path) -> Scene:
     Raises
     ------
     RecordingError
-        If no generation has been finished there, or a file cannot be read.
+        If no generation is finished, or a file cannot be read.
     """
     training = read_training(folder)
 
@@ -71,21 +71,22 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
     Parameters
     ----------
     folder : Path
-        Of a run; its first generation is waited for.
+        Of a run; waits for its first generation.
     output : Path or None
-        An .rrd file that grows until the training ends, instead of a viewer, which stays until it is closed.
+        An .rrd file that grows until the training ends; None for a viewer, which stays until it is closed.
     in_browser : bool
         Serve a page to this machine alone, instead of a window.
     told : callable
-        Takes sentences about how it goes.
+        Takes sentences about the progress.
 
     Raises
     ------
     RecordingError
-        If the folder is none, a file cannot be read, the viewer cannot open, or the output cannot be written.
+        If the folder is missing, a file cannot be read, the viewer cannot open, or the output cannot be
+        written.
     """
     if not folder.is_dir():
-        raise RecordingError(f"{folder} is no folder; give that of a run, which may be training")
+        raise RecordingError(f"{folder} is not a folder; give the folder of a run")
     if output is None:
         viewer.require_display(in_browser=in_browser)
     else:
@@ -96,7 +97,7 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
         time.sleep(POLL_S)
     first = scene(folder)
     if output is None:
-        # a viewer that is closed while it is being sent something takes no more, which is no mistake
+        # sending fails once the user closes the viewer, which is not an error
         with (
             suppress(OSError),
             viewer.stream_to_viewer(first, in_browser=in_browser) as (stream, running),
@@ -113,17 +114,17 @@ def follow(folder: Path, output: Path | None, *, in_browser: bool, told: Callabl
 def _grow(
     stream: rr.RecordingStream, folder: Path, is_over: Callable[[], bool], told: Callable[[str], None]
 ) -> None:
-    """Send the generations that have been finished since, until it is over."""
+    """Send newly finished generations until it is over."""
     num_sent, stamp = 0, -1
     while True:
-        # asked first: what is finished before the end has been sent at the end
+        # asked first, so that the last generations are sent before the end
         over = is_over()
-        changed = (folder / HISTORY).stat().st_mtime_ns
+        changed = file_of(folder, "training_history").stat().st_mtime_ns
         if changed != stamp:
             stamp = changed
             training = read_training(folder)
             if len(training) < num_sent:
-                raise RecordingError(f"the training in {folder} has begun anew; follow it again")
+                raise RecordingError(f"the training in {folder} has been restarted; follow it again")
             if num_sent == 0:
                 _send_surroundings(stream, training)
             _send_rows(stream, training, num_sent)
@@ -147,7 +148,7 @@ def plots(training: Training, first: int) -> list[Plot]:
                 continue
             values = training.columns[column][first:].astype(np.float64)
             if is_logarithmic:
-                # where it is not above zero there is no logarithm, and no curve
+                # no curve where there is no logarithm
                 values = np.log10(values, out=np.full(len(values), np.nan), where=values > 0.0)
             curves.append(Curves(column, rows, values[:, None], (label,), (colour,), in_steps=True))
         found.append(Plot(key, title, tuple(curves), has_legend=len(names) > 1))
@@ -155,7 +156,7 @@ def plots(training: Training, first: int) -> list[Plot]:
 
 
 def in_words(training: Training, row: int) -> str:
-    """Say how a generation's champion does, as Markdown."""
+    """Describe a generation's champion as Markdown."""
     columns = training.columns
     since = max((at for at in training.tracks if at <= row), default=None)
     facts = [
@@ -173,7 +174,7 @@ def in_words(training: Training, row: int) -> str:
     rows = "\n".join(f"| {name} | {value} |" for name, value in facts)
     return (
         f"| {_moment(training, row)} | fitness {columns['best'][row]:.6g} |\n|---|---|\n{rows}\n\n"
-        "White: where the champion flies from the configured start; blue: its forerunners of the last "
+        "White: the champion's flight from the configured start; blue: the champions of the last "
         f"{blueprint.GENERATIONS_IN_SIGHT} generations."
     )
 

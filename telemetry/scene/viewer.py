@@ -1,4 +1,4 @@
-"""Scenes in rerun: as a file, in a window, in a browser, in a notebook, and while they grow."""
+"""Scenes in rerun: saved to a file, in a window, a browser or a notebook, or streamed."""
 
 import os
 import signal
@@ -20,7 +20,7 @@ from telemetry.file.errors import RecordingError
 from telemetry.file.partial_file import PARTIAL_SUFFIX
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"
-#: of rerun's files
+#: suffix of rerun's files
 ENDING: Final = ".rrd"
 #: by default the viewer would listen on every network interface
 LOOPBACK: Final = "127.0.0.1"
@@ -31,17 +31,17 @@ _RERUN: Final = (sys.executable, "-P", "-m", "rerun")
 
 @dataclass(frozen=True)
 class Scene:
-    """Something to look at.
+    """A scene to show.
 
     Parameters
     ----------
     kind : str
-        One word; recordings of one kind share a layout, also one that the user has changed.
+        One word; recordings of a kind share a layout, which the user may change.
     name : str
-        Of the recording, as the viewer lists it.
+        Name of the recording in the viewer.
     layout : rerun.blueprint.Blueprint
     send : callable
-        Sends all of it to a stream.
+        Sends the scene to a stream.
     """
 
     kind: str
@@ -52,13 +52,13 @@ class Scene:
 
 @dataclass(frozen=True)
 class Viewer:
-    """A viewer that runs and listens.
+    """A running viewer.
 
     Parameters
     ----------
     process : subprocess.Popen
     url : str
-        Under which streams and clients reach it.
+        Address for streams and clients.
     """
 
     process: "subprocess.Popen[bytes]"
@@ -72,12 +72,12 @@ def save(scene: Scene, output: Path) -> None:
     ----------
     scene : Scene
     output : Path
-        One of the same name is replaced once the new one is complete.
+        An existing file is replaced when the new one is complete.
 
     Raises
     ------
     RecordingError
-        If the output is not called .rrd or cannot be written.
+        If the output's name does not end in .rrd, or it cannot be written.
     """
     require_ending(output)
     unfinished = output.with_name(output.name + PARTIAL_SUFFIX)
@@ -94,14 +94,14 @@ def save(scene: Scene, output: Path) -> None:
 
 @contextmanager
 def stream_to_file(scene: Scene, output: Path) -> Iterator[rr.RecordingStream]:
-    """Give a stream into a file, with the scene's name and layout but nothing of it yet.
+    """Open a stream to a file, with the scene's name and layout but no content yet.
 
     Raises
     ------
     OSError
-        If the file cannot be opened, or the disk refuses.
+        If the file cannot be opened or written.
     """
-    # the library only finds out once it holds data, which it then drops with a warning
+    # the library would notice only later, and drop its data with a warning
     output.open("wb").close()
     stream = _stream(scene)
     with _refusals():
@@ -118,7 +118,7 @@ def flush(stream: rr.RecordingStream) -> None:
     Raises
     ------
     OSError
-        If it cannot, for the disk is full or the viewer has been closed.
+        If the disk is full or the viewer has been closed.
     """
     with _refusals():
         stream.flush()
@@ -126,7 +126,7 @@ def flush(stream: rr.RecordingStream) -> None:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Tell by an OSError what the library tells by a RuntimeError: that its file or viewer takes no more."""
+    """Turn the library's RuntimeError, raised when its file or viewer takes no more, into an OSError."""
     try:
         yield
     except RuntimeError as error:
@@ -140,7 +140,7 @@ def show(scene: Scene, *, in_browser: bool) -> None:
     ----------
     scene : Scene
     in_browser : bool
-        Serve a page to this machine alone, instead of a window.
+        Serve a page to this machine only, instead of opening a window.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def show(scene: Scene, *, in_browser: bool) -> None:
 
 @contextmanager
 def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.RecordingStream, Viewer]]:
-    """Open a viewer and give a stream into it, with the scene's name and layout but nothing of it yet.
+    """Open a viewer and a stream to it, with the scene's name and layout but no content yet.
 
     Raises
     ------
@@ -178,21 +178,21 @@ def stream_to_viewer(scene: Scene, *, in_browser: bool) -> Iterator[tuple[rr.Rec
 
 @contextmanager
 def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = None) -> Iterator[Viewer]:
-    """Start a viewer that listens on the loopback interface alone; it ends with the block.
+    """Start a viewer that listens on the loopback interface only; it ends with the block.
 
     Parameters
     ----------
     *options : str
-        Of rerun's command line.
+        Options of rerun's command line.
     in_browser : bool
         Serve a page instead of a window.
     log : binary file, optional
-        Takes what the viewer says; by default it goes where our own messages go.
+        For the viewer's output; by default our own output.
 
     Raises
     ------
     RecordingError
-        If it does not come up.
+        If it does not start.
     """
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
@@ -229,7 +229,7 @@ def in_notebook(scene: Scene) -> Any:
     Raises
     ------
     RecordingError
-        If rerun's notebook part is not installed.
+        If rerun's notebook extra is not installed.
     """
     from rerun import notebook  # noqa: PLC0415 - only notebooks need it
     from rerun.error_utils import RerunMissingDependencyError  # noqa: PLC0415
@@ -239,7 +239,7 @@ def in_notebook(scene: Scene) -> Any:
         widget = notebook.Viewer(recording=stream, blueprint=scene.layout, width="auto", height="auto")
     except RerunMissingDependencyError as error:
         raise RecordingError(
-            "rerun's notebook part is not installed, so nothing can be shown in a notebook; "
+            "rerun's notebook extra is not installed, which notebooks need; "
             "install it with: pip install 'rerun-sdk[notebook]'"
         ) from error
     stream.send_recording_name(scene.name)
@@ -260,7 +260,7 @@ def _command(port: str, *, in_browser: bool) -> list[str]:
 def _check_ending(code: int) -> None:
     if code != 0:
         raise RecordingError(
-            f"the viewer ended with exit code {code} and says why above; "
+            f"the viewer ended with exit code {code} ; see its message above; "
             "write a file with --save FILE.rrd and open that elsewhere"
         )
 
@@ -271,14 +271,14 @@ def require_display(*, in_browser: bool) -> None:
     Raises
     ------
     RecordingError
-        If there is none.
+        If there is no display.
     """
     is_x11_or_wayland = sys.platform.startswith(("linux", "freebsd"))
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not in_browser and is_x11_or_wayland and not has_display:
         raise RecordingError(
             "this machine has no display to open the viewer on; "
-            "look at it in a browser with --web, or write it to a file with --save FILE.rrd"
+            "use a browser with --web, or write a file with --save FILE.rrd"
         )
 
 
@@ -302,17 +302,17 @@ def require_ending(output: Path) -> None:
     Raises
     ------
     RecordingError
-        If it ends otherwise.
+        If it does not.
     """
     if output.suffix != ENDING:
         raise RecordingError(
-            f"{output} does not end in {ENDING}, but rerun opens a recording by that ending; "
+            f"{output} does not end in {ENDING}, but rerun recognises recordings by it; "
             f"choose a name such as {output.with_suffix(ENDING)}"
         )
 
 
 def unwritable(output: Path, error: OSError) -> RecordingError:
-    """Say that an output cannot be written, and what to do."""
+    """Return an error: what cannot be written, why, and what to do."""
     return RecordingError(
-        f"{output} cannot be written: {error.strerror or error}; choose a folder that exists and has room"
+        f"{output} cannot be written: {error.strerror or error}; choose an existing folder with free space"
     )

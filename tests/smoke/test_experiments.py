@@ -12,6 +12,8 @@ from fis_tools.formats import serialize
 from pipeline.run import artifacts
 from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module", params=EXPERIMENTS)
 def finished(request, tmp_path_factory) -> tuple[str, Path]:

@@ -3,8 +3,12 @@
 import re
 import shlex
 
+import pytest
+
 from telemetry import commands
 from tests.smoke.command_line import run_module, run_pipeline
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_flight_says_how_to_watch_it_and_the_command_works(tmp_path):

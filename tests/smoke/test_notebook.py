@@ -8,6 +8,8 @@ from nbclient import NotebookClient
 
 from tests.places import PROJECT
 
+pytestmark = pytest.mark.slow
+
 NOTEBOOKS = PROJECT / "docs" / "notebooks"
 #: seconds for a busy machine; output that is late fails the run instead of being lost in silence
 PATIENT = {"timeout": 600, "startup_timeout": 300, "iopub_timeout": 300, "raise_on_iopub_timeout": True}

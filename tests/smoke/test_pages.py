@@ -18,13 +18,8 @@ import fis_tools.__main__ as review
 from docs.shown import PAGES as SHOWN_PAGES
 from fis_tools.formats import serialize
 from pipeline.command_line import cli
-from pipeline.command_line.config import (
-    check_overrides,
-    conf_folder,
-    options,
-    parse,
-    rewrite_controller_paths,
-)
+from pipeline.command_line.config import conf_folder, options
+from pipeline.command_line.overrides import check_overrides, parse, rewrite_controller_paths
 from telemetry import commands as telemetry_commands
 from tests.fis_tools.review.cases import log_flight
 from tests.smoke.command_line import PROJECT
@@ -67,6 +62,7 @@ REVIEWED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", REVIEWED, ids=name_of)
 def test_review(page, tmp_path, monkeypatch, capsys):
     """Each page's commands run one after the other, on files of the names that they ask for."""

@@ -11,6 +11,8 @@ from pipeline.run import artifacts
 from pipeline.stages import train
 from tests.smoke.command_line import MINIATURE, run_pipeline
 
+pytestmark = pytest.mark.slow
+
 ONE_WORKER = ("optimizer.workers=1", "monte_carlo.workers=1")
 TRAINING = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]")
 

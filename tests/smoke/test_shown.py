@@ -6,6 +6,7 @@ from docs.shown import PAGES, rerun, shown
 from tests.smoke.pages import DOCS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_shows_what_its_commands_print(name, tmp_path):
     """If this fails after a change that is meant: ``python -m docs.shown``."""

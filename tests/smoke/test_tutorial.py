@@ -2,6 +2,8 @@
 
 import re
 
+import pytest
+
 from tests.smoke.command_line import PROJECT, run_module
 from tests.smoke.pages import DOCS
 
@@ -9,6 +11,7 @@ PAGE = (DOCS / "tutorial" / "fly-and-review.md").read_text(encoding="utf-8")
 FEWER_STAGES = "stages=[scenario,evaluate]"
 
 
+@pytest.mark.slow
 def test_the_changed_rule_does_what_the_tutorial_says(tmp_path):
     shipped = (PROJECT / "conf" / "controller" / "paper_champion.yaml").read_text(encoding="utf-8")
     (row,) = re.findall(r"^.*# distance near$", PAGE, re.MULTILINE)

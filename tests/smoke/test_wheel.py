@@ -18,6 +18,8 @@ from pipeline.run import artifacts
 from tests.places import PROJECT
 from tests.smoke.command_line import run_module
 
+pytestmark = pytest.mark.slow
+
 PACKAGES = ("pipeline", "telemetry")
 EXAMPLES = PROJECT / "docs" / "examples"
 MEGABYTE = 1e6
@@ -177,7 +179,6 @@ def alone(small_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     shutil.rmtree(environment.folder)
 
 
-@pytest.mark.slow
 def test_the_toolkit_alone_is_small_and_sees_nothing_else(
     alone: Environment, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -190,7 +191,6 @@ def test_the_toolkit_alone_is_small_and_sees_nothing_else(
     assert alone.run("-c", look % others).stdout == "[]\n"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tipper.fis", "dimmer.fll", "pendulum.fml"])
 def test_the_toolkit_alone_runs_every_command(alone: Environment, tmp_path: Path, name: str) -> None:
     own, simpler = tmp_path / "own.yaml", tmp_path / "simpler.yaml"
@@ -211,7 +211,6 @@ def test_the_toolkit_alone_runs_every_command(alone: Environment, tmp_path: Path
     assert (tmp_path / "review.html").stat().st_size > 10_000
 
 
-@pytest.mark.slow
 def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Path) -> None:
     flight, system = tmp_path / "flight.mcap", EXAMPLES / "tipper.fis"
     flight.touch()
@@ -236,7 +235,6 @@ def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Pa
     assert alone.run("-c", compile_anything).stdout.endswith('pip install "fis-tools[scikit-fuzzy]"\n')
 
 
-@pytest.mark.slow
 def test_the_extras_of_the_toolkit_bring_what_they_say(small_wheel: Path, tmp_path: Path) -> None:
     environment = Environment(tmp_path / "environment", small_wheel)
     environment.add("all")

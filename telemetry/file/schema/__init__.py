@@ -1,1 +1,1 @@
-"""The protobuf schemas of a flight recording; `generate` makes the Python module from the `.proto`."""
+"""The protobuf schemas of a recording; `generate` builds the Python module from the `.proto`."""

@@ -1,7 +1,7 @@
 """Generate ``inspection_pb2.py`` and its type stub from ``inspection.proto``.
 
-Run ``python -m telemetry.file.schema.generate`` after a change of the ``.proto``; it needs grpcio-tools, a
-development dependency. The files made are part of the source, so nobody needs a compiler to fly.
+Run ``python -m telemetry.file.schema.generate`` after changing the ``.proto``; it needs grpcio-tools, a
+development dependency. The generated files are committed, so users need no protobuf compiler.
 """
 
 import sys
@@ -24,7 +24,7 @@ def generate(folder: Path) -> None:
     Raises
     ------
     SystemExit
-        If the compiler refuses the ``.proto``; it has printed why.
+        If the compiler rejects the ``.proto``; it has printed why.
     """
     code = protoc.main(
         ["protoc", f"-I{SCHEMA_FOLDER}", f"--python_out={folder}", f"--pyi_out={folder}", PROTO]

@@ -69,6 +69,7 @@ def _systems(count: int) -> list[tuple[FuzzySystem, np.random.Generator]]:
     return systems
 
 
+@pytest.mark.slow
 def test_no_output_lies_outside_its_bounds() -> None:
     num_outputs = 0
     for system, generator in _systems(400):

@@ -71,6 +71,7 @@ def test_plot_writes_pictures(
     assert all((folder / name).read_bytes().startswith(start) for name in names)
 
 
+@pytest.mark.slow
 def test_plot_draws_what_is_asked_for(
     tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -291,6 +292,7 @@ def test_a_mistake_ends_in_one_sentence(
     assert "Traceback" not in told
 
 
+@pytest.mark.slow
 def test_a_flight_is_one_whichever_way_its_ending_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

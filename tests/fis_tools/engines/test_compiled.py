@@ -75,11 +75,13 @@ def package(tmp_path: Path) -> Package:
     return Package(tmp_path)
 
 
+@pytest.mark.slow
 def test_compiled_code_is_found_again(package: Package) -> None:
     assert package.call() == "7 8 0 0"
     assert package.call() == "7 8 1 1"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "old", "new", "answer"),
     [
@@ -118,6 +120,13 @@ def test_nothing_imports_numba_before_the_first_call(package: Package) -> None:
     assert package.run(look).stdout.strip() == "False 7 True Take two steps. twice"
 
 
+def test_no_kernel_is_left_to_numbas_own_cache() -> None:
+    for package in ("fis_tools", "pipeline", "telemetry"):
+        for path in (PROJECT / package).rglob("*.py"):
+            is_decorator = path.name == "compiled.py" and path.parent.name == "engines"
+            assert is_decorator or not re.search(r"\bn?jit\b", path.read_text(encoding="utf-8")), path
+
+
 def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
     call = (
         "from numba import njit\nfrom kernels.caller import twice\n"
@@ -140,6 +149,7 @@ def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) ->
     assert "compiled code is not kept: <string> cannot be read" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Package) -> None:
     edit_then_call = (
         "from pathlib import Path\nimport kernels.callee\npath = Path(kernels.callee.__file__)\n"

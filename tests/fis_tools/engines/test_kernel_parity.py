@@ -143,6 +143,7 @@ def test_inputs_outside_the_universe_act_as_its_ends_in_every_engine() -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_controllers_agree_with_scikit_fuzzy(path: Path) -> None:
     if "systems:" not in path.read_text(encoding="utf-8"):

@@ -348,6 +348,7 @@ def paths(tmp_path: Path) -> tuple[Path, Path]:
     return old, new
 
 
+@pytest.mark.slow
 def test_the_command_prints_writes_and_checks(
     tmp_path: Path, paths: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -84,6 +84,7 @@ def assert_equal(outputs: Floats, system: FuzzySystem, rows: Floats) -> None:
     np.testing.assert_allclose(outputs / ranges, expected / ranges, rtol=0, atol=TOLERANCE)
 
 
+@pytest.mark.slow
 def test_systems_of_all_kinds_give_what_python_gives(
     compiled: Callable[[FuzzyController], ctypes.CDLL],
 ) -> None:

@@ -162,6 +162,7 @@ def controllers(draw: st.DrawFn) -> FuzzyController:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(controllers())
 def test_every_controller_survives_both_forms(controller: FuzzyController) -> None:

@@ -72,6 +72,7 @@ SYSTEMS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SYSTEMS)
 def test_no_word_of_a_figure_runs_into_another_or_over_the_edge(kind: str) -> None:
     system = SYSTEMS[kind]
@@ -86,6 +87,7 @@ def test_no_word_of_a_figure_runs_into_another_or_over_the_edge(kind: str) -> No
         assert min(text.get_size() for text, _ in seen_words(figure)) >= 6.5, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", [None, "constrained"])
 @pytest.mark.parametrize("kind", ["nine long names", "no table"])
 def test_no_word_runs_into_another_on_axes_of_the_usual_size(kind: str, layout: str | None) -> None:
@@ -138,6 +140,7 @@ def test_pictures_leave_the_settings_of_matplotlib_as_they_were(theme: Theme) ->
     assert mpl.rcParams == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
 def test_every_word_can_be_read_on_the_paper_of_a_theme(theme: Theme) -> None:
     system = room_system()

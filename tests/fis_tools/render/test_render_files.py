@@ -24,6 +24,7 @@ def figures() -> dict[str, Figure]:
     return drawn
 
 
+@pytest.mark.slow
 def test_svg_is_well_formed_holds_its_words_as_text_and_is_identical_twice() -> None:
     words = {
         "memberships": "very near",
@@ -43,6 +44,7 @@ def test_svg_is_well_formed_holds_its_words_as_text_and_is_identical_twice() -> 
         assert b"<dc:date>" not in content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["png", "pdf"])
 def test_pictures_of_pixels_and_pages_are_identical_twice(form: str) -> None:
     one, other = (

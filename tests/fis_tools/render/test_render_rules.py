@@ -152,6 +152,7 @@ def test_a_list_says_rules_in_full_with_conclusions_in_the_colours_of_their_term
     assert to_rgb(box.get_facecolor()) == pytest.approx(tuple(term_colours(2)[1]))
 
 
+@pytest.mark.slow
 def test_a_list_counts_what_it_has_no_room_for_and_pages_hold_all() -> None:
     system = autopilot_system()
     ax = rule_list(system, Figure().subplots())

@@ -26,6 +26,7 @@ def in_space() -> Any:
     return Figure().subplots(subplot_kw={"projection": "3d"})
 
 
+@pytest.mark.slow
 def test_the_surface_map_lies_as_the_rule_matrix_does() -> None:
     system = force_x_system()
     ax = surface_map(system, Figure().subplots(), num_points=3)

@@ -31,6 +31,8 @@ from tests.fis_tools.review.cases import (
 from tests.fis_tools.sample_controllers import force_z_system, general_controller, paper_like_controller
 from tests.programs import program
 
+pytestmark = pytest.mark.slow
+
 NUM_SAMPLES = 120
 FOCUSABLE = "a[href], button, input, select, summary, [tabindex='0']"
 

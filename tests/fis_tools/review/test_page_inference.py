@@ -15,6 +15,8 @@ from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
 from tests.fis_tools.review.cases import system_of_125_rules
 from tests.fis_tools.sample_controllers import general_controller
 
+pytestmark = pytest.mark.slow
+
 NUM_SAMPLES = 200
 INFER = """([place, rows]) => rows.map((row) => {
   const told = review.infer(review.systems[place], row);

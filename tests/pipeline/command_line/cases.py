@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.run import runner
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import STAGES, Experiment
 
 #: a controller that needs no file of ours
 COAST = "controller=coast"
@@ -35,7 +34,7 @@ def use_stages(
     called: list[tuple[str, Experiment, Path]] = []
 
     def stand_in(name: str) -> types.ModuleType:
-        module = types.ModuleType(f"stand_in_{name}")
+        module = types.ModuleType(name)
 
         def run_stage(experiment: Experiment, folder: Path) -> None:
             called.append((name, experiment, folder))
@@ -47,8 +46,6 @@ def use_stages(
         module.run = run_stage  # type: ignore[attr-defined]
         return module
 
-    modules = {name: f"stand_in_{name}" for name in runner.STAGE_MODULES}
-    for name, module_name in modules.items():
-        monkeypatch.setitem(sys.modules, module_name, stand_in(name))
-    monkeypatch.setattr(runner, "STAGE_MODULES", modules)
+    for name in STAGES:
+        monkeypatch.setitem(sys.modules, f"pipeline.stages.{name}", stand_in(name))
     return called

@@ -25,7 +25,7 @@ MISTAKES = [
     ([*FLY, "xyzzy=3"], "there is no key xyzzy\n"),
     ([*FLY, "+deputy={mas_kg:3}"], "the key deputy exists already"),
     ([*FLY, "++deputy={mas_kg:3}"], "there is no key deputy.mas_kg; did you mean deputy.mass_kg?"),
-    ([*FLY, "hydra.runn.dir=x"], "there is no key hydra.runn.dir; did you mean hydra.run?"),
+    ([*FLY, "hydra.runn.dir=x"], "there is no key hydra.runn.dir; did you mean hydra.run.dir?"),
     ([*FLY, "hydra.run.dirr=x"], "did you mean hydra.run.dir?"),
     ([*FLY, "+controller.knd=x"], "controller has the keys kind, knd; one of kind coast has kind"),
     # options

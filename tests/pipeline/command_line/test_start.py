@@ -7,6 +7,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from pipeline.command_line.config import conf_folder
 from pipeline.run import artifacts
 
@@ -37,6 +39,7 @@ def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
     assert done.stdout == "2 []\n"
 
 
+@pytest.mark.slow
 def test_it_runs_where_conf_lies_inside_the_package(tmp_path):
     for package in ("pipeline", "fis_tools", "telemetry"):
         ignored = shutil.ignore_patterns("__pycache__", "conf")

@@ -118,7 +118,9 @@ def test_flown_attitude(name: str) -> None:
         assert_same(*fly_both(what, controller, start), metres=1e-4, others=1e-4)
 
 
-@pytest.mark.parametrize("name", POINTED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if "tumbling" in name else ()) for name in POINTED]
+)
 def test_ideal_pointing(name: str) -> None:
     what, controller, starts = POINTED[name]
     for start in starts:

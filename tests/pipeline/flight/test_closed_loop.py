@@ -227,6 +227,7 @@ MISSIONS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MISSIONS)
 def test_the_reference_flies_as_the_second_implementation_does(name):
     mission, scenario, systems, force_axes = MISSIONS[name]

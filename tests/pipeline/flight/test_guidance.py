@@ -79,6 +79,7 @@ def fitted_centres(candidates, start):
         return kmeans.fit(candidates).cluster_centers_
 
 
+@pytest.mark.slow
 def test_empty_clusters_move_as_scikit_learn_moves_them():
     """Centres carried over from far away leave clusters empty, several at once."""
     rng = np.random.default_rng(12)

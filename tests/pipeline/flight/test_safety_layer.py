@@ -81,6 +81,7 @@ def test_nothing_leads_a_guarded_deputy_out_of_its_limits(name: str, safety: str
     assert not off.safety_delta_v_m_s.any()
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

@@ -70,6 +70,7 @@ def test_restarts_agree_within_a_thousandth():
     assert num_agreeing(np.array([np.inf, np.inf])) == 0
 
 
+@pytest.mark.slow
 def test_easy_cases_end_after_the_least_restarts_and_cost_no_less_than_the_bound(monkeypatch):
     monkeypatch.setattr("pipeline.optimum.plan.LEAST_RESTARTS", 3)
     run = composed("optimum.points=60", "optimum.kicks=1")

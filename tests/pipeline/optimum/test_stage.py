@@ -15,6 +15,8 @@ from pipeline.run.runner import run_stages
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.optimum.cases import composed
 
+pytestmark = pytest.mark.slow
+
 SMALL = ("optimum.points=60", "optimum.restarts=2", "optimum.kicks=1", "sun=random")
 
 

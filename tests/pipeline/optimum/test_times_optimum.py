@@ -135,6 +135,7 @@ def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
     assert not stale.exists()
 
 
+@pytest.mark.slow
 def test_plans_of_ones_own_measure_another_mission(tmp_path):
     short = ("duration_s=900", "optimum.points=30", "optimum.restarts=2", "optimum.kicks=0")
     own = composed(*short, "optimum.workers=1")

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from pipeline.flight.log import KEEP_IN, PASSIVE_SAFETY, SPEED
 from pipeline.flight.simulation import fly_logged
 from pipeline.recording.events import Event, events
-from pipeline.report.safety import Without, safety_words
+from pipeline.report.without_safety import Without, safety_words
 from pipeline.run import artifacts
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import EARLY, guarded, pushing, starts_at_rest
@@ -83,6 +84,7 @@ def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
     assert safety_words("training", {"num_cases": 1000}, None) == ""
 
 
+@pytest.mark.slow
 def test_a_report_of_guarded_flights_has_their_paragraph_and_picture(tmp_path: Path) -> None:
     stages = ("scenario", "evaluate", "report")
     push = tmp_path / "push.csv"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from pipeline.report.figures.optimum import ENDS, beside_optimum
+from pipeline.report.beside_optimum import COLUMNS, in_words, optimum_rows, read_beside
+from pipeline.report.figures.spent_beside_optimum import ENDS, beside_optimum
 from pipeline.report.figures.style import style
-from pipeline.report.optimum import COLUMNS, in_words, optimum_rows, read_beside
 from pipeline.run import artifacts, tables
 from tests.pipeline.report.runs import Page, page_of, run_of
 
@@ -89,6 +89,7 @@ def test_a_table_without_a_column_is_refused(tmp_path, name):
         read_beside(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_table_the_reason_or_what_is_missing(tmp_path):
     overrides = ("+experiment=evaluate", "controller=coast", "telemetry.record_start=true")
     experiment = run_of(tmp_path, ("evaluate",), *overrides)

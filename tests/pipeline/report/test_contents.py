@@ -58,18 +58,23 @@ def test_a_summary_without_its_numbers_is_refused_in_words(tmp_path, change, mis
 
 
 def test_the_command_is_the_one_that_was_typed(tmp_path):
-    assert command_of(tmp_path) == ""
+    assert command_of(tmp_path, None) == command_of(tmp_path, {}) == ""
+    words = ["+experiment=evaluate", "controller=file", "controller.path=a b.json", "hydra.run.dir=here"]
+    expected = "python -m pipeline +experiment=evaluate controller=file 'controller.path=a b.json'"
+    assert command_of(tmp_path, {"command": words}) == expected
+    words = ["--config-dir", "/my conf", *words[:2], "controller.path='/a/b.json'"]
+    expected = "python -m pipeline --config-dir '/my conf' +experiment=evaluate controller=/a/b.json"
+    assert command_of(tmp_path, {"command": words}) == expected
+
+
+def test_the_command_of_a_run_from_before_manifests_told_it(tmp_path):
     kept = tmp_path / ".hydra"
     kept.mkdir()
-    words = ["+experiment=evaluate", "controller=file", "controller.path=a b.json", "hydra.run.dir=here"]
-    (kept / "overrides.yaml").write_text(yaml.safe_dump(words))
-    expected = "python -m pipeline +experiment=evaluate controller=file 'controller.path=a b.json'"
-    assert command_of(tmp_path) == expected
-    (kept / "overrides.yaml").write_text(yaml.safe_dump([*words[:2], "controller.path='/a/b.json'"]))
-    assert command_of(tmp_path) == "python -m pipeline +experiment=evaluate controller=/a/b.json"
+    (kept / "overrides.yaml").write_text(yaml.safe_dump(["+experiment=evaluate", "hydra.run.dir=here"]))
+    assert command_of(tmp_path, {"seed": 1}) == "python -m pipeline +experiment=evaluate"
     sources = [{"path": "/ours", "provider": "main"}, {"path": "/my conf", "provider": "command-line"}]
     (kept / "hydra.yaml").write_text(yaml.safe_dump({"hydra": {"runtime": {"config_sources": sources}}}))
-    assert command_of(tmp_path).startswith("python -m pipeline --config-dir '/my conf' +experiment=evaluate")
+    assert command_of(tmp_path, None) == "python -m pipeline --config-dir '/my conf' +experiment=evaluate"
 
 
 def test_training_flights_start_where_the_last_round_did(tmp_path):

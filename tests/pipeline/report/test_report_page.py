@@ -31,6 +31,8 @@ from tests.pipeline.report.runs import (
     write_training,
 )
 
+pytestmark = pytest.mark.slow
+
 #: with limits that some of the flights keep and others do not
 TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
 

@@ -13,9 +13,9 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.optimum.account import beside_optimum
 from pipeline.optimum.solved import solved_for
+from pipeline.report.beside_optimum import fly_pairs, read_beside
 from pipeline.report.figures.side_by_side import LARGEST, side_by_side
 from pipeline.report.figures.style import style
-from pipeline.report.optimum import fly_pairs, read_beside
 from pipeline.run import artifacts, tables
 from tests.pipeline.flight.missions import PAPER
 from tests.pipeline.report.runs import Page, page_of
@@ -102,6 +102,7 @@ def test_flights_without_any_burn_can_be_drawn():
         assert side_by_side(log, log, MISSION, 95).axes
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_middle_and_the_greatest_ratio(tmp_path):
     run = compose_experiment(
         [

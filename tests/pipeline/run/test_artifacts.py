@@ -111,7 +111,7 @@ def test_configurations_that_are_none(content, message, tmp_path):
 
 def test_manifest_of_another_version(tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps({"manifest_version": 99}))
-    with pytest.raises(ArtifactError, match="manifest version 99, this program reads 1"):
+    with pytest.raises(ArtifactError, match="manifest version 99, this program reads 1 and 2"):
         artifacts.read_manifest(tmp_path)
 
 

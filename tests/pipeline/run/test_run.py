@@ -37,13 +37,13 @@ def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, cap
         assert given.resolve() == folder.resolve()
         assert (experiment.seed, experiment.monte_carlo.num_cases, experiment.resume) == (5, 12, False)
     assert capsys.readouterr().out == f"{folder}\n"
-    assert (folder / ".hydra" / "overrides.yaml").exists()
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert (config["seed"], config["name"], config["controller"]) == (5, "evaluate", {"kind": "coast"})
     assert "hydra" not in config
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["finished_stages"] == STAGES
     assert manifest["seed"] == 5
+    assert manifest["command"] == [*EVALUATE, "seed=5", "monte_carlo.num_cases=12"]
     assert set(manifest["sha256"]) == {"config.yaml", *(f"{stage}.txt" for stage in STAGES)}
     assert manifest["versions"]["deap"]
     assert "stage report took" in (folder / "pipeline.log").read_text()
@@ -55,6 +55,7 @@ def test_the_working_directory_stays(monkeypatch, tmp_path):
     assert (tmp_path / "here.txt").exists()
 
 
+@pytest.mark.slow
 def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
     called = use_stages(monkeypatch)
     assert main(["-m", *EVALUATE, "seed=1,2", "sun=fixed,random"]) == 0
@@ -68,6 +69,7 @@ def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
         assert manifest["finished_stages"] == STAGES
 
 
+@pytest.mark.slow
 def test_options_may_stand_between_overrides(monkeypatch):
     called = use_stages(monkeypatch)
     assert main(["+experiment=fly", "-m", "controller=coast", "seed=3,4"]) == 0
@@ -77,7 +79,7 @@ def test_options_may_stand_between_overrides(monkeypatch):
 @pytest.mark.parametrize("name", ["own.json", "a b.yaml", "x=y,z.json", "it's.yml"])
 def test_a_controller_may_be_a_path(name, monkeypatch):
     called = use_stages(monkeypatch)
-    monkeypatch.setattr("pipeline.command_line.cli._check_controller", lambda _experiment: None)
+    monkeypatch.setattr("pipeline.command_line.runs._check_controller", lambda _experiment: None)
     assert (
         main(["+experiment=fly", f"controller=folder/{name}" if "," not in name else f"controller='{name}'"])
         == 0
@@ -86,9 +88,10 @@ def test_a_controller_may_be_a_path(name, monkeypatch):
     assert experiment.controller == {"path": f"folder/{name}" if "," not in name else name}
 
 
+@pytest.mark.slow
 def test_several_controllers_in_a_sweep(monkeypatch):
     called = use_stages(monkeypatch)
-    monkeypatch.setattr("pipeline.command_line.cli._check_controller", lambda _experiment: None)
+    monkeypatch.setattr("pipeline.command_line.runs._check_controller", lambda _experiment: None)
     assert main(["-m", "+experiment=fly", "controller=a.json,b c.yaml"]) == 0
     assert [experiment.controller["path"] for _, experiment, _ in called] == ["a.json", "b c.yaml"]
 
@@ -133,6 +136,7 @@ def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, capsys)
     assert "nothing is left to do" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_stops(monkeypatch):
     def stop(_experiment, _folder):
         raise KeyboardInterrupt
@@ -190,6 +194,7 @@ def test_repeating_an_early_stage_leaves_the_later_ones_to_do(monkeypatch):
     assert [name for name, _, _ in called] == ["record", "report"]
 
 
+@pytest.mark.slow
 def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(EVALUATE)
@@ -207,6 +212,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(monkeypatch, c
     assert "did you mean report?" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_differs_from_an_earlier_run_is_told_in_short(monkeypatch, capsys):
     use_stages(monkeypatch)
     main(["+experiment=evaluate", "controller=paper"])
@@ -237,9 +243,10 @@ def test_stages_alone_are_for_a_folder_that_holds_a_run(is_there, monkeypatch, c
     )
     assert called == []
     assert Path("typo").exists() is is_there
-    assert not Path("typo", ".hydra").exists()
+    assert not is_there or not list(Path("typo").iterdir())
 
 
+@pytest.mark.slow
 def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys):
     use_stages(monkeypatch)
     sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]
@@ -328,15 +335,14 @@ def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, capsys):
     assert artifacts.read_manifest(run_folder("fly"))["finished_stages"] == []
 
 
-def test_a_fault_of_the_program_shows_its_traceback(monkeypatch, capsys):
+def test_a_fault_of_the_program_shows_its_traceback(monkeypatch):
     def fail(_experiment, _folder):
         raise ZeroDivisionError
 
     use_stages(monkeypatch, record=fail)
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(ZeroDivisionError):
         main(FLY)
-    assert ended.value.code == 1
-    assert "ZeroDivisionError" in capsys.readouterr().err
+    assert "Traceback" in (run_folder("fly") / "pipeline.log").read_text()
 
 
 def test_printing_the_configuration_makes_no_folder(monkeypatch, capsys):

@@ -281,6 +281,7 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) ->
     assert found == pytest.approx(best["validation"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_search_of_planes_goes_on_where_it_stopped(tmp_path: Path) -> None:
     words = (
         "starts.num_cases=2",

@@ -67,6 +67,7 @@ def test_samples_reach_the_disk_every_sixty_and_with_every_event(flown: tuple[Pa
     assert [samples for _, samples in flushes] == [0, 26, 86, 91]
 
 
+@pytest.mark.slow
 def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(
     flown: tuple[Path, Flushes], tmp_path: Path
 ) -> None:
@@ -82,7 +83,7 @@ def test_a_cut_at_any_byte_loses_no_flushed_sample_and_tells_no_wrong_one(
         output = tmp_path / f"rescued_{num_bytes}.mcap"
         num_flushed = max((samples for size, samples in flushes if size <= num_bytes), default=0)
         if num_bytes < first_record_end:
-            with pytest.raises(RecordingError, match=r"nothing in .* is whole"):
+            with pytest.raises(RecordingError, match=r"nothing in .* is intact"):
                 recover(cut, output)
             continue
         recover(cut, output)
@@ -136,6 +137,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, in
     return left
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", KILLED_AFTER)
 def test_a_process_killed_while_it_writes_loses_at_most_sixty_samples(
     flight_file: Path, killed: dict[int, tuple[Path, int]], number: int

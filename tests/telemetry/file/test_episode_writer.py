@@ -142,7 +142,7 @@ def test_a_missing_folder_is_said(short_flight: SyntheticFlight, tmp_path: Path)
 @pytest.mark.parametrize(
     ("mistake", "text"),
     [
-        (lambda w: w.control(5.0, np.zeros(3), np.zeros(3)), "goes forward in time"),
+        (lambda w: w.control(5.0, np.zeros(3), np.zeros(3)), "are in order of time"),
         (lambda w: w.control(20.0, np.zeros(2), np.zeros(3)), "force_body_n has 2 values, but 3"),
         (lambda w: w.fis(20.0, "f_w", [0.0], [0.0], 0.0), "does not describe the fuzzy system 'f_w'"),
         (lambda w: w.log(20.0, "loud", "words"), "no log level 'loud'"),

@@ -133,7 +133,7 @@ def test_flights_of_different_lengths_and_topics(base: tuple[SyntheticFlight, Pa
     assert lone["/log", False] == LoneMessages("/log", False, 1, 11, 110.0)
     assert all(field.parting is None for field in comparison.fields)
     assert comparison.parting == lone["/fis/f_x", True]
-    assert "/fis/f_x has a message in the first alone" in in_words(comparison)[0]
+    assert "/fis/f_x has a message only in the first" in in_words(comparison)[0]
 
 
 def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(
@@ -170,7 +170,7 @@ def test_the_command_answers_by_its_exit_code(
     assert main(["compare", str(path), str(other)]) == 1
     text = capsys.readouterr().out
     number = flight.position_m[2, 0]
-    assert "part at sample 2 of 0 to 20 (20 s): /deputy/state position_m[0] is " in text
+    assert "differ from sample 2 of 0 to 20 (20 s): /deputy/state position_m[0] is " in text
     assert (
         f"is {float(number)!r} m in the first and 80.0 m in the second, {80.0 - number:.6g} m apart" in text
     )

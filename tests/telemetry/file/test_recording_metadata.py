@@ -84,5 +84,5 @@ def test_sealed_entries_come_back_and_changed_ones_do_not(name: str, entries: di
     stored = sealed(name, kept)
     assert unsealed(name, stored) == kept
     assert stored["crc32"] == str(zlib.crc32(json.dumps([name, sorted(kept.items())]).encode()))
-    with pytest.raises(ValueError, match="does not agree with its checksum"):
+    with pytest.raises(ValueError, match="does not match its checksum"):
         unsealed(name, {**stored, "an entry of more than twelve letters": ""})

@@ -123,7 +123,7 @@ def test_a_wrong_byte_in_the_index_is_noticed(short_file: Path, tmp_path: Path) 
     content[content.rindex(b"/deputy/state") + 1] ^= 1
     path = tmp_path / "damaged.mcap"
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match="index does not agree with its checksum"):
+    with pytest.raises(RecordingError, match="index does not match its checksum"):
         telemetry.read(path)
 
 
@@ -152,7 +152,7 @@ def test_a_topic_or_field_that_is_not_there_is_named(flight_file: Path) -> None:
     [
         (b"", "is empty"),
         (b"time_s,force_x_n\n", "is not an MCAP file"),
-        (b"\x89MCAP0\r\n", "is cut short"),
+        (b"\x89MCAP0\r\n", "is truncated"),
         (b"\x89MCAP0\r\n" * 2, "is damaged"),
         (b"\x89MCAP0\r\n" + bytes(100) + b"\x89MCAP0\r\n", "is damaged"),
     ],
@@ -200,5 +200,5 @@ def test_a_changed_attachment_is_damage(short_file: Path, tmp_path: Path) -> Non
     content = short_file.read_bytes()
     assert content.count(b"seed: 7") == 1
     path.write_bytes(content.replace(b"seed: 7", b"seed: 8"))
-    with pytest.raises(RecordingError, match="an attachment does not agree with its checksum"):
+    with pytest.raises(RecordingError, match="an attachment does not match its checksum"):
         telemetry.read(path)

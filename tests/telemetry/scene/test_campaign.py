@@ -122,7 +122,7 @@ def test_a_table_alone_is_shown_in_one_colour(run: Path, tmp_path: Path) -> None
     evaluation = runs.read_evaluation(table)
     assert evaluation.outcome is None
     assert {extreme.key for extreme in campaign.extremes(evaluation)} == {"nearest", "farthest"}
-    assert "outcome | not known" in campaign.in_words(evaluation)
+    assert "outcome | unknown" in campaign.in_words(evaluation)
     content = saved(table, tmp_path / "x.rrd")
     assert len(content.column("/scene/paths/all", "LineStrips3D:strips")[0]) == 4
     assert "/scene/limits/nearest" not in content.batches
@@ -167,5 +167,5 @@ def test_episodes_of_other_cases_are_refused(run: Path) -> None:
     synthetic_run.write_table(
         run / "evaluate/episodes.parquet", {"case": [3], **columns, "success": [True], "violated": [False]}
     )
-    with pytest.raises(RecordingError, match="tells of other cases than the trajectories beside it"):
+    with pytest.raises(RecordingError, match="holds other cases than the trajectories next to it"):
         campaign.scene(run)

@@ -22,6 +22,8 @@ from tests.programs import missing, program
 from tests.telemetry import synthetic_flight
 from tests.telemetry.synthetic_flight import SyntheticFlight
 
+pytestmark = pytest.mark.slow
+
 READER = Path(__file__).parent / "foxglove_reader"
 FOLDER = PROJECT / "docs" / "foxglove"
 LAYOUT = FOLDER / "inspection.json"

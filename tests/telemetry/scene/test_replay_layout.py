@@ -217,7 +217,7 @@ def test_a_flight_whose_metadata_is_lost_is_shown(tmp_path: Path) -> None:
 def test_a_recording_without_a_flight_is_refused(tmp_path: Path) -> None:
     with EpisodeWriter(tmp_path / "empty.mcap", metadata={}, attachments={}):
         pass
-    with pytest.raises(RecordingError, match="holds nothing on /deputy/state, /mission"):
+    with pytest.raises(RecordingError, match="holds no messages on /deputy/state, /mission"):
         viewer.save(replay.scene([tmp_path / "empty.mcap"]), tmp_path / "empty.rrd")
     assert not (tmp_path / "empty.rrd").exists()
 
@@ -230,7 +230,7 @@ def test_an_impossible_output_is_said(flight_file: Path, tmp_path: Path) -> None
 def test_a_full_disk_is_said(short_file: Path, tmp_path: Path) -> None:
     # a file that takes no byte
     (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
-    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* has room"):
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* free space"):
         viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
     assert list(tmp_path.iterdir()) == []
 
@@ -242,7 +242,7 @@ def test_a_disk_that_fills_up_meanwhile_is_said(
         raise RuntimeError("File-writer thread shut down prematurely")
 
     monkeypatch.setattr("rerun.RecordingStream.flush", flush)
-    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: File-writer .* has room"):
+    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: File-writer .* free space"):
         viewer.save(replay.scene([short_file]), tmp_path / "x.rrd")
     assert list(tmp_path.iterdir()) == []
 

@@ -1,13 +1,19 @@
 """Runs as the pipeline leaves them: what it writes is what telemetry shows."""
 
+import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fis_tools import source
 from pipeline.command_line.config import Composed
 from pipeline.run import artifacts
+from pipeline.run.runner import scene_of
 from pipeline.stages import evaluate, train
+from telemetry import RecordingError
 from telemetry.scene import campaign, runs, training, viewer
 from tests.pipeline.stages.cases import prepared
 
@@ -22,12 +28,43 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
 
 
 def test_both_call_the_files_the_same() -> None:
-    assert runs.CONFIG == artifacts.CONFIG
-    assert runs.EVALUATION_TRAJECTORIES == artifacts.TRAJECTORIES
-    assert f"evaluate/{runs.EPISODES}" == artifacts.EPISODES
-    assert runs.HISTORY == artifacts.HISTORY
-    assert runs.CHAMPION_TRAJECTORIES == artifacts.CHAMPION_TRAJECTORIES
-    assert runs.CHAMPION == artifacts.CHAMPION
+    assert {role: artifacts.ROLES[role] for role in runs.FILES} == runs.FILES
+    assert (runs.MANIFEST, source.MANIFEST) == (artifacts.MANIFEST,) * 2
+    assert artifacts.ROLES["champion"] == source.CHAMPION
+
+
+def test_files_and_scene_are_what_the_manifest_says(run: tuple[Composed, Path], tmp_path: Path) -> None:
+    composed, folder = run
+    moved = shutil.copytree(folder, tmp_path / "moved")
+    (moved / artifacts.HISTORY).rename(moved / "learning.parquet")
+    (moved / artifacts.TRAJECTORIES).rename(moved / "evaluate" / "paths.parquet")
+    (moved / artifacts.EPISODES).rename(moved / "evaluate" / "ends.parquet")
+    (moved / artifacts.CONFIG).unlink(missing_ok=True)
+    (moved / artifacts.CHAMPION).rename(moved / "best.json")
+    scene = scene_of(replace(composed.experiment.mission, control_period_s=20.0))
+    artifacts.write_manifest(moved, composed.config, [], scene=scene)
+    named = {
+        "training_history": "learning.parquet",
+        "evaluation_trajectories": "evaluate/paths.parquet",
+        "evaluation_episodes": "evaluate/ends.parquet",
+        "champion": "best.json",
+    }
+    told = json.loads((moved / artifacts.MANIFEST).read_text())
+    assert told["files"].items() >= artifacts.ROLES.items()
+    told["files"] |= named
+    artifacts.write_json(moved / artifacts.MANIFEST, told)
+    assert len(runs.read_training(moved)) == len(runs.read_training(folder))
+    evaluation = runs.read_evaluation(moved)
+    assert evaluation.surroundings.sample_period_s == 20.0
+    assert evaluation.surroundings.chief_radius_m == composed.experiment.mission.chief.inspection_radius_m
+    assert set(evaluation.episodes) == set(runs.read_evaluation(folder).episodes)
+    assert source.read_controller(moved).systems == source.read_controller(folder).systems
+
+
+def test_a_manifest_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    (tmp_path / artifacts.MANIFEST).write_text("{")
+    with pytest.raises(RecordingError, match=r"manifest.json cannot be read .*restore it"):
+        runs.has_training(tmp_path)
 
 
 def test_an_evaluation_is_read_with_its_surroundings(run: tuple[Composed, Path]) -> None:

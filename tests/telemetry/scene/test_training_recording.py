@@ -111,7 +111,7 @@ def test_a_training_that_begins_anew_is_said(tmp_path: Path, monkeypatch: pytest
     def begin_anew(_text: str) -> None:
         synthetic_run.write_training(tmp_path, 1)
 
-    with pytest.raises(RecordingError, match="has begun anew; follow it again"):
+    with pytest.raises(RecordingError, match="has been restarted; follow it again"):
         training.follow(tmp_path, tmp_path / "x.rrd", in_browser=False, told=begin_anew)
 
 
@@ -130,7 +130,7 @@ def test_wrong_folders_are_said(tmp_path: Path) -> None:
         RecordingError, match=r"has no train/history.parquet; give the folder of a run that trains"
     ):
         training.scene(tmp_path)
-    with pytest.raises(RecordingError, match="is no folder; give that of a run"):
+    with pytest.raises(RecordingError, match="is not a folder; give the folder of a run"):
         training.follow(tmp_path / "none", None, in_browser=True, told=print)
 
 

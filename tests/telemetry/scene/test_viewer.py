@@ -27,6 +27,8 @@ from tests.places import PROJECT
 from tests.programs import library
 from tests.telemetry import synthetic_flight, synthetic_run
 
+pytestmark = pytest.mark.slow
+
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 VULKAN = "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json"
 

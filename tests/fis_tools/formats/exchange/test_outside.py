@@ -52,6 +52,7 @@ def assert_near(system: FuzzySystem, ours: Floats, theirs: Floats, tolerance: fl
     assert (np.abs(ours - theirs) / widths).max() < tolerance
 
 
+@pytest.mark.slow
 def test_octave_evaluates_our_files_as_we_do(tmp_path: Path) -> None:
     """Octave takes some 40 ms for a rule of a sample, so these are few."""
     chosen = {name: systems()[name] for name in ("paper", "climate", "product", "tipper")}

@@ -24,6 +24,7 @@ from tests.pipeline.controllers.planned.cases import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_number_of_threads_changes_nothing(kind):
     mission, scenarios = starts(kind, "sun=random")

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.evaluation.comparison import COLUMNS, FLOWN, Row, in_words, lines_of, row_of
-from pipeline.report.figures.comparison import Mark
+from pipeline.evaluation.comparison import COLUMNS, FLOWN, ComparisonRow, in_words, lines_of, row_of
+from pipeline.report.figures.delta_v_and_rate import Mark
 from pipeline.run import artifacts
 
 
-def read_comparison(folder: Path) -> list[Row]:
+def read_comparison(folder: Path) -> list[ComparisonRow]:
     """Read what the stage compare wrote; nothing where it has not run.
 
     Raises
@@ -31,7 +31,7 @@ def read_comparison(folder: Path) -> list[Row]:
     return rows
 
 
-def tables_of(rows: Sequence[Row]) -> list[tuple[str, list[list[str]]]]:
+def tables_of(rows: Sequence[ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
     """Return the table of each Sun setting: its name and its lines, each of `headings` cells."""
     return [(sun, lines_of(rows, sun)) for sun in suns_of(rows)]
 
@@ -41,12 +41,12 @@ def headings() -> list[str]:
     return [heading for heading, _ in COLUMNS]
 
 
-def suns_of(rows: Sequence[Row]) -> list[str]:
+def suns_of(rows: Sequence[ComparisonRow]) -> list[str]:
     """Return the Sun settings of some rows, in order."""
     return list(dict.fromkeys(row.sun for row in rows if row.sun))
 
 
-def marks_of(rows: Sequence[Row]) -> list[tuple[str, list[Mark]]]:
+def marks_of(rows: Sequence[ComparisonRow]) -> list[tuple[str, list[Mark]]]:
     """Return the panels of the figure: each controller under the first layer that it flew with."""
     panels = []
     for sun in suns_of(rows):

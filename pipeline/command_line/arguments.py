@@ -1,0 +1,106 @@
+"""The words after ``python -m pipeline``: options, and overrides in any order with them."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pipeline.command_line.overrides import ConfigError
+from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.places import conf_folder
+
+#: options of other programs on Hydra, and why they are none of this one
+REFUSED = {
+    "--config-path": "would replace our configuration; add to it with --config-dir",
+    "--config-name": "would replace our configuration; add to it with --config-dir",
+    "--experimental-rerun": "would load a pickle; go on with resume=RUN_FOLDER instead",
+}
+#: options to how argparse reads them
+OPTIONS: Mapping[tuple[str, ...], Mapping[str, Any]] = {
+    ("--help", "-h"): {"action": "store_true"},
+    ("--version",): {"action": "store_true"},
+    ("--multirun", "-m"): {"action": "store_true"},
+    ("--cfg", "-c"): {"choices": ("job", "hydra", "all")},
+    ("--resolve",): {"action": "store_true"},
+    ("--config-dir", "-cd"): {"type": Path},
+}
+RESUME = "resume="
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a command line asks for.
+
+    Parameters
+    ----------
+    help, version, multirun : bool
+    cfg : str, optional
+        Which configuration is to be printed: ``job``, ``hydra`` or ``all``.
+    resolve : bool
+        Whether it is printed with its references followed.
+    config_dir : Path, optional
+        The user's own folder of configurations.
+    resume : Path, optional
+        The folder of a run to go on with.
+    overrides : tuple of str
+    """
+
+    help: bool
+    version: bool
+    multirun: bool
+    cfg: str | None
+    resolve: bool
+    config_dir: Path | None
+    resume: Path | None
+    overrides: tuple[str, ...]
+
+    @property
+    def folders(self) -> list[Path]:
+        """The configuration folders, ours and the user's."""
+        return [conf_folder(), *([self.config_dir] if self.config_dir else [])]
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Refuse in a sentence; the program's one way out is `pipeline.command_line.cli.main`."""
+        raise ConfigError(f"{message}; see python -m pipeline --help")
+
+
+def read_arguments(arguments: Sequence[str]) -> Asked:
+    """Read a command line, without the program's name.
+
+    Raises
+    ------
+    ConfigError
+        If an option is unknown or has no proper value, or the first word is neither option nor override.
+    """
+    first = arguments[0] if arguments else ""
+    if first and first[0] not in "+-~" and "=" not in first:
+        raise ConfigError(
+            f"there is no subcommand {first} (there are none); an experiment is started with "
+            "+experiment=NAME and settings with key=value, see python -m pipeline --help"
+        )
+    parser = _Parser(add_help=False, allow_abbrev=False)
+    for names, how in OPTIONS.items():
+        parser.add_argument(*names, **how)
+    options, words = parser.parse_known_args(list(arguments))
+    for word in words:
+        if word.startswith("-"):
+            _refuse(word)
+    folder = options.config_dir
+    if folder is not None and not folder.is_dir():
+        raise ConfigError(f"--config-dir {folder} is no folder; give one with experiments of your own")
+    resumed = [word.removeprefix(RESUME) for word in words if word.startswith(RESUME)]
+    overrides = tuple(word for word in words if not word.startswith(RESUME))
+    return Asked(
+        **vars(options), resume=Path(resumed[-1]).expanduser() if resumed else None, overrides=overrides
+    )
+
+
+def _refuse(word: str) -> NoReturn:
+    option = word.partition("=")[0]
+    if option in REFUSED:
+        raise ConfigError(f"{option} {REFUSED[option]}")
+    known = [name for names in OPTIONS for name in names]
+    raise ConfigError(f"there is no option {word}{did_you_mean(word, known)}")

@@ -1,0 +1,179 @@
+"""Overrides in Hydra's grammar: read, checked against the keys and options there are, and multiplied out."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import product
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Glob, Override, OverrideType
+from hydra.errors import HydraException
+
+from pipeline.settings.nearest import did_you_mean, nearest
+from pipeline.settings.schema import all_keys, is_key
+
+EXPERIMENT = "experiment"
+CONTROLLER = "controller"
+TABLE_SUFFIX = ".csv"
+CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
+#: the keys of Hydra's own that have an effect here
+HYDRA_KEYS = ("hydra.run.dir", "hydra.searchpath", "hydra.sweep.dir", "hydra.sweep.subdir")
+
+
+class ConfigError(ValueError):
+    """A command line or a configuration that cannot be used."""
+
+
+def parse(overrides: Sequence[str]) -> list[Override]:
+    """Parse overrides by Hydra's grammar.
+
+    Raises
+    ------
+    ConfigError
+        If one does not follow it.
+    """
+    parsed = []
+    for text in overrides:
+        try:
+            parsed += OverridesParser.create().parse_overrides([text])
+        except HydraException as error:
+            raise ConfigError(
+                f"{text!r} cannot be read as key=value ({first_line(error)}); put a value with commas, "
+                "'=' or brackets into quotes of its own, as in 'key=\"a, b\"'"
+            ) from error
+    return parsed
+
+
+def rewrite_controller_paths(overrides: Iterable[str]) -> list[str]:
+    """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
+
+    Several paths in a sweep, ``controller=a.json,b.json``, are rewritten together.
+
+    Raises
+    ------
+    ConfigError
+        If a sweep mixes paths and names.
+    """
+    rewritten = []
+    for text in overrides:
+        key, _, value = text.partition("=")
+        paths = _controllers(text, value) if key == CONTROLLER else []
+        are_paths = [path.lower().endswith(CONTROLLER_SUFFIXES) for path in paths]
+        if not any(are_paths):
+            rewritten.append(text)
+        elif all(are_paths):
+            rewritten += ["controller=file", "controller.path=" + ",".join(quoted(path) for path in paths)]
+        else:
+            raise ConfigError(
+                f"{text!r} mixes names and paths of controllers; sweep over one kind and then the other"
+            )
+    return rewritten
+
+
+def _controllers(text: str, value: str) -> list[str]:
+    """Split what ``controller=`` is set to; a path that is not Hydra's grammar stands for itself."""
+    try:
+        (override,) = parse([text])
+    except ConfigError:
+        return [value]
+    return [] if isinstance(override.value(), Glob) else _choices(override, ())
+
+
+def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]) -> None:
+    """Refuse keys and options that do not exist, with the nearest that does.
+
+    Raises
+    ------
+    ConfigError
+    """
+    for override in overrides:
+        key = override.key_or_group
+        plain = (override.input_line or "").lstrip("+")
+        if key.split("/")[0].split(".")[0] == "hydra":
+            if key not in HYDRA_KEYS:
+                raise ConfigError(f"there is no key {key}{did_you_mean(key, HYDRA_KEYS)}")
+        elif key in groups and not isinstance(override.value(), dict):
+            _check_choice(override, groups[key], plain)
+        elif not is_key(key):
+            found = nearest(key, {*all_keys(), *groups})
+            plus = "+" if found == EXPERIMENT else ""
+            raise ConfigError(f"there is no key {key}" + (f"; did you mean {plus}{found}?" if found else ""))
+        elif override.type == OverrideType.ADD and key in all_keys():
+            raise ConfigError(f"the key {key} exists already; write {plain} without the +")
+
+
+def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
+    """Refuse options that a group does not have."""
+    group = override.key_or_group
+    if override.type == OverrideType.DEL:
+        return
+    if group == EXPERIMENT and override.type == OverrideType.CHANGE:
+        raise ConfigError(f"an experiment is added to what stands already: write +{plain}")
+    if group != EXPERIMENT and override.type == OverrideType.ADD:
+        raise ConfigError(f"{group} is chosen already; write {plain} without the +")
+    for choice in _choices(override, known):
+        if choice not in known:
+            if group == CONTROLLER and choice.lower().endswith(TABLE_SUFFIX):
+                raise ConfigError(
+                    f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
+                    f"controller.path={choice}"
+                )
+            raise ConfigError(
+                f"there is no {group}={choice}"
+                + (f"{guess} The" if (guess := did_you_mean(choice, known)) else "; the")
+                + f" choices are {', '.join(known)}"
+            )
+
+
+def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
+    """Refuse several values where one run is asked for, and ranges without a step."""
+    for override in overrides:
+        text = override.input_line
+        if override.is_sweep_override() and not is_multirun:
+            raise ConfigError(
+                f"{text} gives several values; add -m for a run of each, or write a list as key=[a,b] and a "
+                "text with a comma in quotes of its own"
+            )
+        if override.is_sweep_override() and not override.is_discrete_sweep():
+            raise ConfigError(
+                f"{text} is an interval; a sweep needs its values, as in key=1,2 or key=range(1,3)"
+            )
+
+
+def single_runs(overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]) -> Iterator[list[str]]:
+    """Yield the overrides of each run of a sweep: every value of one with every value of the others."""
+    for chosen in product(*(_written(override, groups) for override in overrides)):
+        yield list(chosen)
+
+
+def _written(override: Override, groups: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return an override as text, once for each value of its sweep."""
+    text = override.input_line or ""
+    if not override.is_sweep_override():
+        return [text]
+    key = text.partition("=")[0]
+    if isinstance(override.value(), Glob):
+        return [f"{key}={name}" for name in _choices(override, groups.get(override.key_or_group, ()))]
+    return [f"{key}={value}" for value in override.sweep_string_iterator()]
+
+
+def _choices(override: Override, known: Sequence[str]) -> list[str]:
+    """Return all values that an override of a group takes, without quotes and escapes."""
+    value = override.value()
+    if isinstance(value, Glob):
+        return value.filter(list(known))
+    if override.is_sweep_override():
+        return [str(parse([f"value={text}"])[0].value()) for text in override.sweep_string_iterator()]
+    if isinstance(value, list):
+        return [str(item) for item in value]
+    return [] if value is None else [str(value)]
+
+
+def quoted(text: str) -> str:
+    """Quote a value for Hydra's grammar, where a backslash counts only before a quote."""
+    escaped = re.sub(r"(\\*)'", r"\1\1\\'", text)
+    return "'" + re.sub(r"(\\+)$", r"\1\1", escaped) + "'"
+
+
+def first_line(error: BaseException) -> str:
+    """Return what an error of many lines says first."""
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

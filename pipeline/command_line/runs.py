@@ -1,0 +1,204 @@
+"""New runs, runs gone on with, and stages repeated on the files of an earlier run."""
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hydra.core.override_parser.types import Override
+
+from pipeline.command_line.arguments import Asked
+from pipeline.command_line.config import Composed, compose_experiment, differences
+from pipeline.command_line.overrides import EXPERIMENT, ConfigError
+from pipeline.run import artifacts
+from pipeline.run.runner import finished_stages, run_stages
+from pipeline.settings.experiment import Experiment
+from pipeline.settings.schema import experiment_from
+
+OK, MISTAKE = 0, 2
+
+#: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
+OWN_GROUPS = {"record": ("telemetry",), "report": ("report",)}
+
+
+def sentence(error: Exception) -> str:
+    """Say what went wrong; an exhausted memory says little by itself."""
+    if not isinstance(error, MemoryError):
+        return str(error)
+    return (
+        "there is not enough memory for this; lower monte_carlo.num_cases, optimizer.population_size or "
+        "duration_s, or lengthen control_period_s"
+    )
+
+
+def start(jobs: Sequence[Composed], commands: Sequence[Sequence[str]]) -> int:
+    """Run new runs, one after the other; return the exit code.
+
+    Parameters
+    ----------
+    jobs : sequence of Composed
+    commands : sequence of sequence of str
+        What to type for each.
+    """
+    for job in jobs:
+        check_before(job.experiment)
+    return max([_start(job, command) for job, command in zip(jobs, commands, strict=True)], default=OK)
+
+
+def _start(job: Composed, command: Sequence[str]) -> int:
+    try:
+        _check_vacant(job)
+    except (ValueError, OSError) as error:
+        sys.stderr.write(f"error: {error}\n")
+        return MISTAKE
+    return _run(job.config, job.experiment, job.folder, command=command)
+
+
+def _check_vacant(job: Composed) -> None:
+    """Refuse a folder whose files another run has made; the same run may be made again."""
+    if not (job.folder / artifacts.MANIFEST).exists():
+        return
+    if artifacts.read_manifest(job.folder)["config_hash"] != artifacts.config_hash(job.config):
+        shown = _shown(job.folder)
+        raise ConfigError(
+            f"{shown} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
+            f"with it by resume={shown}"
+        )
+
+
+def _shown(folder: Path) -> Path:
+    """Return a folder as it is told to people: from where they are, if it lies there."""
+    return Path(os.path.relpath(folder)) if folder.is_relative_to(Path.cwd()) else folder
+
+
+def _run(
+    config: dict[str, Any],
+    experiment: Experiment,
+    folder: Path,
+    stages: Sequence[str] | None = None,
+    command: Sequence[str] | None = None,
+) -> int:
+    """Run stages in a folder and say where the files are."""
+    shown = _shown(folder)
+    sys.stderr.write(f"run folder: {shown}\n")
+    try:
+        run_stages(experiment, config, shown, stages, command)
+    except (ValueError, OSError, MemoryError) as error:
+        if os.environ.get("HYDRA_FULL_ERROR") == "1":
+            raise
+        sys.stderr.write(f"error: {sentence(error)}\n(what the program was doing: {shown / artifacts.LOG})\n")
+        return MISTAKE
+    sys.stdout.write(f"{shown}\n")
+    return OK
+
+
+def resume(folder: Path, overrides: Sequence[Override]) -> int:
+    """Go on where a run stopped, with its own configuration; return the exit code."""
+    config = _config_of(folder)
+    experiment = _experiment_of(folder, config)
+    for override in overrides:
+        if override.key_or_group != EXPERIMENT or override.value() != config.get("name"):
+            raise ConfigError(
+                f"resume goes on with the run's own configuration; drop {override.input_line}, or start "
+                "a new run"
+            )
+    finished = finished_stages(folder)
+    left = [stage for stage in experiment.stages if stage not in finished]
+    if not left:
+        sys.stderr.write(f"nothing is left to do: {', '.join(finished)} are finished\n")
+        sys.stdout.write(f"{folder}\n")
+        return OK
+    check_before(replace(experiment, stages=tuple(left)))
+    return _run(config, replace(experiment, resume=True), folder, left)
+
+
+def repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
+    """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
+    config = _config_of(folder)
+    experiment = _experiment_of(folder, config)
+    stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
+    if not isinstance(stages, list):
+        raise ConfigError(
+            f"{folder} holds a run already; go on with resume={folder}, repeat a stage of it with "
+            "stages=[report], or choose another folder"
+        )
+    asked_for = [str(stage) for stage in stages]
+    if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
+        new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
+        own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
+        if changed := differences(config, new.config, {*own, "stages"}):
+            raise ConfigError(
+                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
+                "new run"
+            )
+        config = {**new.config, "stages": config["stages"]}
+        experiment = experiment_from(config)
+    check_before(replace(experiment, stages=tuple(asked_for)))
+    return _run(config, experiment, folder, asked_for)
+
+
+def _config_of(folder: Path) -> dict[str, Any]:
+    """Read a run's configuration and refuse one that was edited since."""
+    config = artifacts.read_config(folder)
+    if not (folder / artifacts.MANIFEST).exists():
+        raise artifacts.ArtifactError(
+            f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
+            "outputs/NAME/TIME"
+        )
+    if artifacts.config_hash(config) != artifacts.read_manifest(folder)["config_hash"]:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
+            "manifest's); restore it, or start a new run"
+        )
+    return config
+
+
+def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
+    """Build the experiment of a run's configuration, which this program may not have made."""
+    try:
+        return experiment_from(config)
+    except ValueError as error:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "
+            "that made the run, or start a new run"
+        ) from error
+
+
+def check_before(experiment: Experiment) -> None:
+    """Refuse what a stage would refuse, before anything is made."""
+    guidance = experiment.mission.guidance
+    if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
+        raise ConfigError(
+            "guidance.engine is sklearn, which flies one flight at a time; "
+            "train with guidance.engine=compiled"
+        )
+    if "optimum" in experiment.stages:
+        from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
+
+        check_points(experiment.mission, experiment.optimum.points)
+    if "evaluate" in experiment.stages:
+        from pipeline.optimum.solved import IncomparableError, solved_for  # noqa: PLC0415 - the same
+
+        with suppress(IncomparableError):
+            solved_for(experiment)
+    _check_controller(experiment)
+    if "compare" in experiment.stages:
+        _check_compared(experiment)
+
+
+def _check_compared(experiment: Experiment) -> None:
+    """Read the controllers that are compared."""
+    from pipeline.controllers.source import named  # noqa: PLC0415 - compiled code, as above
+
+    for name in experiment.compare.controllers:
+        named(name, experiment.mission)
+
+
+def _check_controller(experiment: Experiment) -> None:
+    """Read the controller once before anything is made, for its mistakes to be told now."""
+    from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
+
+    load(experiment.controller, experiment.mission)
