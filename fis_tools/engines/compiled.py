@@ -114,8 +114,9 @@ def _for_any_constant(dispatcher: Any) -> Any:
     from numba import types  # noqa: PLC0415 - as above
 
     template = dispatcher.get_call_template
+    unliteral: Callable[[Any], Any] = types.unliteral  # as a value: a type checker sees numba's calls untyped
     dispatcher.get_call_template = lambda args, kws: template(
-        tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}
+        tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()}
     )
     return dispatcher
 

@@ -11,7 +11,7 @@ from fis_tools.engines.packing import Packed
 from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, Law, Workspace, World
+from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -99,6 +99,7 @@ def fly_population(
         work = make_workspace(world)
         fly_many(
             world,
+            *_parts_in_use(world),
             law,
             numbers.values,
             numbers.rules,
@@ -120,6 +121,11 @@ def fly_population(
             for done in [pool.submit(fly_share, first, last) for first, last in shares]:
                 done.result()
     return _outcomes(outcomes.reshape(len(numbers.values), len(starts), NUM_OUTCOMES))
+
+
+def _parts_in_use(world: World) -> tuple[Guard | None, bool | None]:
+    """Return the parts of a flight that are compiled only where they are used: safety layer and clusters."""
+    return world.guard if world.guard.is_on else None, world.has_clusters or None
 
 
 def _outcomes(rows: Floats) -> Outcomes:
@@ -237,6 +243,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     starts, sun_angles = stack_starts([scenario])
     fly_many(
         world,
+        *_parts_in_use(world),
         law,
         numbers.values,
         numbers.rules,

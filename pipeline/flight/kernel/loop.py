@@ -54,6 +54,7 @@ from pipeline.flight.kernel.arrays import (
     WX,
     WY,
     WZ,
+    Guard,
     Law,
     Workspace,
     World,
@@ -251,6 +252,8 @@ def start_lanes(
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
+    guard: Guard | None,
+    clusters: bool | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -269,6 +272,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     Parameters
     ----------
     world, law : what is flown
+    guard, clusters : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
@@ -294,7 +298,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             aim_plainly(world, work, lane, 0, 1, k == 0)
             for component in range(4):
                 lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
-        count = sense(world, work, num_lanes, k, needs_angles, target)
+        count = sense(world, clusters, work, num_lanes, k, needs_angles, target)
         if law.needs & ORBIT:
             sense_orbit(world, law, values, work, k)
         if law.needs & APPROACH:
@@ -313,7 +317,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, num_lanes, log, k)
-        if world.guard.is_on:  # asked here, for a call hands over all of the world's numbers
+        if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
             write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
@@ -335,6 +339,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def fly_many(
     world: World,
+    guard: Guard | None,
+    clusters: bool | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -347,7 +353,11 @@ def fly_many(
     last: int,
     outcomes: Floats,
 ) -> None:
-    """Fly flights `first` to `last - 1` of every controller from every start, starts fastest."""
+    """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
+
+    Without the safety layer `guard` is None, without guidance by clusters `clusters`: numba leaves out what
+    depends on them, and nobody waits for the compilation of what is not flown.
+    """
     num_starts = len(starts)
     flight = first
     while flight < last:
@@ -355,6 +365,8 @@ def fly_many(
         num_lanes = min(LANES, num_starts - start, last - flight)
         fly(
             world,
+            guard,
+            clusters,
             law,
             values[row],
             rules[row],

@@ -158,6 +158,7 @@ def choose_cluster(
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def sense(
     world: World,
+    clusters: bool | None,
     work: Workspace,
     num_lanes: int,
     k: int,
@@ -227,7 +228,7 @@ def sense(
         lambda_u, eta_u = 0.0, 0.0
         if count > 0.0:
             target[0], target[1], target[2] = tx / count, ty / count, tz / count
-            if world.has_clusters:
+            if clusters is not None:
                 target[0], target[1], target[2] = rx, ry, rz
                 is_new = are_new(work.candidate, work.clustered, lane) or len(world.points) > 1
                 num_centres = choose_cluster(
