@@ -57,9 +57,8 @@ class Compiled:
             return getattr(self.inside if name == "_numba_type_" else self.dispatcher, name)
         with _making:
             if name not in self.__dict__:
-                options = self._options | (INSIDE if name == "inside" else {})
-                made = _dispatcher(self.py_func, options, name)
-                self.__dict__[name] = _for_any_constant(made) if name == "inside" else made
+                make = _inside if name == "inside" else _dispatcher
+                self.__dict__[name] = make(self.py_func, self._options)
         return self.__dict__[name]
 
 
@@ -89,8 +88,8 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
     return decorate if function is None else decorate(function)
 
 
-def _dispatcher(function: Callable[..., Any], options: dict[str, Any], use: str) -> Any:
-    """Make numba's dispatcher for a use, with a cache folder where one can be trusted."""
+def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Make numba's dispatcher for calls from Python, with a cache folder where one can be trusted."""
     from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
 
     # as above; the vectors teach numba what `fis_tools.engines.vectors` means in compiled code
@@ -98,7 +97,7 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any], use: str)
 
     place = cache.place_for(function)
     if isinstance(place, Path):
-        with _numba_caching_in(place / use):  # numba does not tell the two uses apart by itself
+        with _numba_caching_in(place):
             dispatcher = njit(cache=True, **options)(function)
         stats = getattr(dispatcher, "stats", None)  # a plain function where numba is switched off
         if stats is not None and not Path(stats.cache_path).is_relative_to(place):
@@ -109,15 +108,24 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any], use: str)
     return dispatcher
 
 
-def _for_any_constant(dispatcher: Any) -> Any:
-    """Let calls with a constant share the code of calls with a variable; numba would compile one for each."""
-    from numba import types  # noqa: PLC0415 - as above
+def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Make numba's dispatcher for calls from compiled code.
 
+    It is not cached: a caller compiled with a function from the cache may round otherwise than one compiled
+    with it afresh, and results would depend on what was compiled before. A constant among its arguments
+    shares the code of a variable; numba would compile one for each.
+    """
+    from numba import njit, types  # noqa: PLC0415 - as above
+
+    from fis_tools.engines import notice  # noqa: PLC0415 - as above
+
+    dispatcher: Any = njit(**options, **INSIDE)(function)  # type: ignore[call-overload]
     template = dispatcher.get_call_template
     unliteral: Callable[[Any], Any] = types.unliteral  # as a value: a type checker sees numba's calls untyped
     dispatcher.get_call_template = lambda args, kws: template(
         tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()}
     )
+    notice.watch(dispatcher)
     return dispatcher
 
 

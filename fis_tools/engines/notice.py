@@ -79,7 +79,7 @@ class _Notice(event.Listener):
         self._is_over = threading.Event()
         self._ticker: threading.Thread | None = None
 
-    def watch(self, dispatcher: Any, place: Path | Refused) -> None:
+    def watch(self, dispatcher: Any, place: Path | Refused | None) -> None:
         self._watched.add(dispatcher)
         if isinstance(place, Refused) and place.reason not in self._refusals:
             self._refusals.add(place.reason)
@@ -122,7 +122,7 @@ class _Notice(event.Listener):
 _notice = _Notice()
 
 
-def watch(dispatcher: Any, place: Path | Refused) -> None:
+def watch(dispatcher: Any, place: Path | Refused | None = None) -> None:
     """Tell from now on when numba compiles this function, and why its code is not kept, if it is not."""
     if not hasattr(dispatcher, "py_func"):  # numba is switched off
         return
