@@ -16,9 +16,10 @@ from yaml import YAMLError
 
 from pipeline.command_line.overrides import EXPERIMENT, ConfigError, first_line, quoted
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.keys import FREE
 from pipeline.settings.nearest import did_you_mean
 from pipeline.settings.places import conf_folder
-from pipeline.settings.schema import FREE, experiment_from
+from pipeline.settings.schema import experiment_from
 
 CONFIG_NAME = "config"
 VERSION_BASE = "1.3"

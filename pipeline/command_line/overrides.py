@@ -8,8 +8,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
+from pipeline.settings.keys import RENAMED, all_keys, is_key, unknown
 from pipeline.settings.nearest import did_you_mean, nearest
-from pipeline.settings.schema import all_keys, is_key
 
 EXPERIMENT = "experiment"
 CONTROLLER = "controller"
@@ -93,6 +93,8 @@ def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence
                 raise ConfigError(f"there is no key {key}{did_you_mean(key, HYDRA_KEYS)}")
         elif key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
+        elif key in RENAMED:
+            raise ConfigError(unknown(key))
         elif not is_key(key):
             found = nearest(key, {*all_keys(), *groups})
             plus = "+" if found == EXPERIMENT else ""

@@ -16,6 +16,7 @@ from pipeline.command_line.overrides import EXPERIMENT, ConfigError
 from pipeline.run import artifacts
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.keys import in_todays_words
 from pipeline.settings.schema import experiment_from
 
 OK, MISTAKE = 0, 2
@@ -129,7 +130,7 @@ def repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        if changed := differences(config, new.config, {*own, "stages"}):
+        if changed := differences(in_todays_words(config), new.config, {*own, "stages"}):
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
                 "new run"

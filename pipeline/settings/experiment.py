@@ -1,4 +1,4 @@
-"""What an experiment is made of, as frozen data: every key of `conf/`, checked when it is built.
+"""What an experiment is made of: every key of `conf/`, checked when it is built.
 
 Groups of the mission stand in `pipeline.settings.mission`, those of training in `pipeline.settings.training`.
 
@@ -8,13 +8,27 @@ with a `SettingError`.
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from pipeline.settings import checks
-from pipeline.settings.checks import SettingError
+from pipeline.settings.checks import (
+    Count,
+    Cure,
+    Flag,
+    Natural,
+    NotNegative,
+    Number,
+    Positive,
+    SettingError,
+    Text,
+    Whole,
+    Workers,
+)
 from pipeline.settings.controllers import check_controller
+from pipeline.settings.groups import settings
 from pipeline.settings.mission import (
     UNGUARDED,
     Attitude,
@@ -63,70 +77,56 @@ STAGES = ("scenario", "train", "evaluate", "record", "optimum", "compare", "repo
 SHIPPED = "shipped"
 
 
+@settings("monte_carlo")
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo:
     """The evaluation: flights from random starts, isotropic and uniform in distance, at rest."""
 
-    num_cases: int
-    min_distance_m: float
-    max_distance_m: float
-    #: of the intervals in the summary
-    confidence_percent: float
-    #: threads that fly episodes; None is one for each processor
-    workers: int | None
+    num_cases: Annotated[Count, Cure("; without scenarios there is nothing to fly")]
+    min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
+    max_distance_m: Annotated[Number, Field(description="from the chief, m")]
+    confidence_percent: Annotated[
+        Number, Field(ge=50, le=99.99, description="of the intervals in the summary, %")
+    ]
+    workers: Workers
 
     def __post_init__(self) -> None:
-        """Refuse an evaluation without cases."""
-        checks.count(
-            "monte_carlo.num_cases", self.num_cases, 1, "; without scenarios there is nothing to fly"
-        )
+        """Check that the shell is not inside out."""
         checks.shell("monte_carlo", self.min_distance_m, self.max_distance_m)
-        checks.within("monte_carlo.confidence_percent", self.confidence_percent, 50.0, 99.99, "%")
-        checks.workers("monte_carlo.workers", self.workers)
 
 
+@settings("optimum")
 @dataclass(frozen=True, kw_only=True)
 class Optimum:
-    """The minimum-fuel plan, made with the whole flight known."""
+    """The plan of least fuel, made with the whole flight known."""
 
-    #: those of the evaluation, or the start that the deputy is given
-    cases: Literal["evaluation", "start"]
-    #: to be inspected
-    points: int
-    #: most beginnings of the global search
-    restarts: int
-    #: most burns of the global search, the first at the start
-    burns: int
-    #: disturbances of the best plan in a row that better nothing, after which it is done
-    kicks: int
-    #: threads that solve cases; None is one for each processor
-    workers: int | None
-    #: whose cases evaluations are measured by: `SHIPPED`, the folder of a run with solved cases, or None
-    reference: str | None
-
-    def __post_init__(self) -> None:
-        """Refuse searches for nothing."""
-        checks.count("optimum.points", self.points, 1)
-        checks.count("optimum.restarts", self.restarts, 1)
-        checks.count("optimum.burns", self.burns, 2)
-        checks.within("optimum.burns", self.burns, 2, 5)
-        checks.count("optimum.kicks", self.kicks, 0)
-        checks.workers("optimum.workers", self.workers)
+    cases: Annotated[
+        Literal["evaluation", "start"],
+        Field(description="those of the evaluation, or the start that the deputy is given"),
+    ]
+    points: Annotated[Count, Field(description="to be inspected")]
+    restarts: Annotated[Count, Field(description="most beginnings of the global search")]
+    burns: Annotated[Whole, Field(ge=2, le=5, description="most of a search, the first at the start")]
+    kicks: Annotated[
+        Natural, Field(description="disturbances of the best plan in a row that better nothing, to the end")
+    ]
+    workers: Workers
+    reference: Annotated[
+        Text | None, Field(description="cases that evaluations are measured by: `SHIPPED`, or a run's folder")
+    ]
 
 
+@settings("compare")
 @dataclass(frozen=True, kw_only=True)
 class Compare:
     """Controllers side by side: who flies, and under what."""
 
-    #: names as in ``controller=NAME``, or paths
-    controllers: tuple[str, ...]
-    #: each of fixed, random, mixed
-    suns: tuple[str, ...]
-    #: each of none, filter
-    safety: tuple[str, ...]
+    controllers: Annotated[tuple[Text, ...], Field(description="names as in controller=NAME, or paths")]
+    suns: tuple[Text, ...]
+    safety: tuple[Text, ...]
 
     def __post_init__(self) -> None:
-        """Refuse tables without rows, and rows that nobody could tell apart."""
+        """Check that the table has rows, and that they can be told apart."""
         known = {"suns": ("fixed", "random", "mixed"), "safety": ("none", "filter")}
         for name in ("controllers", "suns", "safety"):
             values = getattr(self, name)
@@ -142,40 +142,28 @@ class Compare:
                     )
 
 
+@settings("telemetry")
 @dataclass(frozen=True, kw_only=True)
 class Telemetry:
     """Which flights are recorded, and what the log calls near."""
 
-    #: the flights of the training scenarios
-    record_training: bool
-    #: of the evaluation: the worst, the median and the best
-    record_ranked: bool
-    #: the flight from `deputy.initial_position_m`
-    record_start: bool
-    #: the log warns when a distance limit is nearer than this
-    near_limit_m: float
-
-    def __post_init__(self) -> None:
-        """Refuse a margin that is none."""
-        checks.within("telemetry.near_limit_m", self.near_limit_m, 0.0, math.inf, "m")
+    record_training: Annotated[Flag, Field(description="the flights of the training scenarios")]
+    record_ranked: Annotated[Flag, Field(description="of the evaluation: the worst, the median, the best")]
+    record_start: Annotated[Flag, Field(description="the flight from deputy.initial_position_m")]
+    near_limit_m: Annotated[NotNegative, Field(description="nearer to a distance limit the log warns, m")]
 
 
+@settings("report")
 @dataclass(frozen=True, kw_only=True)
 class Report:
     """How the report looks."""
 
-    title: str
-    #: of the PNG files
-    dots_per_inch: int
-    #: the training scenario whose force and torque are drawn, from 0
-    training_case: int
-
-    def __post_init__(self) -> None:
-        """Refuse pictures nobody can see."""
-        checks.count("report.dots_per_inch", self.dots_per_inch, 20)
-        checks.count("report.training_case", self.training_case, 0)
+    title: Text
+    dots_per_inch: Annotated[Whole, Field(ge=20, description="of the PNG files")]
+    training_case: Annotated[Natural, Field(description="the scenario that is drawn, from 0")]
 
 
+@settings("")
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """Everything a run depends on.
@@ -197,9 +185,9 @@ class Experiment:
         Whether to go on from a checkpoint in the run's folder; no part of the configuration.
     """
 
-    name: str
-    seed: int
-    stages: tuple[str, ...]
+    name: Text
+    seed: Natural
+    stages: tuple[Text, ...]
     mission: Mission
     sun: Sun
     starts: Starts
@@ -209,12 +197,11 @@ class Experiment:
     compare: Compare
     telemetry: Telemetry
     report: Report
-    controller: Mapping[str, Any] = field(hash=False)
+    controller: dict[str, Any] = field(hash=False)
     resume: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what does not fit together."""
-        checks.count("seed", self.seed, 0)
+        """Check what must fit together."""
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", self.name):
             raise SettingError(
                 f"name is {self.name!r}; it names a folder: use letters, digits, '_', '-' and '.' only"

@@ -1,52 +1,58 @@
-"""The world of a flight and its limits, as frozen data: the groups that make a mission."""
+"""The world of a flight and its limits: the groups that make a mission."""
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from pipeline.settings import checks
-from pipeline.settings.checks import SettingError
+from pipeline.settings.checks import (
+    Count,
+    Flag,
+    Inertia,
+    NotNegative,
+    Number,
+    Positive,
+    SettingError,
+    UnitVector,
+    Vector,
+)
+from pipeline.settings.groups import settings
 
 #: beyond these a flight fills the memory of any computer
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
 #: beyond so many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
+#: the least is beyond what rounding adds up to in a flight
+Margin = Annotated[Number, Field(ge=0.001)]
 
+
+@settings("orbit")
 @dataclass(frozen=True, kw_only=True)
 class Orbit:
     """The chief's circular orbit."""
 
-    mean_motion_rad_s: float
-
-    def __post_init__(self) -> None:
-        """Refuse an orbit that does not go round."""
-        checks.positive("orbit.mean_motion_rad_s", self.mean_motion_rad_s, "rad/s")
+    mean_motion_rad_s: Positive
 
 
+@settings("deputy")
 @dataclass(frozen=True, kw_only=True)
 class Deputy:
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
-    mass_kg: float
-    inertia_kg_m2: tuple[tuple[float, ...], ...]
-    initial_position_m: tuple[float, ...]
-    initial_velocity_m_s: tuple[float, ...]
-    max_force_n: float
-    max_torque_n_m: float
-    min_distance_m: float
-    max_distance_m: float
+    mass_kg: Annotated[Positive, Field(ge=1e-3)]
+    inertia_kg_m2: Annotated[Inertia, Field(description="about the body axes, kg m^2")]
+    initial_position_m: Annotated[Vector, Field(description="relative to the chief, Hill axes, m")]
+    initial_velocity_m_s: Annotated[Vector, Field(description="relative to the chief, Hill axes, m/s")]
+    max_force_n: Annotated[Positive, Field(description="along each axis, N")]
+    max_torque_n_m: Annotated[Positive, Field(description="about each axis, N m")]
+    min_distance_m: Annotated[NotNegative, Field(description="least distance from the chief, m")]
+    max_distance_m: Annotated[Number, Field(description="greatest distance from the chief, m")]
 
     def __post_init__(self) -> None:
-        """Refuse bodies and limits that cannot be."""
-        checks.positive("deputy.mass_kg", self.mass_kg, "kg")
-        checks.within("deputy.mass_kg", self.mass_kg, 1e-3, math.inf, "kg")
-        checks.inertia("deputy.inertia_kg_m2", self.inertia_kg_m2)
-        checks.vector("deputy.initial_position_m", self.initial_position_m, "m")
-        checks.vector("deputy.initial_velocity_m_s", self.initial_velocity_m_s, "m/s")
-        checks.positive("deputy.max_force_n", self.max_force_n, "N")
-        checks.positive("deputy.max_torque_n_m", self.max_torque_n_m, "N m")
-        checks.within("deputy.min_distance_m", self.min_distance_m, 0.0, math.inf, "m")
+        """Check the limits, and that the start lies apart from the chief and is not absurdly fast."""
         checks.ascending(
             "deputy.min_distance_m", self.min_distance_m, "deputy.max_distance_m", self.max_distance_m, "m"
         )
@@ -62,71 +68,52 @@ class Deputy:
             )
 
 
+@settings("chief")
 @dataclass(frozen=True, kw_only=True)
 class Chief:
     """The inspected spacecraft and the points on it."""
 
-    inertia_kg_m2: tuple[tuple[float, ...], ...]
-    #: inertial rate in chief axes; None keeps the chief aligned with Hill
-    initial_angular_velocity_rad_s: tuple[float, ...] | None
-    inspection_radius_m: float
-    num_points: int
+    inertia_kg_m2: Annotated[Inertia, Field(description="about the body axes, kg m^2")]
+    initial_angular_velocity_rad_s: Annotated[
+        Vector | None,
+        Field(description="inertial, in chief axes, rad/s; None keeps the chief aligned with Hill"),
+    ]
+    inspection_radius_m: Annotated[Positive, Field(description="of the sphere of inspection points, m")]
+    num_points: Annotated[Count, Field(le=MOST_POINTS)]
     placement: Literal["deserno", "fibonacci"]
 
-    def __post_init__(self) -> None:
-        """Refuse bodies and points that cannot be."""
-        checks.inertia("chief.inertia_kg_m2", self.inertia_kg_m2)
-        if self.initial_angular_velocity_rad_s is not None:
-            checks.vector(
-                "chief.initial_angular_velocity_rad_s", self.initial_angular_velocity_rad_s, "rad/s"
-            )
-        checks.positive("chief.inspection_radius_m", self.inspection_radius_m, "m")
-        checks.count("chief.num_points", self.num_points, 1)
-        checks.within("chief.num_points", self.num_points, 1, MOST_POINTS)
 
-
+@settings("sensor")
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
     """The deputy's camera."""
 
-    half_angle_deg: float
-    boresight: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        """Refuse a camera that sees nothing or looks nowhere."""
-        checks.positive("sensor.half_angle_deg", self.half_angle_deg, "deg")
-        # visibility compares squared cosines, which tell no angle from its supplement
-        checks.within("sensor.half_angle_deg", self.half_angle_deg, 0.0, 89.9, "deg")
-        checks.unit_vector("sensor.boresight", self.boresight)
+    # visibility compares squared cosines, which tell no angle from its supplement
+    half_angle_deg: Annotated[Positive, Field(le=89.9, description="of the field of view, deg")]
+    boresight: Annotated[UnitVector, Field(description="body axes")]
 
 
+@settings("sun")
 @dataclass(frozen=True, kw_only=True)
 class Sun:
     """Where the Sun starts: one angle for every case, one drawn for each, or both by turns."""
 
     mode: Literal["fixed", "random", "mixed"]
-    angle_deg: float
-
-    def __post_init__(self) -> None:
-        """Refuse an angle that is no number."""
-        checks.number("sun.angle_deg", self.angle_deg, "degrees")
+    angle_deg: Annotated[Number, Field(description="of the fixed Sun, from +i towards +j, deg")]
 
 
+@settings("attitude")
 @dataclass(frozen=True, kw_only=True)
 class Attitude:
-    """How the deputy points its camera; gains multiply the inertia matrix."""
+    """How the deputy points its camera."""
 
     mode: Literal["flown", "ideal"]
-    proportional_gain: float
-    derivative_gain: float
-    pole_blending: bool
-
-    def __post_init__(self) -> None:
-        """Refuse gains that do not bring the deputy back."""
-        checks.positive("attitude.proportional_gain", self.proportional_gain, "1/s^2")
-        checks.positive("attitude.derivative_gain", self.derivative_gain, "1/s")
+    proportional_gain: Annotated[Positive, Field(description="times the inertia matrix, 1/s^2")]
+    derivative_gain: Annotated[Positive, Field(description="times the inertia matrix, 1/s")]
+    pole_blending: Flag
 
 
+@settings("guidance")
 @dataclass(frozen=True, kw_only=True)
 class Guidance:
     """How the direction of the points that are lit and not yet inspected is chosen."""
@@ -135,37 +122,26 @@ class Guidance:
     engine: Literal["compiled", "sklearn"]
 
 
+@settings("safety")
 @dataclass(frozen=True, kw_only=True)
 class Safety:
     """Run-time assurance around any controller: the least change of force that keeps the deputy safe."""
 
     kind: Literal["none", "filter"]
-    #: by which the keep-out sphere is greater than `Deputy.min_distance_m`
-    keep_out_margin_m: float
-    #: by which the keep-in sphere is less than `Deputy.max_distance_m`
-    keep_in_margin_m: float
-    #: greatest speed at `speed_distance_m`, and by how much it grows with each metre beyond
-    speed_limit_m_s: float
-    speed_slope_per_s: float
-    speed_distance_m: float
-    #: greatest force along each Hill axis that stopping within one control period may need
-    braking_force_n: float
-    #: free drift for so long stays outside the keep-out sphere (passive safety); 0 for off
-    passive_horizon_s: float
-    #: free drift for so long stays inside the keep-in sphere; 0 for off
-    keep_in_horizon_s: float
-
-    def __post_init__(self) -> None:
-        """Refuse what would guard nothing."""
-        # the least margin is beyond what rounding adds up to in a flight
-        for name in ("keep_out_margin_m", "keep_in_margin_m"):
-            checks.within(f"safety.{name}", getattr(self, name), 0.001, math.inf, "m")
-        checks.within("safety.speed_limit_m_s", self.speed_limit_m_s, 0.0, math.inf, "m/s")
-        checks.within("safety.speed_slope_per_s", self.speed_slope_per_s, 0.0, math.inf, "1/s")
-        checks.within("safety.speed_distance_m", self.speed_distance_m, 0.0, math.inf, "m")
-        checks.positive("safety.braking_force_n", self.braking_force_n, "N")
-        checks.within("safety.passive_horizon_s", self.passive_horizon_s, 0.0, math.inf, "s")
-        checks.within("safety.keep_in_horizon_s", self.keep_in_horizon_s, 0.0, math.inf, "s")
+    keep_out_margin_m: Annotated[Margin, Field(description="of its sphere beyond the least distance, m")]
+    keep_in_margin_m: Annotated[Margin, Field(description="of its sphere inside the greatest distance, m")]
+    speed_limit_m_s: Annotated[NotNegative, Field(description="greatest speed at speed_distance_m, m/s")]
+    speed_slope_per_s: Annotated[NotNegative, Field(description="its growth with the distance, 1/s")]
+    speed_distance_m: NotNegative
+    braking_force_n: Annotated[
+        Positive, Field(description="along each Hill axis, at most, to stop within a control period, N")
+    ]
+    passive_horizon_s: Annotated[
+        NotNegative, Field(description="free drift stays outside the keep-out sphere so long, s; 0 for off")
+    ]
+    keep_in_horizon_s: Annotated[
+        NotNegative, Field(description="free drift stays inside the keep-in sphere so long, s; 0 for off")
+    ]
 
 
 #: no layer: forces are applied as a controller asks for them
@@ -182,9 +158,10 @@ UNGUARDED = Safety(
 )
 
 
+@settings("")
 @dataclass(frozen=True, kw_only=True)
 class Mission:
-    """One inspection flight: everything the simulation depends on except the start and the controller."""
+    """One inspection flight: everything the simulation depends on but the start and the controller."""
 
     orbit: Orbit
     deputy: Deputy
@@ -192,15 +169,15 @@ class Mission:
     sensor: Sensor
     attitude: Attitude
     guidance: Guidance
-    attitude_period_s: float
-    control_period_s: float
-    duration_s: float
-    coast_when_complete: bool
-    inspection_threshold_percent: float
-    safety: Safety = UNGUARDED
+    safety: Safety
+    attitude_period_s: Annotated[Positive, Field(description="between two torques, s")]
+    control_period_s: Annotated[Positive, Field(description="between two forces, s")]
+    duration_s: Positive
+    coast_when_complete: Annotated[Flag, Field(description="whether no force follows the last point")]
+    inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
 
     def __post_init__(self) -> None:
-        """Refuse clocks that do not fit into one another."""
+        """Check that the clocks fit into one another, the gains and the safety layer."""
         checks.divides("attitude_period_s", self.attitude_period_s, "control_period_s", self.control_period_s)
         checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
         if self.num_controls > MOST_CONTROLS:
@@ -209,7 +186,6 @@ class Mission:
                 f"makes {self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten "
                 "the first or lengthen the second"
             )
-        checks.within("inspection_threshold_percent", self.inspection_threshold_percent, 0.0, 100.0, "%")
         damping = self.attitude.derivative_gain * self.attitude_period_s
         # a torque held over a period turns a rate w into (1 - damping) w
         if self.attitude.mode == "flown" and not damping < 2.0:

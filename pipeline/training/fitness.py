@@ -4,8 +4,9 @@ Pure functions of outcomes. The fitness of a controller is the mean over its fli
 
 ``zeta = c_d [outside] (1 + metres outside) + c_95 max(0, needed - points) + c_99 (all - points)``
 
-with `needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the
-distance limits drawn in by the penalty's margins, so that a champion keeps clear of them
+with c_d, c_95 and c_99 the settings ``outside_m_s``, ``short_point_m_s`` and ``missed_point_m_s`` and
+`needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the distance
+limits drawn in by the penalty's margins, so that a champion keeps clear of them
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
 
 For a front the fitness falls into two objectives of which it is the sum, so that its champion is on the
@@ -111,7 +112,7 @@ def _prices(
         outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
     short = np.maximum(0, points_needed(num_points, threshold_percent) - points)
     return (
-        penalty.c_d * (outside_m > 0.0) * (1.0 + outside_m),
-        penalty.c_95 * short,
-        np.asarray(penalty.c_99 * (num_points - points)),
+        penalty.outside_m_s * (outside_m > 0.0) * (1.0 + outside_m),
+        penalty.short_point_m_s * short,
+        np.asarray(penalty.missed_point_m_s * (num_points - points)),
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.config import compose_experiment, conf_folder, options
-from pipeline.settings.schema import all_keys
+from pipeline.settings.keys import all_keys
 from tests.pipeline.command_line.cases import plain_config
 
 FILES = sorted(conf_folder().rglob("*.yaml"))
@@ -91,6 +91,9 @@ def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
     # the greatest delta-v: full force along three axes all the time
     greatest = 3 * deputy.max_force_n / deputy.mass_kg * experiment.mission.duration_s
     cases = experiment.starts.num_cases
+    short, missed = penalty.short_point_m_s, penalty.missed_point_m_s
     if name == "train":  # the champion's training puts a price on points, see conf/optimizer/champion.yaml
-        assert penalty.c_95 / cases > greatest + 99 * penalty.c_99
-    assert penalty.c_d / cases > greatest + 95 * penalty.c_95 + 99 * penalty.c_99
+        assert short / cases > greatest + 99 * missed
+    assert (
+        penalty.outside_m_s / cases > greatest + 95 * penalty.short_point_m_s + 99 * penalty.missed_point_m_s
+    )

@@ -17,8 +17,16 @@ MIXED = Sun(mode="mixed", angle_deg=30.0)
 PAPER = MonteCarlo(
     num_cases=400, min_distance_m=50.0, max_distance_m=100.0, confidence_percent=95.0, workers=1
 )
-DRAWN = Starts(kind="random", num_cases=16, min_distance_m=50.0, max_distance_m=100.0, redraw=True)
-OCTANTS = Starts(kind="octants", num_cases=8, min_distance_m=75.0, max_distance_m=75.0, redraw=False)
+DRAWN = Starts(
+    kind="random",
+    num_cases=16,
+    min_distance_m=50.0,
+    max_distance_m=100.0,
+    redraw=True,
+    num_hard=0,
+    hard_from=0,
+)
+OCTANTS = replace(DRAWN, kind="octants", num_cases=8, min_distance_m=75.0, max_distance_m=75.0, redraw=False)
 
 
 def positions(scenarios: list[Scenario]) -> np.ndarray:

@@ -36,7 +36,7 @@ def test_config_hash_is_that_of_sorted_json_without_hydra():
 
 
 def test_the_written_configuration_reads_back_to_the_same_hash(tmp_path):
-    config = plain_config("optimizer.penalty.c_99=1e-5", "report.title='Ångström: yes'")
+    config = plain_config("optimizer.penalty.missed_point_m_s=1e-5", "report.title='Ångström: yes'")
     artifacts.write_config(tmp_path, config)
     assert artifacts.read_config(tmp_path) == config
     read = yaml.safe_load((tmp_path / "config.yaml").read_text(encoding="utf-8"))

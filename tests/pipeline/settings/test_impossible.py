@@ -1,10 +1,11 @@
 """Values that cannot be are refused with the fact, the expectation and the cure."""
 
 import math
+from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from pipeline.settings.experiment import SettingError
+from pipeline.settings.experiment import SettingError, Sun
 from pipeline.settings.schema import experiment_from
 from tests.pipeline.command_line.cases import plain_config
 
@@ -132,7 +133,11 @@ CASES = [
         1.0,
         "optimizer.encoding.mean_window is 1.0; it must be from 0 to 0.99",
     ),
-    ("optimizer.penalty.c_d", -1.0, "optimizer.penalty.c_d is -1.0; it must be at least 0 (m/s)"),
+    (
+        "optimizer.penalty.outside_m_s",
+        -1.0,
+        "optimizer.penalty.outside_m_s is -1.0; it must be at least 0 (m/s)",
+    ),
     ("report.training_case", 8, "but there are 8 training scenarios; choose one from 0 to 7"),
     ("seed", -1, "seed is -1; it must be a whole number of at least 0"),
     ("seed", "one", "seed is 'one'; it must be a whole number"),
@@ -248,3 +253,29 @@ def test_the_experiment_is_what_the_configuration_says():
     assert experiment.optimizer.crossover_rate == 0.8  # of the group that champion.yaml builds on
     assert experiment.controller == {"kind": "coast"}
     assert not experiment.resume
+
+
+def test_keys_of_earlier_versions_are_read_but_not_beside_todays():
+    config = plain_config()
+    expected = experiment_from(config)
+    prices = config["optimizer"]["penalty"]
+    for old, new in (("c_d", "outside_m_s"), ("c_95", "short_point_m_s"), ("c_99", "missed_point_m_s")):
+        prices[old] = prices.pop(new)
+    assert experiment_from(config) == expected
+    assert "c_d" in prices
+    prices["outside_m_s"] = 1.0
+    with pytest.raises(SettingError, match=r"no key optimizer.penalty.c_d any more; write .*outside_m_s"):
+        experiment_from(config)
+
+
+def test_every_value_is_checked_in_python_too():
+    mission = experiment_from(plain_config()).mission
+    with pytest.raises(SettingError, match=r"sun.angle_deg is nan; it must be a finite number"):
+        Sun(mode="fixed", angle_deg=math.nan)
+    with pytest.raises(SettingError, match=r"the key sun.angle_deg is missing"):
+        Sun(mode="fixed")  # type: ignore[call-arg]
+    with pytest.raises(SettingError, match=r"deputy.mass_kg is 0.0; it must be greater than 0 \(kg\)"):
+        replace(mission.deputy, mass_kg=0)
+    with pytest.raises(FrozenInstanceError):
+        mission.duration_s = 1.0
+    assert hash(mission) == hash(replace(mission, duration_s=3600))

@@ -1,14 +1,16 @@
 """Fitness against numbers worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.flight.log import Outcomes, points_needed
-from pipeline.settings.experiment import Penalty
 from pipeline.training.fitness import fitness_parts, objectives
+from tests.pipeline.training.evolution import cases
 
 LIMITS_M = (15.0, 200.0)
-PENALTY = Penalty(c_d=1000.0, c_95=10.0, c_99=0.5)
+PENALTY = replace(cases.PENALTY, outside_m_s=1000.0, short_point_m_s=10.0, missed_point_m_s=0.5)
 
 
 def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> Outcomes:
@@ -108,7 +110,7 @@ def test_each_controller_of_a_population_is_judged_for_itself() -> None:
 
 def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_that_does_not() -> None:
     """One flight of eight a hair outside at no cost, against all points missed at full thrust for an hour."""
-    paper = Penalty(c_d=1e7, c_95=1e4, c_99=0.05)
+    paper = replace(PENALTY, outside_m_s=1e7, short_point_m_s=1e4, missed_point_m_s=0.05)
     most = 3 * 1.0 * 3600.0 / 12.0
     outside = outcomes([0.0] * 8, [99] * 8, [0.0] * 7 + [1e-9])
     inside = outcomes([most] * 8, [0] * 8, [0.0] * 8)
@@ -122,7 +124,7 @@ def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_tha
 
 
 def test_the_price_of_points_grows_from_round_to_round():
-    penalty = Penalty(c_d=1e5, c_95=0.5, c_99=0.1, growth=2.0)
+    penalty = replace(PENALTY, outside_m_s=1e5, short_point_m_s=0.5, missed_point_m_s=0.1, growth=2.0)
     assert penalty.of_round(0) == penalty
     third = penalty.of_round(2)
-    assert (third.c_d, third.c_95, third.c_99) == (1e5, 2.0, 0.4)
+    assert (third.outside_m_s, third.short_point_m_s, third.missed_point_m_s) == (1e5, 2.0, 0.4)

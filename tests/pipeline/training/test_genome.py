@@ -19,6 +19,7 @@ from pipeline.flight.controller import (
 from pipeline.flight.signals import CONSTANTS
 from pipeline.settings.experiment import Encoding
 from pipeline.training.genome import genome_of
+from tests.pipeline.training.evolution.cases import ENCODING
 from tests.places import PROJECT
 
 CONTROLLERS = PROJECT / "conf" / "controller"
@@ -34,9 +35,7 @@ CONSTANT_BOUNDS: dict[str, Any] = {
 
 
 def encoding(**changes: Any) -> Encoding:
-    return Encoding(
-        mean_window=0.9, standard_deviation_fraction=(0.04, 0.3), output_range_n=(0.01, 0.3), **changes
-    )
+    return replace(ENCODING, **changes)
 
 
 def flown(fuzzy: FuzzyController) -> Controller:

@@ -10,6 +10,29 @@ from pipeline.settings.experiment import Encoding, Optimizer, Penalty
 from pipeline.training.evolution import Evaluate, Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 
+PENALTY = Penalty(
+    outside_m_s=100.0,
+    short_point_m_s=10.0,
+    missed_point_m_s=0.1,
+    growth=1.0,
+    near_margin_m=0.0,
+    far_margin_m=0.0,
+)
+ENCODING = Encoding(
+    mean_window=0.9,
+    standard_deviation_fraction=(0.04, 0.3),
+    output_range_n=(0.01, 0.3),
+    rules="free",
+    ring_size_m=None,
+    ring_lead_rad=None,
+    dead_band_n=None,
+    prediction_time_s=None,
+    coast_below_points=None,
+    coast_margin_m=None,
+    urgency_time_s=None,
+    skirt_distance_m=None,
+)
+
 
 def optimizer(**changes: Any) -> Optimizer:
     """The paper's rates at a size that runs in a moment."""
@@ -22,11 +45,16 @@ def optimizer(**changes: Any) -> Optimizer:
         "split": "whole",
         "stall_generations": None,
         "rounds": 1,
-        "encoding": Encoding(
-            mean_window=0.9, standard_deviation_fraction=(0.04, 0.3), output_range_n=(0.01, 0.3)
-        ),
-        "penalty": Penalty(c_d=100.0, c_95=10.0, c_99=0.1),
+        "encoding": ENCODING,
+        "penalty": PENALTY,
         "workers": 1,
+        "algorithm": "genetic",
+        "mutation": "adaptive_feasible",
+        "first_population": "random",
+        "next_round": "afresh",
+        "initial_step": 0.1,
+        "cooling": 1.0,
+        "validation_cases": 0,
     }
     return Optimizer(**(values | changes))
 

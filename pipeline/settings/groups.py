@@ -1,0 +1,50 @@
+"""Groups of settings: frozen dataclasses whose values pydantic checks."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+from pydantic import ConfigDict, ValidationError
+from pydantic.dataclasses import dataclass as checked_dataclass
+
+from pipeline.settings import keys
+from pipeline.settings.checks import SettingError
+from pipeline.settings.sentences import names_of, sentence
+
+Kind = TypeVar("Kind")
+
+
+def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
+    """Make a frozen dataclass check its values, and refuse them under the keys of a group.
+
+    Parameters
+    ----------
+    group : str
+        Such as ``optimizer.penalty``; empty for keys at the top of the configuration.
+
+    Returns
+    -------
+    callable
+        A decorator. The class that it returns raises a `SettingError` for unknown and missing keys and for
+        values of the wrong type or beyond their limits.
+    """
+
+    def checked(plain: type[Kind]) -> type[Kind]:
+        # built when it is first needed: most commands need few groups by themselves
+        config = ConfigDict(extra="forbid", defer_build=True)
+        made: Any = checked_dataclass(plain, config=config, frozen=True, kw_only=True)
+        build = made.__init__
+
+        @wraps(build)
+        def check_and_build(self: Any, **values: Any) -> None:
+            try:
+                build(self, **values)
+            except ValidationError as error:
+                raise SettingError(sentence(made, group, error)) from error
+
+        made.__init__ = check_and_build
+        keys.register(group, names_of(made))
+        kind: type[Kind] = made
+        return kind
+
+    return checked

@@ -1,0 +1,83 @@
+"""Keys of the configuration: which there are, dotted, and the units that their ends tell."""
+
+import copy
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pipeline.settings.nearest import did_you_mean
+
+#: the group whose keys depend on its kind; whoever reads a controller checks it
+FREE = "controller"
+#: ends of keys to their units; the first that fits counts
+UNITS: Mapping[str, str] = {
+    "_kg_m2": "kg m^2",
+    "_rad_s": "rad/s",
+    "_n_m": "N m",
+    "_m_s": "m/s",
+    "_per_s": "1/s",
+    "_percent": "%",
+    "_deg": "deg",
+    "_rad": "rad",
+    "_kg": "kg",
+    "_m": "m",
+    "_n": "N",
+    "_s": "s",
+    "proportional_gain": "1/s^2",
+    "derivative_gain": "1/s",
+}
+#: keys of earlier versions, to what they are called now
+RENAMED: Mapping[str, str] = {
+    "optimizer.penalty.c_d": "optimizer.penalty.outside_m_s",
+    "optimizer.penalty.c_95": "optimizer.penalty.short_point_m_s",
+    "optimizer.penalty.c_99": "optimizer.penalty.missed_point_m_s",
+}
+_known: set[str] = set()
+
+
+def register(group: str, names: Iterable[str]) -> None:
+    """Make the keys of a group known; "" is the configuration itself."""
+    if group != FREE:
+        _known.update(dotted(group, (name,)) for name in names)
+
+
+def all_keys() -> frozenset[str]:
+    """Return every key and group of the configuration, dotted; `pipeline.settings.experiment` brings them."""
+    return frozenset(_known)
+
+
+def is_key(key: str) -> bool:
+    """Return whether a dotted key may stand in the configuration."""
+    return key in _known or key.startswith(FREE + ".")
+
+
+def unknown(key: str) -> str:
+    """Say that there is no such key, and which may be meant."""
+    if key in RENAMED:
+        return f"there is no key {key} any more; write {RENAMED[key]}"
+    return f"there is no key {key}{did_you_mean(key, _known)}"
+
+
+def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration with the keys of earlier versions under their present names."""
+    told = copy.deepcopy(dict(config))
+    for old, new in RENAMED.items():
+        *groups, was = old.split(".")
+        name = new.rpartition(".")[2]
+        node: Any = told
+        for group in groups:
+            node = node.get(group) if isinstance(node, dict) else None
+        if isinstance(node, dict) and was in node and name not in node:
+            node[name] = node.pop(was)
+    return told
+
+
+def dotted(group: str, location: Iterable[int | str]) -> str:
+    """Write where a value stands: names behind dots, places in lists in brackets."""
+    words = [f"[{name}]" if isinstance(name, int) else f".{name}" for name in location]
+    return (group + "".join(words)).lstrip(".")
+
+
+def unit_of(key: str) -> str:
+    """Return the unit of a key, nothing where it has none."""
+    name = key.partition("[")[0]
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")

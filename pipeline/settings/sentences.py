@@ -1,0 +1,98 @@
+"""What pydantic refuses, in sentences: the fact, what is expected and how to get there."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, get_args, get_type_hints
+
+from pydantic import ValidationError
+
+from pipeline.settings.checks import Cure, SettingError, expected, in_unit
+from pipeline.settings.keys import dotted, unit_of, unknown
+from pipeline.settings.nearest import did_you_mean
+
+#: fields that are no part of a configuration
+NOT_CONFIGURED = ("mission", "resume")
+#: pydantic's names for a value of the wrong type, to the right type in words
+TYPES: Mapping[str, str] = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+    "tuple_type": "a list, [..., ...]",
+    "dict_type": "a group of keys",
+}
+
+
+def names_of(kind: Any) -> list[str]:
+    """Return the keys of a group, without their group."""
+    return [field.name for field in fields(kind) if field.name not in NOT_CONFIGURED]
+
+
+def sentence(kind: Any, group: str, error: ValidationError) -> str:
+    """Say what was refused; what is not known comes before what is missing, and that before the rest.
+
+    Parameters
+    ----------
+    kind : type
+        The dataclass that was to be built.
+    group : str
+        Under which its keys stand.
+    error : ValidationError
+    """
+    order = {"unexpected_keyword_argument": 0, "missing": 1}
+    fault = min(error.errors(include_url=False), key=lambda one: order.get(one["type"], 2))
+    cause = fault.get("ctx", {}).get("error")
+    if isinstance(cause, SettingError):
+        return str(cause)
+    key = dotted(group, fault["loc"])
+    if fault["type"] == "unexpected_keyword_argument":
+        return unknown(key)
+    if fault["type"] == "missing":
+        return f"the key {key} is missing; give it a value, {key}=..."
+    if cause is not None:
+        return str(cause).replace("{key}", key).replace("{unit}", in_unit(unit_of(key)))
+    return f"{key} is " + _refused(key, fault, *_place(kind, fault["loc"]))
+
+
+def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any]) -> str:
+    """Say what a value is and what it must be."""
+    value = fault["input"]
+    match fault["type"]:
+        case "dataclass_type":
+            return f"{value!r}; it must be a group of keys: {', '.join(names_of(kind))}"
+        case "literal_error":
+            choices = get_args(kind)
+            return f"{value!r}; it must be one of {', '.join(choices)}{did_you_mean(str(value), choices)}"
+        case "finite_number":
+            return f"{value}; it must be a finite number"
+        case name if name in TYPES:
+            return f"{value!r}; it must be {TYPES[name]}"
+    return _limited(key, value, fault["ctx"], metadata)
+
+
+def _limited(key: str, value: float, broken: Mapping[str, float], metadata: list[Any]) -> str:
+    """Say between which limits a number must be."""
+    limits = dict(broken)
+    for one in metadata:
+        limits |= {name: getattr(one, name) for name in ("gt", "ge", "le") if hasattr(one, name)}
+    is_count = isinstance(next(iter(broken.values())), int)
+    shown = value if is_count else float(value)
+    if "gt" in limits and value <= limits["gt"]:
+        return f"{shown}; it must be greater than {limits['gt']:g}{in_unit(unit_of(key))}"
+    if is_count and "ge" in broken:
+        cure = "".join(one.words for one in metadata if isinstance(one, Cure))
+        return f"{shown}; it must be a whole number of at least {broken['ge']}{cure}"
+    bounds = expected(limits.get("ge", limits.get("gt")), limits.get("le", math.inf))
+    return f"{shown}; it must be {bounds}{in_unit(unit_of(key))}"
+
+
+def _place(kind: Any, location: tuple[int | str, ...]) -> tuple[Any, list[Any]]:
+    """Return the type at a place of a group, and what limits the value there."""
+    metadata: list[Any] = []
+    for name in location:
+        if isinstance(name, int) or not is_dataclass(kind):
+            return kind, []
+        known: Any = kind
+        metadata, kind = known.__pydantic_fields__[name].metadata, get_type_hints(kind)[name]
+    return kind, metadata
