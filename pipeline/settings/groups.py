@@ -41,6 +41,9 @@ def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
                 build(self, **values)
             except ValidationError as error:
                 raise SettingError(sentence(made, group, error)) from error
+            finally:
+                # what is built when it is needed gets an __init__ of pydantic's again
+                made.__init__ = check_and_build
 
         made.__init__ = check_and_build
         keys.register(group, names_of(made))
