@@ -7,9 +7,9 @@ from fis_tools.engines.vectors import padded
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.preview import preview_stride
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import tumbling_step
 from pipeline.settings.experiment import Mission
@@ -54,8 +54,7 @@ def chief_attitudes(mission: Mission) -> Floats:
 
 def pack_world(mission: Mission) -> World:
     """Turn a mission into the numbers that the compiled episode reads."""
-    n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
-    instants = np.arange(mission.num_attitude_steps) * mission.attitude_period_s
+    orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
     points = inspection_points(mission)
     placed = np.zeros((1, 3, padded(len(points), POINTS_SIDE_BY_SIDE)))
     if mission.chief.initial_angular_velocity_rad_s is None:
@@ -65,26 +64,23 @@ def pack_world(mission: Mission) -> World:
         placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS_SIDE_BY_SIDE)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
-    inertia = np.array(mission.deputy.inertia_kg_m2, dtype=np.float64)
+    inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     radius = mission.chief.inspection_radius_m
     stride = preview_stride(mission)
     return World(
         num_controls=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,
-        mean_motion=n,
-        control_period=mission.control_period_s,
+        mean_motion=orbit.mean_motion_rad_s,
+        control_period=period,
         attitude_period=mission.attitude_period_s,
-        acceleration_per_force=1.0 / mass,
-        transition=state_transition(n, mission.control_period_s),
-        control=input_matrix(n, mission.control_period_s, mass),
+        acceleration_per_force=1.0 / deputy.mass_kg,
+        motion=motion_over(orbit, deputy, (period,)),
+        instants=motion_over(
+            orbit, deputy, [step * mission.attitude_period_s for step in range(mission.num_attitude_steps)]
+        ),
+        orbit_parts=orbit_parts(orbit, deputy),
         preview_stride=stride,
-        preview_transition=np.stack(
-            [state_transition(n, count * mission.control_period_s) for count in range(stride + 1)]
-        ),
-        instant_transition=np.ascontiguousarray(
-            np.stack([state_transition(n, t) for t in instants], axis=-1)
-        ),
-        instant_control=np.ascontiguousarray(np.stack([input_matrix(n, t, mass) for t in instants], axis=-1)),
+        strides=motion_over(orbit, deputy, [count * period for count in range(stride + 1)]),
         points=placed,
         num_points=len(points),
         sun_threshold=radius * radius / ASTRONOMICAL_UNIT_M,
@@ -96,10 +92,10 @@ def pack_world(mission: Mission) -> World:
         inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
         proportional_gain=mission.attitude.proportional_gain * inertia,
         derivative_gain=mission.attitude.derivative_gain * inertia,
-        max_torque=mission.deputy.max_torque_n_m,
-        max_force=mission.deputy.max_force_n,
-        min_distance=mission.deputy.min_distance_m,
-        max_distance=mission.deputy.max_distance_m,
+        max_torque=deputy.max_torque_n_m,
+        max_force=deputy.max_force_n,
+        min_distance=deputy.min_distance_m,
+        max_distance=deputy.max_distance_m,
         is_attitude_ideal=mission.attitude.mode == "ideal",
         has_pole_blending=mission.attitude.pole_blending,
         has_clusters=mission.guidance.kind == "clusters",

@@ -17,6 +17,7 @@ from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.world import pack_world
 from pipeline.physics.illumination import sun_angle
+from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission
 
@@ -75,13 +76,10 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     """Set up a case; the camera is supposed to point as it does in a flight without force."""
     world = pack_world(mission)
     num_controls, radius = world.num_controls, mission.chief.inspection_radius_m
-    free, gain = np.zeros((num_controls + 1, 3)), np.zeros((num_controls + 1, 3, 3))
-    state, response = np.r_[scenario.position_m, scenario.velocity_m_s], world.control.copy()
-    free[0] = state[:3]
-    for k in range(1, num_controls + 1):
-        state = world.transition @ state
-        free[k], gain[k] = state[:3], response[:3]
-        response = world.transition @ response
+    start = np.r_[scenario.position_m, scenario.velocity_m_s]
+    free = free_path(world.motion, start, num_controls + 1)[:, :3].copy()
+    gain = np.zeros((num_controls + 1, 3, 3))
+    gain[1:] = repeated(world.motion, num_controls).control[:, :3]
     times = np.arange(num_controls + 1) * world.control_period
     angles = np.array([sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times])
     points = np.broadcast_to(world.points[:, :, : world.num_points], (num_controls + 1, 3, world.num_points))

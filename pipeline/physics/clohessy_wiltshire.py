@@ -11,7 +11,7 @@ while the force is held (Choi, Kim and Leeghim, AAS 25-727; Schaub and Junkins, 
 Systems, section 14.4).
 """
 
-from math import cos, pi, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 
 Floats = NDArray[np.float64]
-
-#: into how many parts `closest_approach` divides an orbit
-ORBIT_PARTS = 36
 
 
 @compiled
@@ -109,68 +106,3 @@ def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
         )
         / mass
     )
-
-
-@compiled
-def propagate(state: Floats, force_h: Floats, transition: Floats, control: Floats) -> Floats:
-    """Move a state by the matrices of one duration.
-
-    Parameters
-    ----------
-    state : array, shape (6,)
-        Position (m) and velocity (m/s), Hill axes.
-    force_h : array, shape (3,)
-        Held meanwhile, N, Hill axes.
-    transition, control : array
-        Of `state_transition` and `input_matrix`.
-
-    Returns
-    -------
-    array, shape (6,)
-    """
-    moved = np.empty(6)
-    for i in range(6):
-        total = 0.0
-        for j in range(6):
-            total += transition[i, j] * state[j]
-        for j in range(3):
-            total += control[i, j] * force_h[j]
-        moved[i] = total
-    return moved
-
-
-@compiled
-def closest_approach(position_h: Floats, velocity_h: Floats, mean_motion: float) -> float:
-    """Return how near a deputy that drifts freely for an orbit comes to the chief.
-
-    The path is divided at every ``360 / ORBIT_PARTS`` degrees of the orbit, and each part taken as straight.
-    A chord is off a curve by at most an eighth of the largest acceleration times the part's duration squared
-    (the error of linear interpolation), and accelerations of free motion are at most
-    ``n^2 sqrt(4 b^2 + c^2)``, with b the ellipse's height and c the amplitude across the track: the distance
-    is right to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
-
-    Parameters
-    ----------
-    position_h, velocity_h : array, shape (3,)
-        Of the deputy, m and m/s, Hill axes.
-    mean_motion : float
-        rad/s, above zero.
-
-    Returns
-    -------
-    float
-        m.
-    """
-    state = np.concatenate((position_h, velocity_h))
-    before = position_h
-    nearest = np.sum(before * before)
-    for part in range(1, ORBIT_PARTS + 1):
-        duration = 2.0 * pi / mean_motion * part / ORBIT_PARTS
-        after = (state_transition(mean_motion, duration) @ state)[:3]
-        chord = after - before
-        length = np.sum(chord * chord)
-        share = -np.sum(before * chord) / length if length > 0.0 else 0.0
-        passed = before + min(max(share, 0.0), 1.0) * chord
-        nearest = min(nearest, np.sum(passed * passed))
-        before = after
-    return sqrt(nearest)

@@ -5,16 +5,14 @@ Without force the deputy moves by ``x = x_c + X``, ``y = y_c + 2 Y`` with ``X = 
 turn at -n, as the Sun does; ``x_c`` stays, and ``y_c`` drifts at ``-1.5 n x_c``.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from pipeline.flight.kernel.arrays import World
+from pipeline.flight.kernel.safety import corrected
 from pipeline.flight.log import Scenario
-from pipeline.flight.reference.safety import SafetyWorld, assured, safety_world_of
-from pipeline.physics.clohessy_wiltshire import input_matrix, propagate, state_transition
-from pipeline.settings.experiment import Mission
+from pipeline.physics.motion import propagate
 
 Floats = NDArray[np.float64]
 
@@ -22,48 +20,10 @@ Floats = NDArray[np.float64]
 CENTRE_RADIAL, CENTRE_ALONG_TRACK, RING_RADIAL, RING_ALONG_TRACK, HEIGHT, HEIGHT_RATE = range(6)
 
 
-@dataclass(frozen=True)
-class Motion:
-    """How states move by a control period.
-
-    Parameters
-    ----------
-    mean_motion : float
-        rad/s.
-    transition : (6, 6)
-        Free motion over a period.
-    control : (6, 3)
-        What 1 N held over it adds.
-    num_controls : int
-        Periods of a flight.
-    safety : SafetyWorld
-        The safety layer, which corrects what is planned too.
-    """
-
-    mean_motion: float
-    transition: Floats
-    control: Floats
-    num_controls: int
-    safety: SafetyWorld
-
-
-def motion_of(mission: Mission) -> Motion:
-    """Return how a mission's deputy moves."""
-    mean_motion, period = mission.orbit.mean_motion_rad_s, mission.control_period_s
-    return Motion(
-        mean_motion=mean_motion,
-        transition=state_transition(mean_motion, period),
-        control=input_matrix(mean_motion, period, mission.deputy.mass_kg),
-        num_controls=mission.num_controls,
-        safety=safety_world_of(mission),
-    )
-
-
-@compiled(nogil=True)
-def advance(safety: SafetyWorld, state: Floats, asked: Floats) -> Floats:
+@compiled(nogil=True, error_model="numpy")
+def advance(world: World, state: Floats, asked: Floats) -> Floats:
     """Move a state by a period, by the force that the safety layer makes of the one that is asked for."""
-    force = assured(safety, state, asked)[0] if safety.is_on else asked
-    return propagate(state, force, safety.transition, safety.control)
+    return propagate(world.motion, state, corrected(world, state, asked) if world.guard.is_on else asked)
 
 
 def start_of(scenario: Scenario) -> Floats:
@@ -84,12 +44,3 @@ def elements_matrix(mean_motion: float) -> Floats:
             [0.0, 0.0, 0.0, 0.0, 0.0, 1.0 / n],
         ]
     )
-
-
-def free_path(state: Floats, transition: Floats, num_samples: int) -> Floats:
-    """Return the states that free motion passes, the first being `state`, shape (num_samples, 6)."""
-    path = np.empty((num_samples, 6))
-    path[0] = state
-    for k in range(1, num_samples):
-        path[k] = transition @ path[k - 1]
-    return path

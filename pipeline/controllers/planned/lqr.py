@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from fis_tools.engines.compiled import compiled
-from pipeline.controllers.planned.free_motion import advance, elements_matrix, motion_of, start_of
+from pipeline.controllers.planned.free_motion import advance, elements_matrix, start_of
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
+from pipeline.flight.kernel.arrays import World
 from pipeline.flight.log import Scenario
-from pipeline.flight.reference.safety import SafetyWorld
-from pipeline.physics.clohessy_wiltshire import propagate
+from pipeline.flight.world import pack_world
+from pipeline.physics.motion import propagate
 from pipeline.settings.checks import SettingError
 from pipeline.settings.controllers import Lqr
 from pipeline.settings.experiment import Mission
@@ -64,22 +65,21 @@ class LqrPlanner:
 
     def __init__(self, settings: Lqr, mission: Mission) -> None:
         check_within_limits(settings, mission)
-        self.settings, self.motion = settings, motion_of(mission)
-        self.max_force = mission.deputy.max_force_n
-        self.gain = gain(settings, self.motion.transition, self.motion.control)
-        self.to_states = np.linalg.inv(elements_matrix(self.motion.mean_motion))
+        self.settings, self.world = settings, pack_world(mission)
+        motion = self.world.motion
+        self.gain = gain(settings, motion.transition[0], motion.control[0])
+        self.to_states = np.linalg.inv(elements_matrix(self.world.mean_motion))
 
     def __call__(self, scenario: Scenario) -> Floats:
         """Return the forces of a flight, shape (K, 3), N, Hill axes."""
         elements = ring_elements(self.settings, scenario, np.zeros(1))[0]
-        forces = np.zeros((self.motion.num_controls, 3))
+        forces = np.zeros((self.world.num_controls, 3))
         regulate(
             start_of(scenario),
             self.to_states @ elements,
-            self.motion.safety,
+            self.world,
             self.gain,
             self.settings.dead_band_n,
-            self.max_force,
             forces,
         )
         return forces
@@ -89,14 +89,13 @@ class LqrPlanner:
 def regulate(
     state: Floats,
     wanted: Floats,
-    safety: SafetyWorld,
+    world: World,
     gain: Floats,
     dead_band: float,
-    max_force: float,
     forces: Floats,
 ) -> None:
     """Fill the forces, shape (K, 3), N, that bring a state to a wanted one which moves freely."""
-    no_force = np.zeros(3)
+    no_force, max_force = np.zeros(3), world.max_force
     for k in range(len(forces)):
         error = state - wanted
         for axis in range(3):
@@ -104,5 +103,5 @@ def regulate(
             for place in range(6):
                 force -= gain[axis, place] * error[place]
             forces[k, axis] = min(max(force, -max_force), max_force) if abs(force) >= dead_band else 0.0
-        state = advance(safety, state, forces[k])
-        wanted = propagate(wanted, no_force, safety.transition, safety.control)
+        state = advance(world, state, forces[k])
+        wanted = propagate(world.motion, wanted, no_force)

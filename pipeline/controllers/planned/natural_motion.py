@@ -19,13 +19,12 @@ from pipeline.controllers.planned.free_motion import (
     CENTRE_RADIAL,
     RING_ALONG_TRACK,
     RING_RADIAL,
-    Motion,
     elements_matrix,
-    free_path,
-    motion_of,
     start_of,
 )
 from pipeline.flight.log import Scenario
+from pipeline.flight.world import pack_world
+from pipeline.physics.motion import free_path
 from pipeline.settings.controllers import NaturalMotion
 from pipeline.settings.experiment import Mission
 
@@ -42,25 +41,26 @@ class NaturalMotionPlanner:
 
     def __init__(self, settings: NaturalMotion, mission: Mission) -> None:
         self.settings = settings
-        self.motion: Motion = motion_of(mission)
+        self.world = pack_world(mission)
         self.coverage: Coverage = coverage_of(mission)
         deputy = mission.deputy
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
         self.max_force = deputy.max_force_n
         self.delta_v_per_force = mission.control_period_s / deputy.mass_kg
-        revolution = 2.0 * math.pi / (self.motion.mean_motion * mission.control_period_s)
-        self.num_samples = max(self.motion.num_controls, math.ceil(revolution)) + 1
+        revolution = 2.0 * math.pi / (self.world.mean_motion * mission.control_period_s)
+        self.num_samples = max(self.world.num_controls, math.ceil(revolution)) + 1
 
     def __call__(self, scenario: Scenario) -> Floats:
         """Return the forces of a flight, shape (1, 3), N, Hill axes."""
         # a path is linear in the burn: that of the closing burn alone, and what 1 N along i and k adds
-        start = self.motion.transition @ start_of(scenario)
-        closed = self._closing(start)
-        base = self._path(start_of(scenario), start + self.motion.control @ closed)
+        start, gained = start_of(scenario), self.world.motion.control[0]
+        coasted = free_path(self.world.motion, start, 2)[1]
+        closed = self._closing(coasted)
+        base = self._path(start, coasted + gained @ closed)
         directions = np.stack([self._closed_direction(axis) for axis in (0, 2)])
-        changes = np.stack(
-            [self._path(np.zeros(6), self.motion.control @ direction) for direction in directions]
-        )
+        nothing = np.zeros(6)
+        still = self._path(nothing, nothing)
+        changes = np.stack([self._path(nothing, gained @ direction) - still for direction in directions])
         step = self.settings.step_m_s / self.delta_v_per_force
         reach = min(self.settings.reach_m_s / self.delta_v_per_force, self.max_force)
         ticks = np.arange(-math.floor(reach / step), math.floor(reach / step) + 1) * step
@@ -75,20 +75,20 @@ class NaturalMotionPlanner:
 
     def _closing(self, start: Floats) -> Floats:
         """Return the force along j that leaves the ellipse's centre no height."""
-        row = elements_matrix(self.motion.mean_motion)[CENTRE_RADIAL]
-        return np.array([0.0, -(row @ start) / (row @ self.motion.control[:, 1]), 0.0])
+        row = elements_matrix(self.world.mean_motion)[CENTRE_RADIAL]
+        return np.array([0.0, -(row @ start) / (row @ self.world.motion.control[0, :, 1]), 0.0])
 
     def _closed_direction(self, axis: int) -> Floats:
         """Return 1 N along an axis, with what it takes along j to keep the ellipse closed."""
         direction = np.zeros(3)
         direction[axis] = 1.0
-        row = elements_matrix(self.motion.mean_motion)[CENTRE_RADIAL] @ self.motion.control
+        row = elements_matrix(self.world.mean_motion)[CENTRE_RADIAL] @ self.world.motion.control[0]
         direction[1] = -row[axis] / row[1]
         return direction
 
     def _path(self, first: Floats, second: Floats) -> Floats:
         """Return the states from the start on, which free motion follows from the second on."""
-        rest = free_path(second, self.motion.transition, self.num_samples - 1)
+        rest = free_path(self.world.motion, second, self.num_samples - 1)
         return np.concatenate([first[np.newaxis], rest])
 
     def _best(
@@ -108,7 +108,7 @@ class NaturalMotionPlanner:
         spent = np.abs(forces).sum(axis=1)
         order = np.lexsort((spent, outside))
         order = order[outside[order] <= outside[order[0]]]
-        flown = paths[order, : self.motion.num_controls // stride + 1, :3]
+        flown = paths[order, : self.world.num_controls // stride + 1, :3]
         counts = np.minimum(count_seen(self.coverage, scenario, flown, stride), self.settings.points)
         best: Floats = tried[order[np.lexsort((spent[order], -counts))[0]]]
         return best
@@ -117,7 +117,7 @@ class NaturalMotionPlanner:
         """Return by how many metres paths leave the limits, or the chief their ellipse."""
         distances = np.linalg.norm(paths[:, 1:, :3], axis=2)
         nearest, farthest = distances.min(axis=1), distances.max(axis=1)
-        elements = paths[:, 1] @ elements_matrix(self.motion.mean_motion).T
+        elements = paths[:, 1] @ elements_matrix(self.world.mean_motion).T
         size = np.hypot(elements[:, RING_RADIAL], elements[:, RING_ALONG_TRACK])
         off = np.abs(elements[:, CENTRE_ALONG_TRACK]) - 2.0 * size
         short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)

@@ -18,9 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from pipeline.controllers.planned.free_motion import Motion, advance, elements_matrix, motion_of, start_of
+from pipeline.controllers.planned.free_motion import advance, elements_matrix, start_of
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
+from pipeline.flight.kernel.arrays import World
 from pipeline.flight.log import Scenario
+from pipeline.flight.world import pack_world
+from pipeline.physics.motion import Reading, last_of, positions_of, read, repeated
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission
 
@@ -46,38 +49,38 @@ class Horizon:
     ----------
     periods : (F,) int
         In which a force may be fired.
-    free_end : (6, 6)
-        From the state now to the elements at the end.
+    free_end : Reading
+        Of the elements at the end, shape (6,).
     end : (6, 3F)
         From forces to the elements at the end.
-    free : (H, 3, 6), path : (H, 3, 3F)
-        From the state now, and from forces, to the positions at samples 1 … H.
+    free : Reading
+        Of the positions at samples 1 … H, shape (H, 3).
+    path : (H, 3, 3F)
+        From forces to these positions.
     """
 
     periods: NDArray[np.int64]
-    free_end: Floats
+    free_end: Reading
     end: Floats
-    free: Floats
+    free: Reading
     path: Floats
 
 
-def horizon_of(motion: Motion, length: int, spacing: int) -> Horizon:
+def horizon_of(world: World, length: int, spacing: int) -> Horizon:
     """Return a horizon of some periods, with a force in every `spacing`-th."""
-    powers = [np.eye(6)]
-    for _ in range(length):
-        powers.append(motion.transition @ powers[-1])
+    motion = repeated(world.motion, length)
     periods = np.arange(0, length, spacing)
     responses = np.zeros((length, 6, len(periods), 3))
     for sample in range(1, length + 1):
         for place, period in enumerate(periods[periods < sample].tolist()):
-            responses[sample - 1, :, place] = powers[sample - 1 - period] @ motion.control
+            responses[sample - 1, :, place] = motion.control[sample - 1 - period]
     flat = responses.reshape(length, 6, -1)
-    elements = elements_matrix(motion.mean_motion)
+    elements = elements_matrix(world.mean_motion)
     return Horizon(
         periods=periods,
-        free_end=elements @ powers[length],
+        free_end=last_of(motion, elements),
         end=elements @ flat[-1],
-        free=np.array(powers[1:])[:, :3],
+        free=positions_of(motion),
         path=flat[:, :3],
     )
 
@@ -87,10 +90,10 @@ class RecedingHorizonPlanner:
 
     def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
         check_within_limits(settings, mission)
-        self.settings, self.motion, deputy = settings, motion_of(mission), mission.deputy
+        self.settings, self.world, deputy = settings, pack_world(mission), mission.deputy
         self.max_force = deputy.max_force_n
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
-        self.turn = self.motion.mean_motion * mission.control_period_s
+        self.turn = self.world.mean_motion * mission.control_period_s
         self.delta_v_per_force = mission.control_period_s / deputy.mass_kg
 
         def periods(seconds: float) -> int:
@@ -98,11 +101,11 @@ class RecedingHorizonPlanner:
 
         self.solution_period = periods(settings.solution_period_s)
         first, least = periods(settings.first_horizon_s), periods(settings.horizon_s)
-        self.solved_at = range(0, self.motion.num_controls, self.solution_period)
+        self.solved_at = range(0, self.world.num_controls, self.solution_period)
         self.lengths = [max(first - k, least) for k in self.solved_at]
         spacing = periods(settings.force_spacing_s)
         self.horizons = {
-            length: horizon_of(self.motion, length, spacing) for length in sorted(set(self.lengths))
+            length: horizon_of(self.world, length, spacing) for length in sorted(set(self.lengths))
         }
         centre, ring, height = (
             settings.centre_tolerance_m,
@@ -114,7 +117,7 @@ class RecedingHorizonPlanner:
     def __call__(self, scenario: Scenario) -> Floats:
         """Return the forces of a flight, shape (K, 3), N, Hill axes."""
         state = start_of(scenario)
-        forces = np.zeros((self.motion.num_controls, 3))
+        forces = np.zeros((self.world.num_controls, 3))
         ends = (np.array(self.solved_at) + self.lengths) * self.turn
         wanted = ring_elements(self.settings, scenario, ends)
         for k, length, elements in zip(self.solved_at, self.lengths, wanted, strict=True):
@@ -124,7 +127,7 @@ class RecedingHorizonPlanner:
                 if period < self.solution_period and k + period < len(forces):
                     forces[k + period] = force
             for force in forces[k : k + self.solution_period]:
-                state = advance(self.motion.safety, state, force)
+                state = advance(self.world, state, force)
         return forces
 
     def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:
@@ -138,8 +141,8 @@ class RecedingHorizonPlanner:
         wanted : (6,)
             Elements at the horizon's end.
         """
-        off = wanted - horizon.free_end @ state
-        free = horizon.free @ state
+        off = wanted - read(horizon.free_end, state)
+        free = read(horizon.free, state)
         if np.all(np.abs(off) <= self.tolerances) and self._is_inside(free, 0.0):
             return np.zeros((len(horizon.periods), 3))
         ends = np.concatenate([horizon.end, -horizon.end])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
+from pipeline.physics.motion import Motion, Stop
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -28,8 +29,8 @@ class Guard(NamedTuple):
     speed_at_chief: float  # v0 - v1 d0, m/s
     speed_slope: float  # v1, 1/s
     braking_force: float  # N
-    stop: Floats  # (3, 6) K: from a state to the force that stops it within a control period
-    places: Floats  # (2 + J, 8) a state itself, stopped, and after 1 ... J periods of free drift: positions
+    stop: Stop  # within a control period
+    places: Motion  # (2 + J) a state itself, stopped, and after 1 ... J periods of free drift
     num_kept_out: int  # rows of places that are kept out of the inner sphere
     num_kept_in: int  # and in the outer one
 
@@ -43,12 +44,11 @@ class World(NamedTuple):
     control_period: float
     attitude_period: float
     acceleration_per_force: float
-    transition: Floats  # (6, 6) over a control period
-    control: Floats  # (6, 3)
+    motion: Motion  # over a control period
+    instants: Motion  # over 0, 1, … S-1 attitude periods
+    orbit_parts: Motion  # over parts of an orbit
     preview_stride: int  # control periods between the samples of a preview
-    preview_transition: Floats  # (stride + 1, 6, 6) over 0, 1, … control periods
-    instant_transition: Floats  # (6, 6, S): over 0, 1, … attitude periods
-    instant_control: Floats  # (6, 3, S)
+    strides: Motion  # over 0, 1, … preview_stride control periods
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
     num_points: int
     sun_threshold: float  # a point is lit where p . s exceeds it, m

@@ -43,6 +43,7 @@ from pipeline.flight.kernel.arrays import (
 )
 from pipeline.flight.log import FlightLog
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
+from pipeline.physics.motion import Motion, place_after, step_of
 from pipeline.physics.quaternion import from_dcm
 from pipeline.physics.vectors import assign
 
@@ -60,7 +61,7 @@ LARGEST_SQUARE = 0.25
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: int) -> None:
+def aim(aims: Floats, lanes: Floats, instants: Motion, num_instants: int) -> None:
     """Write the desired attitudes of all lanes at all instants of a control period.
 
     Counts in each lane the instants so near a pole that the position does not define y*.
@@ -68,16 +69,13 @@ def aim(aims: Floats, lanes: Floats, phi: Floats, gamma: Floats, num_instants: i
     for lane in range(LANES):
         lanes[POLES + lane] = 0.0
     for j in range(num_instants):
-        xx, xu, xv, xf, xg = phi[0, 0, j], phi[0, 3, j], phi[0, 4, j], gamma[0, 0, j], gamma[0, 1, j]
-        yx, yu, yv, yf, yg = phi[1, 0, j], phi[1, 3, j], phi[1, 4, j], gamma[1, 0, j], gamma[1, 1, j]
-        zz, zw, zf = phi[2, 2, j], phi[2, 5, j], gamma[2, 2, j]
+        step = step_of(instants, j)
         at = 4 * LANES * j
         for lane in range(LANES):
-            rx, vx, vy = lanes[RX + lane], lanes[VX + lane], lanes[VY + lane]
-            fx, fy = lanes[FX + lane], lanes[FY + lane]
-            x = xx * rx + xu * vx + xv * vy + xf * fx + xg * fy
-            y = yx * rx + lanes[RY + lane] + yu * vx + yv * vy + yf * fx + yg * fy
-            z = zz * lanes[RZ + lane] + zw * lanes[VZ + lane] + zf * lanes[FZ + lane]
+            rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
+            vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
+            fx, fy, fz = lanes[FX + lane], lanes[FY + lane], lanes[FZ + lane]
+            x, y, z = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
             flat2 = x * x + y * y
             square = flat2 + z * z
             flat2 = flat2 if flat2 > 1e-200 else 1e-200
@@ -107,13 +105,12 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
 
     Slower than `aim`, for where that does not hold; `y_before` is carried along.
     """
+    lanes = work.lanes
+    rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
+    vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
+    fx, fy, fz = lanes[FX + lane], lanes[FY + lane], lanes[FZ + lane]
     for j in range(first, last):
-        r = np.zeros(3)
-        for i in range(3):
-            for k in range(6):
-                r[i] += world.instant_transition[i, k, j] * work.lanes[RX + LANES * k + lane]
-            for k in range(3):
-                r[i] += world.instant_control[i, k, j] * work.lanes[FX + LANES * k + lane]
+        r = np.array(place_after(step_of(world.instants, j), rx, ry, rz, vx, vy, vz, fx, fy, fz))
         if world.has_pole_blending and not is_start:
             y = blended_y(r, work.y_before[lane], world.attitude_period)
         else:
@@ -398,7 +395,7 @@ def turn_deputies(  # noqa: PLR0912 - most branches part the fast way from the g
 ) -> None:
     """Aim and turn over the control period that follows sample k."""
     lanes, last = work.lanes, world.num_attitude_steps - 1
-    aim(work.aims, lanes, world.instant_transition, world.instant_control, world.num_attitude_steps)
+    aim(work.aims, lanes, world.instants, world.num_attitude_steps)
     for i in range(num_lanes):
         if lanes[POLES + i] > 0.0 or world.has_pole_blending:
             done = 1 if world.is_attitude_ideal else 0

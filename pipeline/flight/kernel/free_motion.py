@@ -27,7 +27,7 @@ from pipeline.flight.kernel.arrays import (
     World,
 )
 from pipeline.flight.signals import constant, slot
-from pipeline.physics.clohessy_wiltshire import ORBIT_PARTS
+from pipeline.physics.motion import ORBIT_PARTS, drifted_place, place_of
 
 Floats = NDArray[np.float64]
 
@@ -38,10 +38,6 @@ TARGET_DIRECTION = slot("target_radial", "target_along_track", "target_cross_tra
 SUN_BEARING, TARGET_SETTING = slot("sun_alignment", "sun_ahead"), slot("target_setting")
 RING_SIZE, RING_LEAD = constant("ring_size_m"), constant("ring_lead_rad")
 PREDICTION_TIME = constant("prediction_time_s")
-
-#: angles of the orbit at which free drift is looked at, their sines and cosines
-ANGLES = 2.0 * np.pi * np.arange(1, ORBIT_PARTS + 1) / ORBIT_PARTS
-SINES, COSINES = np.sin(ANGLES), np.cos(ANGLES)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -86,22 +82,19 @@ def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int)
 def sense_approach(world: World, work: Workspace) -> None:
     """Write how near every lane comes to the chief within an orbit of free drift.
 
-    Chords between the places at `ANGLES`, as in `pipeline.physics.clohessy_wiltshire.closest_approach`.
+    Chords between places on the way, as in `pipeline.physics.motion.closest_approach`.
     """
-    n, lanes, passing = world.mean_motion, work.lanes, work.passing
+    lanes, passing = work.lanes, work.passing
     for i in range(LANES):
         rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
         passing[i], passing[LANES + i], passing[2 * LANES + i] = rx, ry, rz
         passing[3 * LANES + i] = rx * rx + ry * ry + rz * rz
     for part in range(ORBIT_PARTS):
-        s, c, angle = SINES[part], COSINES[part], ANGLES[part]
-        x_of_x, y_of_x = 4.0 - 3.0 * c, 6.0 * (s - angle)
-        of_rate, crossed, y_of_y_rate = s / n, 2.0 * (1.0 - c) / n, (4.0 * s - 3.0 * angle) / n
+        place = place_of(world.orbit_parts, part)
         for i in range(LANES):
             px, py, pz = passing[i], passing[LANES + i], passing[2 * LANES + i]
-            x = x_of_x * lanes[RX + i] + of_rate * lanes[VX + i] + crossed * lanes[VY + i]
-            y = y_of_x * lanes[RX + i] + lanes[RY + i] - crossed * lanes[VX + i] + y_of_y_rate * lanes[VY + i]
-            z = c * lanes[RZ + i] + of_rate * lanes[VZ + i]
+            rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
+            x, y, z = drifted_place(place, rx, ry, rz, lanes[VX + i], lanes[VY + i], lanes[VZ + i])
             dx, dy, dz = x - px, y - py, z - pz
             length = dx * dx + dy * dy + dz * dz
             share = -(px * dx + py * dy + pz * dz) / (length if length > 0.0 else 1.0)

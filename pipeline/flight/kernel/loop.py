@@ -4,7 +4,7 @@ What is computed is what `pipeline.flight.reference.loop` writes out plainly; th
 to `LANES` flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
 work on all of them; every flight comes out the same in any company.
 
-A state moves exactly, ``s(k+1) = Phi(T) s(k) + Gamma(T) f(k)`` (`pipeline.physics.clohessy_wiltshire`).
+A state moves exactly, by `pipeline.physics.motion`.
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
 """
 
@@ -78,6 +78,7 @@ from pipeline.flight.signals import (
     constant,
     slot,
 )
+from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
@@ -91,21 +92,17 @@ COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_marg
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def move(world: World, lanes: Floats) -> None:
     """Move all lanes by a control period and add up what they spend."""
-    phi, gamma = world.transition, world.control
+    step = step_of(world.motion, 0)
     spent_per_force = world.control_period * world.acceleration_per_force
     for i in range(LANES):
         rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
         vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
         fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
         lanes[SPENT + i] += (abs(fx) + abs(fy) + abs(fz)) * spent_per_force
-        lanes[RX + i] = phi[0, 0] * rx + phi[0, 3] * vx + phi[0, 4] * vy + gamma[0, 0] * fx + gamma[0, 1] * fy
-        lanes[RY + i] = (
-            phi[1, 0] * rx + ry + phi[1, 3] * vx + phi[1, 4] * vy + gamma[1, 0] * fx + gamma[1, 1] * fy
-        )
-        lanes[RZ + i] = phi[2, 2] * rz + phi[2, 5] * vz + gamma[2, 2] * fz
-        lanes[VX + i] = phi[3, 0] * rx + phi[3, 3] * vx + phi[3, 4] * vy + gamma[3, 0] * fx + gamma[3, 1] * fy
-        lanes[VY + i] = phi[4, 0] * rx + phi[4, 3] * vx + phi[4, 4] * vy + gamma[4, 0] * fx + gamma[4, 1] * fy
-        lanes[VZ + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
+        px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
+        ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
+        lanes[RX + i], lanes[RY + i], lanes[RZ + i] = px, py, pz
+        lanes[VX + i], lanes[VY + i], lanes[VZ + i] = ux, uy, uz
 
 
 @compiled(error_model="numpy")

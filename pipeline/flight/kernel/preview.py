@@ -25,6 +25,7 @@ from pipeline.flight.kernel.arrays import (
     World,
 )
 from pipeline.flight.signals import slot
+from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
 
 Floats = NDArray[np.float64]
 
@@ -92,7 +93,7 @@ def strike_out_near(
 @compiled(error_model="numpy", fastmath={"contract"})
 def preview(world: World, work: Workspace, num_lanes: int, k: int) -> None:
     """Write how many points every lane would miss by coasting, and between which distances it would be."""
-    lanes, signals, ahead, phi = work.lanes, work.signals, work.ahead, world.preview_transition
+    lanes, signals, ahead = work.lanes, work.signals, work.ahead
     n, stride = world.mean_motion, world.preview_stride
     turned = n * world.control_period * k
     turned_cos, turned_sin = cos(turned), sin(turned)
@@ -117,14 +118,10 @@ def preview(world: World, work: Workspace, num_lanes: int, k: int) -> None:
         sample = k
         while sample < world.num_controls:
             sample += step
-            rx, ry, rz, vx, vy, vz = (
-                phi[step, 0, 0] * rx + phi[step, 0, 3] * vx + phi[step, 0, 4] * vy,
-                phi[step, 1, 0] * rx + ry + phi[step, 1, 3] * vx + phi[step, 1, 4] * vy,
-                phi[step, 2, 2] * rz + phi[step, 2, 5] * vz,
-                phi[step, 3, 0] * rx + phi[step, 3, 3] * vx + phi[step, 3, 4] * vy,
-                phi[step, 4, 0] * rx + phi[step, 4, 3] * vx + phi[step, 4, 4] * vy,
-                phi[step, 5, 2] * rz + phi[step, 5, 5] * vz,
-            )
+            leap = step_of(world.strides, step)
+            px, py, pz = drifted_place(leap.place, rx, ry, rz, vx, vy, vz)
+            vx, vy, vz = drifted_velocity(leap, rx, rz, vx, vy, vz)
+            rx, ry, rz = px, py, pz
             sx, sy = sx * turn_cos + sy * turn_sin, sy * turn_cos - sx * turn_sin
             step, turn_cos, turn_sin = stride, stride_cos, stride_sin
             squared = rx * rx + ry * ry + rz * rz

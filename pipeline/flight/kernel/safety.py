@@ -56,7 +56,24 @@ from pipeline.flight.kernel.arrays import (
     World,
 )
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.motion import (
+    Motion,
+    Stop,
+    drift,
+    drifted_place,
+    joined,
+    motion_over,
+    place_after,
+    place_of,
+    push,
+    slopes,
+    step_of,
+    stop_of,
+    stopped,
+    stopping_force,
+    stopping_forces,
+    velocity_after,
+)
 from pipeline.physics.vectors import assign
 
 if TYPE_CHECKING:  # as in `pipeline.flight.guidance`
@@ -81,64 +98,47 @@ HALVINGS = 30
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def look_ahead(world: World, lanes: Floats) -> None:
     """Write where all lanes are led by their forces: the next state, how fast, how near and how far."""
-    phi, gamma, guard, stop = world.transition, world.control, world.guard, world.guard.stop
+    guard, step = world.guard, step_of(world.motion, 0)
     for i in range(LANES):
         rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
         vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
         fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
-        x = phi[0, 0] * rx + phi[0, 3] * vx + phi[0, 4] * vy + gamma[0, 0] * fx + gamma[0, 1] * fy
-        y = phi[1, 0] * rx + ry + phi[1, 3] * vx + phi[1, 4] * vy + gamma[1, 0] * fx + gamma[1, 1] * fy
-        lanes[AHEAD + i] = x
-        lanes[AHEAD + LANES + i] = y
-        lanes[AHEAD + 2 * LANES + i] = phi[2, 2] * rz + phi[2, 5] * vz + gamma[2, 2] * fz
-        u = phi[3, 0] * rx + phi[3, 3] * vx + phi[3, 4] * vy + gamma[3, 0] * fx + gamma[3, 1] * fy
-        v = phi[4, 0] * rx + phi[4, 3] * vx + phi[4, 4] * vy + gamma[4, 0] * fx + gamma[4, 1] * fy
-        lanes[AHEAD + 3 * LANES + i] = u
-        lanes[AHEAD + 4 * LANES + i] = v
-        lanes[AHEAD + 5 * LANES + i] = phi[5, 2] * rz + phi[5, 5] * vz + gamma[5, 2] * fz
-        z, w = lanes[AHEAD + 2 * LANES + i], lanes[AHEAD + 5 * LANES + i]
+        x, y, z = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
+        u, v, w = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
+        lanes[AHEAD + i], lanes[AHEAD + LANES + i], lanes[AHEAD + 2 * LANES + i] = x, y, z
+        lanes[AHEAD + 3 * LANES + i], lanes[AHEAD + 4 * LANES + i] = u, v
+        lanes[AHEAD + 5 * LANES + i] = w
         speed, distance = sqrt(u * u + v * v + w * w), sqrt(x * x + y * y + z * z)
-        across = max(
-            abs(stop[0, 0] * x + stop[0, 3] * u + stop[0, 4] * v), abs(stop[2, 2] * z + stop[2, 5] * w)
-        )
-        braking = max(across, abs(stop[1, 0] * x + stop[1, 3] * u + stop[1, 4] * v))
+        braking_x, braking_y, braking_z = stopping_forces(guard.stop, x, z, u, v, w)
+        braking = max(abs(braking_x), abs(braking_z), abs(braking_y))
         lanes[HASTE + i] = max(
             speed - guard.speed_at_chief - guard.speed_slope * distance, braking - guard.braking_force
         )
         lanes[CLOSEST + i], lanes[REACH + i] = np.inf, 0.0
-    for row in range(len(guard.places)):
-        xx, xu, xv = guard.places[row, 0], guard.places[row, 1], guard.places[row, 2]
-        yx, yu, yv = guard.places[row, 3], guard.places[row, 4], guard.places[row, 5]
-        zz, zw = guard.places[row, 6], guard.places[row, 7]
+    for row in range(len(guard.places.transition)):
+        place = place_of(guard.places, row)
         beyond = 0.0 if row < guard.num_kept_out else np.inf
         inside = 1.0 if row < guard.num_kept_in else 0.0
         for i in range(LANES):
-            x, u, v = lanes[AHEAD + i], lanes[AHEAD + 3 * LANES + i], lanes[AHEAD + 4 * LANES + i]
-            px = xx * x + xu * u + xv * v
-            py = yx * x + lanes[AHEAD + LANES + i] + yu * u + yv * v
-            pz = zz * lanes[AHEAD + 2 * LANES + i] + zw * lanes[AHEAD + 5 * LANES + i]
+            x, y, z = lanes[AHEAD + i], lanes[AHEAD + LANES + i], lanes[AHEAD + 2 * LANES + i]
+            u, v, w = lanes[AHEAD + 3 * LANES + i], lanes[AHEAD + 4 * LANES + i], lanes[AHEAD + 5 * LANES + i]
+            px, py, pz = drifted_place(place, x, y, z, u, v, w)
             square = px * px + py * py + pz * pz
             lanes[CLOSEST + i] = min(lanes[CLOSEST + i], square + beyond)
             lanes[REACH + i] = max(lanes[REACH + i], square * inside)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def position(places: Floats, row: int, ahead: Floats) -> tuple[float, float, float]:
+def position(places: Motion, row: int, state: Floats) -> tuple[float, float, float]:
     """Return where a state leads by a row of places."""
-    return (
-        places[row, 0] * ahead[0] + places[row, 1] * ahead[3] + places[row, 2] * ahead[4],
-        places[row, 3] * ahead[0] + ahead[1] + places[row, 4] * ahead[3] + places[row, 5] * ahead[4],
-        places[row, 6] * ahead[2] + places[row, 7] * ahead[5],
-    )
+    place = place_of(places, row)
+    return drifted_place(place, state[0], state[1], state[2], state[3], state[4], state[5])
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
     """Write the next state under a force from the one without."""
-    for i in range(6):
-        ahead[i] = free[i]
-        for j in range(3):
-            ahead[i] += world.control[i, j] * force[j]
+    push(world.motion, free, force, ahead)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -171,10 +171,8 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
     if over > excess:
         limit, place, excess = SPEED, 0, over
     for axis in range(3):
-        force = 0.0
-        for i in range(6):
-            force += guard.stop[axis, i] * ahead[i]
-        over = world.control[2, 2] * (abs(force) - guard.braking_force)
+        force = stopping_force(guard.stop, axis, ahead)
+        over = world.motion.control[0, 2, 2] * (abs(force) - guard.braking_force)
         if over > excess:
             limit, place, excess = SPEED, 1 + axis, over
     return limit, place, excess
@@ -188,13 +186,13 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
     """
     guard = world.guard
     l = np.zeros(6)  # noqa: E741 - the limit, linear: l . s >= level
+    nothing = np.zeros(6)  # where this leads is what a limit has besides its slopes
     if limit == SPEED and place > 0:
-        force = 0.0
+        sign = -1.0 if stopping_force(guard.stop, place - 1, ahead) > 0.0 else 1.0
         for i in range(6):
-            force += guard.stop[place - 1, i] * ahead[i]
-        for i in range(6):
-            l[i] = -guard.stop[place - 1, i] if force > 0.0 else guard.stop[place - 1, i]
-        level = SLACK / world.control[2, 2] - guard.braking_force
+            l[i] = sign * guard.stop.gain[place - 1, i]
+        level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
+        level -= sign * stopping_force(guard.stop, place - 1, nothing)
     elif limit == SPEED:
         speed = length(ahead[3], ahead[4], ahead[5])
         distance = length(ahead[0], ahead[1], ahead[2])
@@ -206,21 +204,18 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
         x, y, z = position(guard.places, place, ahead)
         scale = (-1.0 if limit == KEEP_IN else 1.0) / max(length(x, y, z), TOLERANCE)
         x, y, z = scale * x, scale * y, scale * z
-        l[0] = guard.places[place, 0] * x + guard.places[place, 3] * y
-        l[1] = y
-        l[2] = guard.places[place, 6] * z
-        l[3] = guard.places[place, 1] * x + guard.places[place, 4] * y
-        l[4] = guard.places[place, 2] * x + guard.places[place, 5] * y
-        l[5] = guard.places[place, 7] * z
+        l[0], l[1], l[2], l[3], l[4], l[5] = slopes(place_of(guard.places, place), x, y, z)
         level = SLACK if place < STANDING else EARLY_SLACK
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
+        px, py, pz = position(guard.places, place, nothing)
+        level -= px * x + py * y + pz * z
     half_space[3] = level
     for i in range(6):
         half_space[3] -= l[i] * free[i]
     for j in range(3):
         half_space[j] = 0.0
         for i in range(6):
-            half_space[j] += world.control[i, j] * l[i]
+            half_space[j] += world.motion.control[0, i, j] * l[i]
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -292,9 +287,8 @@ def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
     """
     stop, trial = np.zeros(3), np.zeros(3)
     for j in range(3):
-        for i in range(6):
-            stop[j] += world.guard.stop[j, i] * state[i]
-        stop[j] = min(max(stop[j], -world.max_force), world.max_force)
+        force_j = stopping_force(world.guard.stop, j, state)
+        stop[j] = min(max(force_j, -world.max_force), world.max_force)
     if not is_safe(world, free, stop, 2.0 * TOLERANCE):
         return
     low, high = 0.0, 1.0
@@ -318,14 +312,12 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
     is safe.
     """
     free, ahead = np.zeros(6), np.zeros(6)
-    for i in range(6):
-        for j in range(6):
-            free[i] += world.transition[i, j] * state[j]
+    drift(world.motion, state, free)
     lead(world, free, asked, ahead)
     limit = most_exceeded(world, ahead, STANDING)[0]
     if limit == SAFE:
-        limit = most_exceeded(world, ahead, len(world.guard.places))[0]
-    search(world, free, asked, len(world.guard.places), cuts, force)
+        limit = most_exceeded(world, ahead, len(world.guard.places.transition))[0]
+    search(world, free, asked, len(world.guard.places.transition), cuts, force)
     if is_safe(world, free, force, TOLERANCE):
         return limit
     search(world, free, asked, STANDING, cuts, force)
@@ -333,6 +325,24 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
         return limit
     retreat(world, state, free, force)
     return limit
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def corrected(world: World, state: Floats, asked: Floats) -> Floats:
+    """Return the force that is applied to one deputy instead of one within the thrust limit.
+
+    Parameters
+    ----------
+    world : World
+        With a guard.
+    state : array, shape (6,)
+        At the sample, m and m/s, Hill axes.
+    asked : array, shape (3,)
+        N, Hill axes.
+    """
+    force = np.empty(3)
+    limit = correct(world, state, asked, np.empty((MOST_CUTS, 4)), force)
+    return asked if limit == SAFE else force
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -367,14 +377,15 @@ def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int
 def guard_of(mission: "Mission") -> Guard:
     """Turn the safety settings of a mission into the numbers that `assure` reads."""
     safety = mission.safety
-    n, period, mass = mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg
+    period = mission.control_period_s
     if safety.kind == "none":
-        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, np.zeros((3, 6)), np.zeros((0, 8)), 0, 0)
-    transition, control = state_transition(n, period), input_matrix(n, period, mass)
-    stop = -np.linalg.solve(control[3:], transition[3:])
+        nothing = motion_over(mission.orbit, mission.deputy, ())
+        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, Stop(np.zeros((3, 6))), nothing, 0, 0)
+    motion = motion_over(mission.orbit, mission.deputy, (period,))
+    stop = stop_of(motion)
     num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
-    drifts = [state_transition(n, (j + 1) * period)[:3] for j in range(max(num_drifts))]
-    rows = [np.eye(6)[:3], transition[:3] + control[:3] @ stop, *drifts]
+    now = motion_over(mission.orbit, mission.deputy, (0.0,))
+    drifts = [(j + 1) * period for j in range(max(num_drifts))]
     return Guard(
         is_on=True,
         keep_out=mission.keep_out_m,
@@ -382,10 +393,8 @@ def guard_of(mission: "Mission") -> Guard:
         speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
         speed_slope=safety.speed_slope_per_s,
         braking_force=safety.braking_force_n,
-        stop=np.ascontiguousarray(stop),
-        places=np.array(
-            [[m[0, 0], m[0, 3], m[0, 4], m[1, 0], m[1, 3], m[1, 4], m[2, 2], m[2, 5]] for m in rows]
-        ),
+        stop=stop,
+        places=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
         num_kept_out=STANDING + num_drifts[0],
         num_kept_in=STANDING + num_drifts[1],
     )

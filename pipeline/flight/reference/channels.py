@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.model import FuzzySystem
 from pipeline.flight.guidance import MIN_PROJECTION_M
+from pipeline.flight.reference.world import PlainWorld
 from pipeline.flight.signals import (
     APPROACH,
     AXES,
@@ -21,7 +22,7 @@ from pipeline.flight.signals import (
     needs_of,
     slot,
 )
-from pipeline.physics.clohessy_wiltshire import closest_approach
+from pipeline.physics.motion import closest_approach
 from pipeline.physics.vectors import norm, times
 
 Floats = NDArray[np.float64]
@@ -149,13 +150,13 @@ def direction(target_h: Floats) -> Floats:
 
 @compiled
 def measure(
+    world: PlainWorld,
     position_h: Floats,
     velocity_h: Floats,
     dcm: Floats,
     lambda_u: float,
     eta_u: float,
     target_h: Floats,
-    mean_motion: float,
     sun_angle: float,
     foreseen: Floats,
     urgent: Floats,
@@ -165,6 +166,7 @@ def measure(
 
     Parameters
     ----------
+    world : PlainWorld
     position_h, velocity_h : array, shape (3,)
         Of the deputy, m and m/s, Hill axes.
     dcm : array, shape (3, 3)
@@ -173,8 +175,8 @@ def measure(
         Relative angles, rad.
     target_h : array, shape (3,)
         The target, m, Hill axes; zeros without one.
-    mean_motion, sun_angle : float
-        rad/s and rad.
+    sun_angle : float
+        rad.
     foreseen : array, shape (3,)
         What `pipeline.flight.reference.preview.preview` gives; zeros where it is not sensed.
     urgent : array, shape (3,)
@@ -182,7 +184,7 @@ def measure(
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
-    signals = np.zeros(NUM_SIGNALS)
+    signals, mean_motion = np.zeros(NUM_SIGNALS), world.mean_motion
     signals[DISTANCE] = norm(position_h)
     signals[VELOCITY_BODY : VELOCITY_BODY + 3] = times(dcm, velocity_h)
     signals[LAMBDA_U], signals[ETA_U] = lambda_u, eta_u
@@ -195,7 +197,7 @@ def measure(
     drift = 1.5 * mean_motion * motion[0] * channels.constants[PREDICTION_TIME]
     signals[PREDICTED_CENTRE] = motion[1] - drift
     if channels.needs & APPROACH:
-        signals[CLOSEST_APPROACH] = closest_approach(position_h, velocity_h, mean_motion)
+        signals[CLOSEST_APPROACH] = closest_approach(world.orbit_parts, position_h, velocity_h)
     towards = direction(target_h)
     signals[TARGET_DIRECTION : TARGET_DIRECTION + 3] = towards
     signals[TARGET_SETTING] = np.cos(sun_angle) * towards[1] - np.sin(sun_angle) * towards[0]

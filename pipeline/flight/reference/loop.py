@@ -27,11 +27,11 @@ from pipeline.flight.reference.guidance import (
 from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
-from pipeline.flight.reference.world import World, turn_chief, world_of
+from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
 from pipeline.flight.signals import DEAD_BAND, PREVIEW, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
-from pipeline.physics.clohessy_wiltshire import propagate
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
+from pipeline.physics.motion import propagate
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 from pipeline.physics.rigid_body import relative_attitude_step
 from pipeline.physics.vectors import times, transposed_times
@@ -66,7 +66,12 @@ def lit_points(points_h: Floats, sun_h: Floats) -> Booleans:
 
 @compiled
 def inspect(
-    world: World, points_h: Floats, position_h: Floats, dcm: Floats, is_lit: Booleans, is_inspected: Booleans
+    world: PlainWorld,
+    points_h: Floats,
+    position_h: Floats,
+    dcm: Floats,
+    is_lit: Booleans,
+    is_inspected: Booleans,
 ) -> None:
     """Mark the points that are lit and in view, in place; none is ever unmarked."""
     boresight_h = transposed_times(dcm, world.boresight_b)
@@ -90,7 +95,7 @@ def gather_candidates(points_h: Floats, is_lit: Booleans, is_inspected: Booleans
 
 
 @compiled
-def next_y(world: World, position_h: Floats, y_h: Floats) -> Floats:
+def next_y(world: PlainWorld, position_h: Floats, y_h: Floats) -> Floats:
     """Return the desired second body axis at an attitude instant from the one before, shape (3,)."""
     if world.has_pole_blending:
         return blended_y(position_h, y_h, world.attitude_period)
@@ -99,7 +104,7 @@ def next_y(world: World, position_h: Floats, y_h: Floats) -> Floats:
 
 @compiled
 def turn_for_a_tick(
-    world: World, quaternion_b_from_h: Floats, angular_velocity_b: Floats, torque_b: Floats
+    world: PlainWorld, quaternion_b_from_h: Floats, angular_velocity_b: Floats, torque_b: Floats
 ) -> tuple[Floats, Floats]:
     """Turn the deputy for an attitude period under a held torque."""
     hill_rate = np.array([0.0, 0.0, world.mean_motion])
@@ -118,7 +123,7 @@ def turn_for_a_tick(
 
 @compiled
 def turn_deputy(
-    world: World,
+    world: PlainWorld,
     state: Floats,
     force_h: Floats,
     attitude: tuple[Floats, Floats, Floats],
@@ -130,7 +135,7 @@ def turn_deputy(
 
     Parameters
     ----------
-    world : World
+    world : PlainWorld
     state : array, shape (6,)
         At the sample, m and m/s, Hill axes.
     force_h : array, shape (3,)
@@ -148,7 +153,7 @@ def turn_deputy(
     quaternion, rate, y = attitude
     for tick in range(world.num_ticks):
         if tick > 0:
-            state = propagate(state, force_h, world.tick_transition, world.tick_input)
+            state = propagate(world.tick, state, force_h)
             y = next_y(world, state[:3], y)
         desired = from_dcm(desired_dcm(state[:3], y))
         if world.is_pointing_ideal:
@@ -288,13 +293,13 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 and foreseen[2] <= world.max_distance - constants[COAST_MARGIN]
             )
             signals = measure(
+                world,
                 position,
                 velocity,
                 dcm,
                 lambda_u,
                 eta_u,
                 target,
-                world.mean_motion,
                 angle,
                 foreseen,
                 urgent,
@@ -335,6 +340,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
-        state = propagate(state, force_h, world.control_transition, world.control_input)
+        state = propagate(world.motion, state, force_h)
         delta_v += np.abs(force_h).sum() * world.control_period / world.mass
     return log

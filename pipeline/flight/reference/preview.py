@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from pipeline.flight.reference.world import World, turn_chief
+from pipeline.flight.reference.world import PlainWorld, turn_chief
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
+from pipeline.physics.motion import propagate
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import norm
 from pipeline.physics.visibility import is_in_view
@@ -16,7 +17,7 @@ Booleans = NDArray[np.bool_]
 
 @compiled
 def preview(
-    world: World,
+    world: PlainWorld,
     state: Floats,
     k: int,
     initial_sun_angle: float,
@@ -24,11 +25,11 @@ def preview(
     chief_rate_c: Floats,
     is_inspected: Booleans,
 ) -> Floats:
-    """Follow free motion to the flight's end, every `World.preview_stride` control periods, the end included.
+    """Follow free motion to the flight's end, looking every `preview_stride` control periods and at the end.
 
     Parameters
     ----------
-    world : World
+    world : PlainWorld
     state : array, shape (6,)
         At sample k, m and m/s, Hill axes.
     k : int
@@ -45,11 +46,11 @@ def preview(
         How many points are left with the camera on the chief's centre, and the least and the greatest
         distance on the way, m.
     """
-    is_seen = is_inspected.copy()
+    is_seen, no_force = is_inspected.copy(), np.zeros(3)
     nearest = norm(state[:3])
     farthest = nearest
     for sample in range(k + 1, world.num_controls + 1):
-        state = world.control_transition @ state
+        state = propagate(world.motion, state, no_force)
         quaternion_c_from_h, chief_rate_c = turn_chief(world, quaternion_c_from_h, chief_rate_c)
         if (world.num_controls - sample) % world.preview_stride != 0:
             continue

@@ -1,6 +1,6 @@
 """Run-time assurance, written plainly: the twin that `pipeline.flight.kernel.safety` is tested against.
 
-Here limits are rows of dense matrices, all looked at alike.
+Here all limits are looked at alike, by how many metres a state exceeds them.
 """
 
 from math import ceil
@@ -11,7 +11,21 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.motion import (
+    Motion,
+    Stop,
+    drifted_place,
+    joined,
+    motion_over,
+    place_of,
+    propagate,
+    push,
+    slopes,
+    stop_of,
+    stopped,
+    stopping_force,
+)
+from pipeline.physics.vectors import dot, norm
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -30,13 +44,12 @@ class SafetyWorld(NamedTuple):
     is_on: bool
     keep_out: float
     keep_in: float
-    #: (2 + J, 3, 6), from a state to positions: its own, where it is stopped, drifted for 1 ... J periods
-    places: Floats
+    #: over 2 + J durations: none, a period that is used to stop, free drift for 1 ... J periods
+    places: Motion
     #: (2 + J,) the spheres' radii where they count for a place, else 0 and infinity
     least: Floats
     greatest: Floats
-    #: (3, 6), from a state to the force that stops it
-    stop: Floats
+    stop: Stop
     braking_force: float
     speed_limit: float
     speed_slope: float
@@ -44,27 +57,30 @@ class SafetyWorld(NamedTuple):
     #: what a period makes of a speed and of a force, m per m/s and m per N: they put limits on one scale
     metres_per_speed: float
     metres_per_force: float
-    transition: Floats
-    control: Floats
+    #: over a control period
+    motion: Motion
     max_force: float
 
 
 def safety_world_of(mission: Mission) -> SafetyWorld:
     """Turn a mission's safety settings into numbers."""
     safety, period = mission.safety, mission.control_period_s
-    n = mission.orbit.mean_motion_rad_s
-    transition, control = state_transition(n, period), input_matrix(n, period, mission.deputy.mass_kg)
-    stop = -np.linalg.inv(control[3:]) @ transition[3:]
+    motion = motion_over(mission.orbit, mission.deputy, (period,))
+    stop = stop_of(motion)
     num_out = ceil(safety.passive_horizon_s / period - 1e-9)
     num_in = ceil(safety.keep_in_horizon_s / period - 1e-9)
-    places = [np.eye(3, 6), (transition + control @ stop)[:3]]
-    places += [state_transition(n, j * period)[:3] for j in range(1, max(num_out, num_in) + 1)]
-    order = np.arange(len(places))
+    drifts = [j * period for j in range(1, max(num_out, num_in) + 1)]
+    places = joined(
+        motion_over(mission.orbit, mission.deputy, (0.0,)),
+        stopped(motion, stop),
+        motion_over(mission.orbit, mission.deputy, drifts),
+    )
+    order = np.arange(NUM_STANDING + len(drifts))
     return SafetyWorld(
         is_on=safety.kind == "filter",
         keep_out=mission.keep_out_m,
         keep_in=mission.keep_in_m,
-        places=np.stack(places),
+        places=places,
         least=np.where(order < NUM_STANDING + num_out, mission.keep_out_m, 0.0),
         greatest=np.where(order < NUM_STANDING + num_in, mission.keep_in_m, np.inf),
         stop=stop,
@@ -73,16 +89,31 @@ def safety_world_of(mission: Mission) -> SafetyWorld:
         speed_slope=safety.speed_slope_per_s,
         speed_distance=safety.speed_distance_m,
         metres_per_speed=period,
-        metres_per_force=control[2, 2],
-        transition=transition,
-        control=control,
+        metres_per_force=motion.control[0, 2, 2],
+        motion=motion,
         max_force=mission.deputy.max_force_n,
     )
 
 
 @compiled
-def _length(vector: Floats) -> float:
-    return float(np.sqrt(np.sum(vector * vector)))
+def position(world: SafetyWorld, place: int, state: Floats) -> Floats:
+    """Return where a state leads, m, Hill axes, shape (3,)."""
+    x, y, z, u, v, w = state[0], state[1], state[2], state[3], state[4], state[5]
+    return np.array(drifted_place(place_of(world.places, place), x, y, z, u, v, w))
+
+
+@compiled
+def stop_force(world: SafetyWorld, state: Floats) -> Floats:
+    """Return the force that stops a state, N, Hill axes, shape (3,)."""
+    return np.array([stopping_force(world.stop, axis, state) for axis in range(3)])
+
+
+@compiled
+def pushed(world: SafetyWorld, free: Floats, force: Floats) -> Floats:
+    """Return what a held force makes of the state that free motion leads to, shape (6,)."""
+    after = np.empty(6)
+    push(world.motion, free, force, after)
+    return after
 
 
 @compiled
@@ -93,12 +124,14 @@ def excesses(world: SafetyWorld, state: Floats, num_places: int) -> Floats:
     """
     found = np.empty(2 * num_places + 4)
     for place in range(num_places):
-        distance = _length(world.places[place] @ state)
+        distance = norm(position(world, place, state))
         found[2 * place] = world.least[place] - distance
         found[2 * place + 1] = distance - world.greatest[place]
-    fastest = world.speed_limit + world.speed_slope * (_length(state[:3]) - world.speed_distance)
-    found[2 * num_places] = world.metres_per_speed * (_length(state[3:]) - fastest)
-    found[2 * num_places + 1 :] = world.metres_per_force * (np.abs(world.stop @ state) - world.braking_force)
+    fastest = world.speed_limit + world.speed_slope * (norm(state[:3]) - world.speed_distance)
+    found[2 * num_places] = world.metres_per_speed * (norm(state[3:]) - fastest)
+    found[2 * num_places + 1 :] = world.metres_per_force * (
+        np.abs(stop_force(world, state)) - world.braking_force
+    )
     return found
 
 
@@ -115,26 +148,30 @@ def name_of(index: int, num_places: int) -> int:
 @compiled
 def half_space(world: SafetyWorld, free: Floats, state: Floats, index: int, num_places: int) -> Floats:
     """Return ``[g, b]``, shape (4,): a limit by its entry in `excesses`, linear about a state, g . f >= b."""
-    row, level = np.zeros(6), 0.0
+    row, level, nothing = np.zeros(6), 0.0, np.zeros(6)
     if index > 2 * num_places:
-        stop = np.ascontiguousarray(world.stop[index - 2 * num_places - 1])
-        row = -np.sign(np.sum(stop * state)) * stop
+        axis = index - 2 * num_places - 1
+        sign = -np.sign(stopping_force(world.stop, axis, state))
+        row = sign * world.stop.gain[axis]
         level = -world.braking_force + SLACK_M / world.metres_per_force
+        level -= sign * stopping_force(world.stop, axis, nothing)
     elif index == 2 * num_places:
-        row[:3] = world.speed_slope * state[:3] / _length(state[:3])
-        row[3:] = -state[3:] / _length(state[3:])
+        row[:3] = world.speed_slope * state[:3] / norm(state[:3])
+        row[3:] = -state[3:] / norm(state[3:])
         level = world.speed_slope * world.speed_distance - world.speed_limit
         level += SLACK_M / world.metres_per_speed
     else:
-        position = world.places[index // 2] @ state
-        direction = position / max(_length(position), TOLERANCE_M)
-        if index % 2 == 0:
-            row, level = world.places[index // 2].T @ direction, world.keep_out
-        else:
-            row, level = -(world.places[index // 2].T @ direction), -world.keep_in
-        level += SLACK_M if index // 2 < NUM_STANDING else DRIFT_SLACK_M
+        place = index // 2
+        towards = position(world, place, state)
+        towards = towards / max(norm(towards), TOLERANCE_M)
+        level = world.keep_out
+        if index % 2 == 1:
+            towards, level = -towards, -world.keep_in
+        row[:] = np.array(slopes(place_of(world.places, place), towards[0], towards[1], towards[2]))
+        level += SLACK_M if place < NUM_STANDING else DRIFT_SLACK_M
+        level -= dot(towards, position(world, place, nothing))
     found = np.empty(4)
-    found[:3] = world.control.T @ row
+    found[:3] = world.motion.control[0].T @ row
     found[3] = level - np.sum(row * free)
     return found
 
@@ -170,7 +207,7 @@ def corrected(world: SafetyWorld, free: Floats, asked: Floats, num_places: int) 
     half_spaces = np.empty((MOST_HALF_SPACES, 4))
     force = asked
     for used in range(MOST_HALF_SPACES):
-        state = free + world.control @ force
+        state = pushed(world, free, force)
         excess = excesses(world, state, num_places)
         worst = int(np.argmax(excess))
         if excess[worst] <= 0.0:
@@ -183,7 +220,7 @@ def corrected(world: SafetyWorld, free: Floats, asked: Floats, num_places: int) 
 @compiled
 def exceeded_limit(world: SafetyWorld, state: Floats) -> int:
     """Return which limit a state exceeds most, first of those that are never given up."""
-    for num_places in (NUM_STANDING, len(world.places)):
+    for num_places in (NUM_STANDING, len(world.least)):
         excess = excesses(world, state, num_places)
         worst = int(np.argmax(excess))
         if excess[worst] > 0.0:
@@ -203,23 +240,23 @@ def assured(world: SafetyWorld, state: Floats, asked: Floats) -> tuple[Floats, i
     asked : array, shape (3,)
         Within the thrust limit.
     """
-    free = world.transition @ state
-    limit = exceeded_limit(world, free + world.control @ asked)
+    free = propagate(world.motion, state, np.zeros(3))
+    limit = exceeded_limit(world, pushed(world, free, asked))
     if limit == SAFE:
         return asked, limit
     force = asked
-    for num_places in (len(world.places), NUM_STANDING):
+    for num_places in (len(world.least), NUM_STANDING):
         force = corrected(world, free, asked, num_places)
-        if excesses(world, free + world.control @ force, NUM_STANDING).max() <= TOLERANCE_M:
+        if excesses(world, pushed(world, free, force), NUM_STANDING).max() <= TOLERANCE_M:
             return force, limit
-    stop = np.minimum(np.maximum(world.stop @ state, -world.max_force), world.max_force)
-    if excesses(world, free + world.control @ stop, NUM_STANDING).max() > 2.0 * TOLERANCE_M:
+    stop = np.minimum(np.maximum(stop_force(world, state), -world.max_force), world.max_force)
+    if excesses(world, pushed(world, free, stop), NUM_STANDING).max() > 2.0 * TOLERANCE_M:
         return force, limit
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
         trial = stop + share * (force - stop)
-        if excesses(world, free + world.control @ trial, NUM_STANDING).max() <= TOLERANCE_M:
+        if excesses(world, pushed(world, free, trial), NUM_STANDING).max() <= TOLERANCE_M:
             low = share
         else:
             high = share

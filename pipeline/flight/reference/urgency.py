@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.reference.world import World, turn_chief
+from pipeline.flight.reference.world import PlainWorld, turn_chief
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import dot, norm
@@ -17,14 +17,14 @@ Booleans = NDArray[np.bool_]
 
 
 @compiled
-def deadlines(world: World, initial_sun_angle: float) -> Floats:
+def deadlines(world: PlainWorld, initial_sun_angle: float) -> Floats:
     """Return when each point is lit for the last time at a sample of the flight, s, shape (P,).
 
     Points that are never lit after the start have zero.
 
     Parameters
     ----------
-    world : World
+    world : PlainWorld
     initial_sun_angle : float
         At k = 0, rad.
     """

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.preview import preview_stride
-from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.physics.motion import Motion, motion_over, orbit_parts
 from pipeline.physics.rigid_body import tumbling_step
 from pipeline.settings.experiment import Mission
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 LONGEST_STEP_S = 1.0
 
 
-class World(NamedTuple):
+class PlainWorld(NamedTuple):
     """What the equations need besides the start and the controller, SI and rad.
 
     A tick is a period of the attitude clock, of which a control period has `num_ticks`. Each is integrated in
@@ -32,11 +32,10 @@ class World(NamedTuple):
     num_ticks: int
     attitude_period: float
     num_substeps: int
-    #: closed-form matrices over a control period and over a tick, (6, 6) and (6, 3)
-    control_transition: Floats
-    control_input: Floats
-    tick_transition: Floats
-    tick_input: Floats
+    #: over a control period, over a tick, and over parts of an orbit
+    motion: Motion
+    tick: Motion
+    orbit_parts: Motion
     mass: float
     max_force: float
     max_torque: float
@@ -66,7 +65,7 @@ class World(NamedTuple):
     preview_stride: int
 
 
-def world_of(mission: Mission) -> World:
+def world_of(mission: Mission) -> PlainWorld:
     """Turn a mission's settings into numbers.
 
     Parameters
@@ -80,17 +79,16 @@ def world_of(mission: Mission) -> World:
     chief_inertia = np.array(chief.inertia_kg_m2, dtype=np.float64)
     chief_rate = chief.initial_angular_velocity_rad_s
     place = regular_placement if chief.placement == "deserno" else fibonacci_placement
-    return World(
+    return PlainWorld(
         mean_motion=n,
         num_controls=mission.num_controls,
         control_period=mission.control_period_s,
         num_ticks=mission.num_attitude_steps,
         attitude_period=mission.attitude_period_s,
         num_substeps=ceil(mission.attitude_period_s / LONGEST_STEP_S),
-        control_transition=state_transition(n, mission.control_period_s),
-        control_input=input_matrix(n, mission.control_period_s, deputy.mass_kg),
-        tick_transition=state_transition(n, mission.attitude_period_s),
-        tick_input=input_matrix(n, mission.attitude_period_s, deputy.mass_kg),
+        motion=motion_over(mission.orbit, deputy, (mission.control_period_s,)),
+        tick=motion_over(mission.orbit, deputy, (mission.attitude_period_s,)),
+        orbit_parts=orbit_parts(mission.orbit, deputy),
         mass=deputy.mass_kg,
         max_force=deputy.max_force_n,
         max_torque=deputy.max_torque_n_m,
@@ -116,7 +114,7 @@ def world_of(mission: Mission) -> World:
 
 
 @compiled
-def turn_chief(world: World, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
+def turn_chief(world: PlainWorld, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
     """Turn a tumbling chief for a control period; one that is aligned with Hill stays so."""
     if world.is_chief_tumbling:
         for _ in range(world.num_ticks * world.num_substeps):

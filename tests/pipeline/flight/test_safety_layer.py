@@ -14,6 +14,7 @@ from pipeline.flight.kernel.safety import guard_of, project
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, Scenario
 from pipeline.flight.reference.safety import assured, excesses, safety_world_of
 from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.physics.motion import propagate
 from pipeline.settings.experiment import Safety
 from tests.pipeline.flight.cases import STARTS, STEERING
 from tests.pipeline.flight.guarded import (
@@ -143,7 +144,7 @@ def test_forces_are_within_the_thrusters_and_counted(name: str) -> None:
 
 
 def test_the_stop_is_the_force_after_which_the_deputy_stands() -> None:
-    stop = guard_of(guarded()).stop
+    stop = guard_of(guarded()).stop.gain
     for state in random.normal(0.0, [60.0, 60.0, 60.0, 0.2, 0.2, 0.2], (20, 6)):
         stopped = step(PERIOD, state, stop @ state)
         np.testing.assert_allclose(stopped[3:], 0.0, atol=1e-12)
@@ -157,7 +158,7 @@ def test_the_stop_is_the_force_after_which_the_deputy_stands() -> None:
 @pytest.mark.parametrize("name", ["towards the chief", "away from the chief", "strong noise", "long pushes"])
 def test_every_sample_could_be_the_last(name: str) -> None:
     """At each sample one stop leads to a standstill between the spheres, with the force set aside for it."""
-    stop = guard_of(guarded()).stop
+    stop = guard_of(guarded()).stop.gain
     for start in starts_at_rest(3, 29):
         log = fly_logged(guarded(), HOSTILE[name], start)
         for state in np.hstack([log.position_m, log.velocity_m_s]):
@@ -261,14 +262,14 @@ def test_the_change_is_the_least() -> None:
             bounds=[(-1.0, 1.0)] * 3,
             constraints={
                 "type": "ineq",
-                "fun": lambda f, at=at: -excesses(world, world.transition @ at + world.control @ f, 2),
+                "fun": lambda f, at=at: -excesses(world, propagate(world.motion, at, f), 2),
             },
             method="SLSQP",
             options={"ftol": 1e-12},
         )
         if not solved.success:
             continue
-        assert excesses(world, world.transition @ at + world.control @ force, 2).max() <= 0.0
+        assert excesses(world, propagate(world.motion, at, force), 2).max() <= 0.0
         assert np.linalg.norm(force - asked) <= np.linalg.norm(solved.x - asked) + 1e-3
         num_compared += 1
     assert num_compared > 50

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.physics.clohessy_wiltshire import input_matrix, propagate, state_transition
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.motion import Motion, propagate
 
 MEAN_MOTION = 0.0011068
 MASS = 12.0
@@ -29,11 +30,17 @@ def integrate(state, force, duration, mean_motion=MEAN_MOTION):
     return solution.y[:, -1]
 
 
+def over(duration: float) -> Motion:
+    """Motion by the closed form."""
+    return Motion(
+        state_transition(MEAN_MOTION, duration)[np.newaxis],
+        input_matrix(MEAN_MOTION, duration, MASS)[np.newaxis],
+    )
+
+
 @pytest.mark.parametrize("duration", [0.5, 1.0, 10.0, 600.0, 3600.0, 40000.0])
 def test_free_motion_is_that_of_the_differential_equation(duration):
-    state = propagate(
-        START, np.zeros(3), state_transition(MEAN_MOTION, duration), input_matrix(MEAN_MOTION, duration, MASS)
-    )
+    state = propagate(over(duration), START, np.zeros(3))
     expected = integrate(START, np.zeros(3), duration)
     np.testing.assert_allclose(state[:3], expected[:3], rtol=1e-10, atol=1e-8)
     np.testing.assert_allclose(state[3:], expected[3:], rtol=1e-10, atol=1e-11)
@@ -51,10 +58,10 @@ def test_a_held_force_moves_as_the_differential_equation_says(duration, axis):
 
 def test_an_hour_of_forces_held_for_10_s():
     rng = np.random.default_rng(3)
-    transition, control = state_transition(MEAN_MOTION, 10.0), input_matrix(MEAN_MOTION, 10.0, MASS)
+    motion = over(10.0)
     state = expected = START
     for force in rng.uniform(-0.05, 0.05, (360, 3)):
-        state = propagate(state, force, transition, control)
+        state = propagate(motion, state, force)
         expected = integrate(expected, force, 10.0)
     np.testing.assert_allclose(state[:3], expected[:3], rtol=0, atol=1e-8)
     np.testing.assert_allclose(state[3:], expected[3:], rtol=0, atol=1e-11)
@@ -62,12 +69,11 @@ def test_an_hour_of_forces_held_for_10_s():
 
 def test_small_steps_add_up_to_a_large_one():
     force = np.array([0.01, -0.02, 0.03])
-    small = state_transition(MEAN_MOTION, 1.0), input_matrix(MEAN_MOTION, 1.0, MASS)
-    large = state_transition(MEAN_MOTION, 3600.0), input_matrix(MEAN_MOTION, 3600.0, MASS)
+    small, large = over(1.0), over(3600.0)
     state = START
     for _ in range(3600):
-        state = propagate(state, force, *small)
-    np.testing.assert_allclose(state, propagate(START, force, *large), rtol=1e-11, atol=1e-12)
+        state = propagate(small, state, force)
+    np.testing.assert_allclose(state, propagate(large, START, force), rtol=1e-11, atol=1e-12)
 
 
 def test_a_deputy_ahead_of_the_chief_stays_there():

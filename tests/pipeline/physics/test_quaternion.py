@@ -62,7 +62,8 @@ def test_a_quaternion_times_its_conjugate_is_no_rotation(q):
 def test_a_matrix_gives_its_quaternion_back(q):
     back = quaternions.from_dcm(quaternions.dcm_b_from_h(q))
     assert same_rotation(back, q)
-    assert back[np.argmax(np.abs(back))] > 0.0
+    largest = np.abs(back) > np.abs(back).max() - 1e-9  # several where they are equal
+    assert back[largest].max() > 0.0
 
 
 def test_half_turns_give_their_quaternion_back():

@@ -1,0 +1,384 @@
+"""How the deputy moves: one object and one step, for flights, previews, the safety layer, planners and plans.
+
+While a force f is held, a state ``s = [x, y, z, u, v, w]`` (position in m, then velocity in m/s, Hill axes)
+moves by the closed form ``s(t) = Phi(t) s + Gamma(t) f`` of `pipeline.physics.clohessy_wiltshire`. Whatever
+else acts on the deputy enters here and nowhere else: `motion_over` computes the numbers, and the other
+functions of this file apply them. Everything that moves a deputy calls these functions; nothing else
+multiplies a state by Phi.
+
+Compiled code takes a state as six numbers, and reads from a `Step` the numbers of Phi and Gamma that are not
+0 or 1. Functions marked ``inline`` become part of the function that calls them and round as it does: with
+fused multiply-adds where the caller allows them.
+"""
+
+from collections.abc import Sequence
+from math import pi, sqrt
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+
+Floats = NDArray[np.float64]
+
+#: into how many parts `closest_approach` divides an orbit
+ORBIT_PARTS = 36
+
+
+class Orbit(Protocol):
+    """What motion depends on of the chief's orbit."""
+
+    @property
+    def mean_motion_rad_s(self) -> float:
+        """Mean motion, rad/s, above zero."""
+
+
+class Deputy(Protocol):
+    """What motion depends on of the deputy."""
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass, kg."""
+
+
+class Motion(NamedTuple):
+    """Motion over each of n durations.
+
+    Attributes
+    ----------
+    transition : (n, 6, 6) array
+        Phi: what a state becomes without force.
+    control : (n, 6, 3) array
+        Gamma: what 1 N held for the duration adds.
+    """
+
+    transition: Floats
+    control: Floats
+
+
+class Place(NamedTuple):
+    """Where free motion leads: ``xx x + xu u + xv v``, ``yx x + y + yu u + yv v``, ``zz z + zw w``."""
+
+    xx: float
+    xu: float
+    xv: float
+    yx: float
+    yu: float
+    yv: float
+    zz: float
+    zw: float
+
+
+class Step(NamedTuple):
+    """Motion over one duration: the numbers of Phi and Gamma that are not 0 or 1, for a force (f, g, h)."""
+
+    place: Place
+    ux: float
+    uu: float
+    uv: float
+    vx: float
+    vu: float
+    vv: float
+    wz: float
+    ww: float
+    xf: float
+    xg: float
+    yf: float
+    yg: float
+    zh: float
+    uf: float
+    ug: float
+    vf: float
+    vg: float
+    wh: float
+
+
+class Stop(NamedTuple):
+    """The force that brings a state to rest within one duration.
+
+    Attributes
+    ----------
+    gain : (3, 6) array
+        ``K = -Gamma_v^-1 Phi_v``, N/m and N s/m.
+    """
+
+    gain: Floats
+
+
+class Reading(NamedTuple):
+    """Numbers read off a state after free motion.
+
+    Attributes
+    ----------
+    matrix : (..., m, 6) array
+        From the state now to the numbers then.
+    """
+
+    matrix: Floats
+
+
+def motion_over(orbit: Orbit, deputy: Deputy, durations: Sequence[float]) -> Motion:
+    """Return how a deputy moves over some durations, s."""
+    n, mass = orbit.mean_motion_rad_s, deputy.mass_kg
+    return Motion(
+        transition=np.array([state_transition(n, duration) for duration in durations]).reshape(-1, 6, 6),
+        control=np.array([input_matrix(n, duration, mass) for duration in durations]).reshape(-1, 6, 3),
+    )
+
+
+def stop_of(motion: Motion) -> Stop:
+    """Return what stops a deputy within the first duration of a motion."""
+    gain = -np.linalg.solve(motion.control[0, 3:], motion.transition[0, 3:])
+    return Stop(np.asarray(gain, dtype=np.float64))
+
+
+def stopped(motion: Motion, stop: Stop) -> Motion:
+    """Return motion over the first duration where the force is the one that stops it: no speed is left."""
+    transition = np.zeros((1, 6, 6))
+    transition[0, :3] = motion.transition[0, :3] + motion.control[0, :3] @ stop.gain
+    return Motion(transition, np.zeros((1, 6, 3)))
+
+
+def joined(*motions: Motion) -> Motion:
+    """Return the motions over all durations of several."""
+    return Motion(*(np.concatenate(arrays) for arrays in zip(*motions, strict=True)))
+
+
+def free_path(motion: Motion, state: Floats, num_samples: int) -> Floats:
+    """Return the states that free motion passes at each first duration, `state` first, (num_samples, 6)."""
+    path = np.empty((num_samples, 6))
+    path[0] = state
+    for k in range(1, num_samples):
+        path[k] = motion.transition[0] @ path[k - 1]
+    return path
+
+
+def repeated(motion: Motion, num_periods: int) -> Motion:
+    """Return motion over 1, 2, … of the first duration, with a force in the first alone."""
+    powers = [motion.transition[0]]
+    for _ in range(num_periods - 1):
+        powers.append(motion.transition[0] @ powers[-1])
+    responses = [motion.control[0], *(power @ motion.control[0] for power in powers[:-1])]
+    return Motion(np.array(powers), np.array(responses))
+
+
+def positions_of(motion: Motion) -> Reading:
+    """Return the reading of the positions after each duration, shape (n, 3)."""
+    return Reading(motion.transition[:, :3])
+
+
+def last_of(motion: Motion, matrix: Floats) -> Reading:
+    """Return the reading of ``matrix s``, for a matrix of shape (m, 6), after the last duration."""
+    return Reading(matrix @ motion.transition[-1])
+
+
+def read(reading: Reading, state: Floats) -> Floats:
+    """Return what is read after free motion from a state, shape (6,)."""
+    values: Floats = reading.matrix @ state
+    return values
+
+
+@compiled(inline="always")
+def place_of(motion: Motion, which: int) -> Place:
+    """Read where free motion of one duration leads."""
+    phi = motion.transition
+    return Place(
+        phi[which, 0, 0],
+        phi[which, 0, 3],
+        phi[which, 0, 4],
+        phi[which, 1, 0],
+        phi[which, 1, 3],
+        phi[which, 1, 4],
+        phi[which, 2, 2],
+        phi[which, 2, 5],
+    )
+
+
+@compiled(inline="always")
+def step_of(motion: Motion, which: int) -> Step:
+    """Read the step of one duration."""
+    phi, gamma = motion.transition, motion.control
+    return Step(
+        place_of(motion, which),
+        phi[which, 3, 0],
+        phi[which, 3, 3],
+        phi[which, 3, 4],
+        phi[which, 4, 0],
+        phi[which, 4, 3],
+        phi[which, 4, 4],
+        phi[which, 5, 2],
+        phi[which, 5, 5],
+        gamma[which, 0, 0],
+        gamma[which, 0, 1],
+        gamma[which, 1, 0],
+        gamma[which, 1, 1],
+        gamma[which, 2, 2],
+        gamma[which, 3, 0],
+        gamma[which, 3, 1],
+        gamma[which, 4, 0],
+        gamma[which, 4, 1],
+        gamma[which, 5, 2],
+    )
+
+
+@compiled(inline="always")
+def drifted_place(
+    p: Place, x: float, y: float, z: float, u: float, v: float, w: float
+) -> tuple[float, float, float]:
+    """Return the position after free motion."""
+    return (
+        p.xx * x + p.xu * u + p.xv * v,
+        p.yx * x + y + p.yu * u + p.yv * v,
+        p.zz * z + p.zw * w,
+    )
+
+
+@compiled(inline="always")
+def drifted_velocity(s: Step, x: float, z: float, u: float, v: float, w: float) -> tuple[float, float, float]:
+    """Return the velocity after free motion."""
+    return (
+        s.ux * x + s.uu * u + s.uv * v,
+        s.vx * x + s.vu * u + s.vv * v,
+        s.wz * z + s.ww * w,
+    )
+
+
+@compiled(inline="always")
+def place_after(
+    s: Step, x: float, y: float, z: float, u: float, v: float, w: float, f: float, g: float, h: float
+) -> tuple[float, float, float]:
+    """Return the position after a step with a held force."""
+    px, py, pz = drifted_place(s.place, x, y, z, u, v, w)
+    return px + s.xf * f + s.xg * g, py + s.yf * f + s.yg * g, pz + s.zh * h
+
+
+@compiled(inline="always")
+def velocity_after(
+    s: Step, x: float, z: float, u: float, v: float, w: float, f: float, g: float, h: float
+) -> tuple[float, float, float]:
+    """Return the velocity after a step with a held force."""
+    vx, vy, vz = drifted_velocity(s, x, z, u, v, w)
+    return vx + s.uf * f + s.ug * g, vy + s.vf * f + s.vg * g, vz + s.wh * h
+
+
+@compiled
+def propagate(motion: Motion, state: Floats, force_h: Floats) -> Floats:
+    """Move a state over the first duration of a motion.
+
+    Parameters
+    ----------
+    motion : Motion
+    state : array, shape (6,)
+        Position (m) and velocity (m/s), Hill axes.
+    force_h : array, shape (3,)
+        Held meanwhile, N, Hill axes.
+
+    Returns
+    -------
+    array, shape (6,)
+    """
+    step = step_of(motion, 0)
+    x, y, z, u, v, w = state[0], state[1], state[2], state[3], state[4], state[5]
+    f, g, h = force_h[0], force_h[1], force_h[2]
+    after = np.empty(6)
+    after[0], after[1], after[2] = place_after(step, x, y, z, u, v, w, f, g, h)
+    after[3], after[4], after[5] = velocity_after(step, x, z, u, v, w, f, g, h)
+    return after
+
+
+@compiled(inline="always")
+def drift(motion: Motion, state: Floats, free: Floats) -> None:
+    """Write what a state, shape (6,), becomes without force over the first duration."""
+    for i in range(6):
+        free[i] = 0.0
+        for j in range(6):
+            free[i] += motion.transition[0, i, j] * state[j]
+
+
+@compiled(inline="always")
+def push(motion: Motion, free: Floats, force: Floats, after: Floats) -> None:
+    """Write what a held force, shape (3,), makes of the state that free motion leads to."""
+    for i in range(6):
+        after[i] = free[i]
+        for j in range(3):
+            after[i] += motion.control[0, i, j] * force[j]
+
+
+@compiled(inline="always")
+def slopes(p: Place, a: float, b: float, c: float) -> tuple[float, float, float, float, float, float]:
+    """Return how the component along (a, b, c) of the position after free motion grows with the state."""
+    return (
+        p.xx * a + p.yx * b,
+        b,
+        p.zz * c,
+        p.xu * a + p.yu * b,
+        p.xv * a + p.yv * b,
+        p.zw * c,
+    )
+
+
+@compiled(inline="always")
+def stopping_forces(
+    stop: Stop, x: float, z: float, u: float, v: float, w: float
+) -> tuple[float, float, float]:
+    """Return the force that stops a state, N."""
+    k = stop.gain
+    return (
+        k[0, 0] * x + k[0, 3] * u + k[0, 4] * v,
+        k[1, 0] * x + k[1, 3] * u + k[1, 4] * v,
+        k[2, 2] * z + k[2, 5] * w,
+    )
+
+
+@compiled(inline="always")
+def stopping_force(stop: Stop, axis: int, state: Floats) -> float:
+    """Return one component of the force that stops a state of shape (6,), N."""
+    force = 0.0
+    for i in range(6):
+        force += stop.gain[axis, i] * state[i]
+    return force
+
+
+def orbit_parts(orbit: Orbit, deputy: Deputy) -> Motion:
+    """Return the motion over 1, 2, … `ORBIT_PARTS` parts of an orbit, that `closest_approach` looks along."""
+    part = 2.0 * pi / orbit.mean_motion_rad_s / ORBIT_PARTS
+    return motion_over(orbit, deputy, [part * count for count in range(1, ORBIT_PARTS + 1)])
+
+
+@compiled
+def closest_approach(parts: Motion, position_h: Floats, velocity_h: Floats) -> float:
+    """Return how near a deputy that drifts freely for an orbit comes to the chief.
+
+    The path is divided at every ``360 / ORBIT_PARTS`` degrees of the orbit, and each part taken as straight.
+    A chord is off a curve by at most an eighth of the largest acceleration times the part's duration squared
+    (the error of linear interpolation), and accelerations of free motion are at most
+    ``n^2 sqrt(4 b^2 + c^2)``, with b the ellipse's height and c the amplitude across the track: the distance
+    is right to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
+
+    Parameters
+    ----------
+    parts : Motion
+        Of `orbit_parts`.
+    position_h, velocity_h : array, shape (3,)
+        Of the deputy, m and m/s, Hill axes.
+
+    Returns
+    -------
+    float
+        m.
+    """
+    x, y, z = position_h[0], position_h[1], position_h[2]
+    u, v, w = velocity_h[0], velocity_h[1], velocity_h[2]
+    before = position_h
+    nearest = np.sum(before * before)
+    for part in range(len(parts.transition)):
+        after = np.array(drifted_place(place_of(parts, part), x, y, z, u, v, w))
+        chord = after - before
+        length = np.sum(chord * chord)
+        share = -np.sum(before * chord) / length if length > 0.0 else 0.0
+        passed = before + min(max(share, 0.0), 1.0) * chord
+        nearest = min(nearest, np.sum(passed * passed))
+        before = after
+    return sqrt(nearest)
