@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
 from fis_tools.model import FuzzySystem
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.reference.world import PlainWorld
@@ -109,7 +108,6 @@ def channels_of(
     )
 
 
-@compiled
 def natural_motion(
     position_h: Floats,
     velocity_h: Floats,
@@ -131,7 +129,6 @@ def natural_motion(
     return np.concatenate((centre, offset - place))
 
 
-@compiled
 def sun_bearing(position_h: Floats, sun_angle: float) -> Floats:
     """Return cosine and sine of the angle from the deputy to the Sun in the orbit plane."""
     reach = np.sqrt(position_h[0] ** 2 + position_h[1] ** 2)
@@ -141,14 +138,12 @@ def sun_bearing(position_h: Floats, sun_angle: float) -> Floats:
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-@compiled
 def direction(target_h: Floats) -> Floats:
     """Return the unit vector towards the target; zeros without one."""
     length = norm(target_h)
     return target_h / length if length >= MIN_PROJECTION_M else np.zeros(3)
 
 
-@compiled
 def measure(
     world: PlainWorld,
     position_h: Floats,
