@@ -1,4 +1,4 @@
-"""Shows how far a long step has come: a bar on a terminal, a line now and then elsewhere."""
+"""Shows the progress of a long step: a bar on a terminal, a line every few seconds elsewhere."""
 
 import math
 import sys
@@ -20,16 +20,15 @@ SECONDS_BETWEEN_LINES = 5.0
 
 
 class Progress:
-    """What is done of a whole, and the time left, on standard error.
+    """Progress and time left, on standard error.
 
     Parameters
     ----------
     what : str
-        Is counted, such as ``generation``.
+        What is counted, such as ``generation``.
     total : int
-        The whole.
     done : int, optional
-        Of it, before now; without it all but one of those that are first shown.
+        How many were done before; by default all but one of those shown first.
     """
 
     def __init__(self, what: str, total: int, done: int | None = None) -> None:
@@ -60,7 +59,7 @@ class Progress:
         self._bar.stop()
 
     def show(self, done: int, text: str = "") -> None:
-        """Show that so many of the whole are done, and a text about the last of them."""
+        """Show how many are done, and a text about the last one."""
         if not self._bar.disable:
             self._bar.update(self._task, completed=done, description=text or self._what)
             return

@@ -70,7 +70,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _solved(experiment: Experiment) -> Solved | None:
-    """Return the plans of least fuel for a Sun setting; without them say why, once."""
+    """Return the minimum-fuel plans for a Sun setting, or print why there are none."""
     try:
         return solved_for(experiment)
     except IncomparableError as reason:

@@ -1,4 +1,4 @@
-"""Find for each case a plan of least fuel, made with the whole flight known: optimum/."""
+"""Compute a minimum-fuel plan for each case, with the whole flight known in advance: optimum/."""
 
 import sys
 from collections.abc import Mapping
@@ -102,7 +102,7 @@ def write_cases(folder: Path, rows: Mapping[int, CaseRow]) -> None:
 
 
 def _told(row: CaseRow) -> str:
-    """Say how a case ended."""
+    """Say how solving a case ended."""
     if not row["is_feasible"]:
         return (
             f"case {row['case']} has no plan: {row['inspected_count']} of {row['points_asked']} points, "
