@@ -10,7 +10,7 @@ from pipeline.command_line.overrides import ConfigError
 from pipeline.settings.nearest import did_you_mean
 from pipeline.settings.places import conf_folder
 
-#: options of other programs on Hydra, and why they are none of this one
+#: options that Hydra programs usually have, and why this one does not
 REFUSED = {
     "--config-path": "would replace our configuration; add to it with --config-dir",
     "--config-name": "would replace our configuration; add to it with --config-dir",
@@ -73,7 +73,7 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     Raises
     ------
     ConfigError
-        If an option is unknown or has no proper value, or the first word is neither option nor override.
+        If an option or its value is unknown, or the first word is neither an option nor an override.
     """
     first = arguments[0] if arguments else ""
     if first and first[0] not in "+-~" and "=" not in first:

@@ -98,7 +98,7 @@ def compose_jobs(
         numbered = [*overrides, f"hydra.job.num={index}"] if is_sweep else overrides
         node = compose_node(numbered, config_dir)
         if composed:
-            # what Hydra's resolvers have once told, such as the time, is told again
+            # resolvers such as `now` give all runs of a sweep the same value
             OmegaConf.copy_cache(composed[0].node, node)
         composed.append(_resolved(node, config_dir, is_sweep))
     return composed

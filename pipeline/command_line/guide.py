@@ -1,4 +1,4 @@
-"""What a newcomer is told: the commands, the experiments, the controllers, the signals that one may sense."""
+"""The help text: commands, experiments, controllers, and the signals that an input may sense."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.settings.keys import RENAMED, all_keys, is_key, unknown
-from pipeline.settings.nearest import did_you_mean, nearest
+from pipeline.settings.nearest import choices_of, did_you_mean, nearest
 
 EXPERIMENT = "experiment"
 CONTROLLER = "controller"
@@ -119,11 +119,7 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
                     f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
                     f"controller.path={choice}"
                 )
-            raise ConfigError(
-                f"there is no {group}={choice}"
-                + (f"{guess} The" if (guess := did_you_mean(choice, known)) else "; the")
-                + f" choices are {', '.join(known)}"
-            )
+            raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
 
 
 def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:

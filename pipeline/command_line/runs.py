@@ -1,4 +1,4 @@
-"""New runs, runs gone on with, and stages repeated on the files of an earlier run."""
+"""Starts runs, resumes them, and repeats stages on the files of an earlier run."""
 
 import os
 import sys
@@ -59,7 +59,7 @@ def _start(job: Composed, command: Sequence[str]) -> int:
 
 
 def _check_vacant(job: Composed) -> None:
-    """Refuse a folder whose files another run has made; the same run may be made again."""
+    """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
         return
     if artifacts.read_manifest(job.folder)["config_hash"] != artifacts.config_hash(job.config):
@@ -71,7 +71,7 @@ def _check_vacant(job: Composed) -> None:
 
 
 def _shown(folder: Path) -> Path:
-    """Return a folder as it is told to people: from where they are, if it lies there."""
+    """Return a folder relative to the working directory if it lies below it."""
     return Path(os.path.relpath(folder)) if folder.is_relative_to(Path.cwd()) else folder
 
 
@@ -97,7 +97,7 @@ def _run(
 
 
 def resume(folder: Path, overrides: Sequence[Override]) -> int:
-    """Go on where a run stopped, with its own configuration; return the exit code."""
+    """Resume a run with its own configuration; return the exit code."""
     config = _config_of(folder)
     experiment = _experiment_of(folder, config)
     for override in overrides:
@@ -169,7 +169,7 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 
 def check_before(experiment: Experiment) -> None:
-    """Refuse what a stage would refuse, before anything is made."""
+    """Raise what a stage would raise, before any folder is made."""
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(
@@ -199,7 +199,7 @@ def _check_compared(experiment: Experiment) -> None:
 
 
 def _check_controller(experiment: Experiment) -> None:
-    """Read the controller once before anything is made, for its mistakes to be told now."""
+    """Read the controller before any folder is made, so that its mistakes are reported first."""
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
 
     load(experiment.controller, experiment.mission)

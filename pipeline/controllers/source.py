@@ -19,7 +19,7 @@ from pipeline.controllers.planned.planner import planner_of
 from pipeline.flight.controller import Controller, ControllerError, coast, from_fuzzy, open_loop, planned
 from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
 from pipeline.settings.experiment import Mission
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.nearest import choices_of
 from pipeline.settings.places import conf_folder
 
 Floats = NDArray[np.float64]
@@ -82,12 +82,9 @@ def named(name: str, mission: Mission) -> Controller:
     known = sorted(path.stem for path in (conf_folder() / "controller").glob("*.yaml"))
     known = [other for other in known if other not in WITH_PATHS]
     if name not in known:
-        guess = did_you_mean(name, known)
         raise ControllerError(
-            f"there is no controller {name}"
-            + (f"{guess} The" if guess else "; the")
-            + f" controllers are {', '.join(known)}; another is named by the path of its file, .json, .yaml "
-            "or a .csv of forces"
+            f"there is no controller {name}{choices_of(name, known, 'controllers')}; another is named by the "
+            "path of its file, .json, .yaml or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
     source = yaml.safe_load(path.read_text(encoding="utf-8"))

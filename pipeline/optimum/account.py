@@ -58,7 +58,7 @@ def check_points(mission: Mission, needed: int) -> None:
 
 
 def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return what the cases come to together; statistics are those of the feasible ones."""
+    """Summarise the cases; statistics cover the feasible ones."""
     feasible = [row for row in rows if row["is_feasible"]]
     summary: dict[str, Any] = {"num_cases": len(rows), "num_feasible": len(feasible)}
     if feasible:

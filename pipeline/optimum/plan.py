@@ -198,7 +198,7 @@ def finish(problem: Problem, forces: Floats, needed: int) -> FlownPlan:
 
 
 def judge(problem: Problem, forces: Floats, log: FlightLog) -> FlownPlan:
-    """Tell what a flight came to."""
+    """Return the results of a flight."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(log.position_m, axis=1)
     outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)

@@ -27,7 +27,7 @@ class IncomparableError(ValueError):
 
 @dataclass(frozen=True)
 class Solved:
-    """Cases with the plans of least fuel that were found for them; only such as need fuel.
+    """Cases with the minimum-fuel plans found for them; only those that need fuel.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Solved:
 
 
 def terms_of(mission: Mission) -> dict[str, Any]:
-    """Return what a plan of least fuel depends on besides its start: keys of the configuration to values.
+    """Return what a minimum-fuel plan depends on besides its start: keys of the configuration to values.
 
     What only a controller senses or heeds is left out: guidance, coasting at the end, the share of the points
     that counts as a success.

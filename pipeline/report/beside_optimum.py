@@ -1,4 +1,4 @@
-"""What a report tells of a controller beside the plans of least fuel: cases, ratios, why there are none."""
+"""A controller beside the minimum-fuel plans, for the report: cases and ratios, or why there are none."""
 
 import math
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from pipeline.settings.experiment import UNGUARDED, Experiment
 
 Columns = Mapping[str, NDArray[Any]]
 
-#: of `evaluate/optimum.parquet`, what is told of each case
+#: of `evaluate/optimum.parquet`, the columns shown for each case
 COLUMNS = (
     *("case", "sun_angle_rad", "delta_v_m_s", "optimum_delta_v_m_s", "times_optimum"),
     *("inspected_count", "optimum_inspected_count", "min_distance_m", "max_distance_m"),
@@ -48,7 +48,7 @@ class BesideOptimum:
 
 @dataclass(frozen=True)
 class Pair:
-    """A case flown by the controller, and as its plan of least fuel says."""
+    """A case flown by the controller and by its minimum-fuel plan."""
 
     case: int
     which: str

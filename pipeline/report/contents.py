@@ -81,7 +81,7 @@ class Contents:
         Whose starts the training flights have, from 1, where each round has its own.
     comparison : sequence of ComparisonRow
     beside : BesideOptimum
-        The controller beside the plans of least fuel.
+        The controller beside the minimum-fuel plans.
     pairs : sequence of Pair
         Some of these cases, to be drawn.
     without_safety : Without, optional
@@ -320,7 +320,7 @@ def read_front(folder: Path) -> Columns | None:
 
 
 def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:
-    """Return what to type for the same run; empty where nobody kept it."""
+    """Return the command that repeats the run; empty if it was not kept."""
     words = [str(word) for word in (manifest or {}).get("command", ())] or _command_kept_by_hydra(folder)
     words = [word for word in words if not word.startswith("hydra.")]
     paths = [re.fullmatch(r"controller\.path='([\w./@%+-]+)'", word) for word in words]
@@ -332,7 +332,7 @@ def command_of(folder: Path, manifest: Mapping[str, Any] | None) -> str:
 
 
 def _command_kept_by_hydra(folder: Path) -> list[str]:
-    """Return the words with which a run was started before manifests told them."""
+    """Return the command of a run whose manifest has none (version 1)."""
     words = [str(word) for word in _kept_by_hydra(folder / ".hydra" / "overrides.yaml")]
     sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra", "runtime", "config_sources")
     own = [source["path"] for source in sources if source.get("provider") == "command-line"]

@@ -42,7 +42,7 @@ def inline(svg: str, name: str, description: str) -> str:
     name : str
         Put before every id, so that pictures of one page do not take each other's.
     description : str
-        What one who cannot see it is told; plain text.
+        Alternative text for readers who cannot see it.
 
     Returns
     -------

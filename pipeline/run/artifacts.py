@@ -279,7 +279,7 @@ def write_manifest(
     config : mapping
         Resolved, plain data.
     finished : sequence of str
-        The stages that have come to their end.
+        The finished stages.
     command : sequence of str
         The words with which the run was started, after ``python -m pipeline``.
     scene : mapping of str to float, optional

@@ -28,7 +28,7 @@ def stage_named(name: str) -> Stage:
 
 
 def finished_stages(folder: Path) -> list[str]:
-    """Return the stages that have come to their end in a run's folder, none for a new one."""
+    """Return the finished stages of a run's folder, none for a new one."""
     if not (folder / artifacts.MANIFEST).exists():
         return []
     return _finished(artifacts.read_manifest(folder))

@@ -1,4 +1,4 @@
-"""What a setting may be: types with their limits, and checks of several together.
+"""Types of settings with their limits, and checks of several settings together.
 
 Every refusal states the fact, what is expected and how to get there. Checks of single values are read by
 pydantic; in their messages ``{key}`` stands for the setting's key and ``{unit}`` for its unit in brackets.
@@ -14,12 +14,12 @@ from pydantic import AfterValidator, AllowInfNan, BeforeValidator, Field, Strict
 
 
 class SettingError(ValueError):
-    """A setting that cannot be."""
+    """A setting with an invalid value."""
 
 
 @dataclass(frozen=True)
 class Cure:
-    """What else may be said where a number is too small, such as that null is possible."""
+    """Words that end the sentence about a number that is too small, such as that null is allowed."""
 
     words: str
 
@@ -56,7 +56,7 @@ def _pair(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    """Refuse what is no rigid body's inertia matrix: symmetric, positive definite, moments of a real mass."""
+    """Raise ValueError unless it is symmetric, positive definite and obeys the triangle inequality."""
     if len(rows) != 3 or any(len(row) != 3 for row in rows):
         raise ValueError(f"{{key}} is {rows}; it must be three rows of three numbers in kg m^2")
     matrix = np.array(rows, dtype=np.float64)
@@ -98,20 +98,20 @@ NotNegativeInterval = Annotated[tuple[NotNegative, ...], AfterValidator(_pair)]
 
 
 def within(key: str, value: float, low: float, high: float, unit: str = "") -> None:
-    """Refuse what lies outside [low, high]."""
+    """Raise SettingError if a value is outside [low, high]."""
     if not low <= value <= high:
         raise SettingError(f"{key} is {value}; it must be {expected(low, high)}{in_unit(unit)}")
 
 
 def expected(low: float | None, high: float) -> str:
-    """Say in which bounds a number is expected."""
+    """Return the allowed range in words."""
     if low is None:
         return f"at most {high:g}"
     return f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
 
 
 def ascending(low_key: str, low: float, high_key: str, high: float, unit: str) -> None:
-    """Refuse two bounds of which the second is not the greater."""
+    """Raise SettingError unless the second bound is greater."""
     if not low < high:
         raise SettingError(
             f"{low_key} is {low} and {high_key} is {high}; the first must be less than the second"
@@ -120,7 +120,7 @@ def ascending(low_key: str, low: float, high_key: str, high: float, unit: str) -
 
 
 def divides(key: str, period_s: float, whole_key: str, whole_s: float) -> None:
-    """Refuse a period that does not fit a whole number of times."""
+    """Raise SettingError unless a period fits a whole number of times."""
     ratio = whole_s / period_s
     if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
         fitting = whole_s / max(1, round(ratio))
@@ -131,7 +131,7 @@ def divides(key: str, period_s: float, whole_key: str, whole_s: float) -> None:
 
 
 def shell(group: str, low_m: float, high_m: float) -> None:
-    """Refuse a shell of distances that is inside out."""
+    """Raise SettingError if a shell's inner radius exceeds its outer radius."""
     if not low_m <= high_m:
         raise SettingError(
             f"{group}.min_distance_m is {low_m} and {group}.max_distance_m is {high_m}; the first must not "
@@ -140,5 +140,5 @@ def shell(group: str, low_m: float, high_m: float) -> None:
 
 
 def in_unit(unit: str) -> str:
-    """Return a unit as it stands behind a sentence."""
+    """Return a unit in brackets, nothing where there is none."""
     return f" ({unit})" if unit else ""

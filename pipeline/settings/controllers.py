@@ -61,7 +61,7 @@ class Lqr(Ring):
 @settings(FREE)
 @dataclass(frozen=True, kw_only=True)
 class RecedingHorizon(Ring):
-    """A controller that solves a linear program again and again to come to a ring at the least fuel."""
+    """Model predictive control: solves a linear program again and again to reach a ring with minimum fuel."""
 
     first_horizon_s: Annotated[
         Positive, Field(description="looked ahead at the start, s; its end stays until horizon_s is farther")

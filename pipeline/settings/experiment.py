@@ -41,7 +41,7 @@ from pipeline.settings.mission import (
     Sensor,
     Sun,
 )
-from pipeline.settings.nearest import did_you_mean
+from pipeline.settings.nearest import choices_of, did_you_mean
 from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
@@ -73,7 +73,7 @@ __all__ = [
 #: in the order in which they run: each reads what those before it have written
 STAGES = ("scenario", "train", "evaluate", "record", "optimum", "compare", "report")
 
-#: the plans of least fuel that come with the program, as a value of ``optimum.reference``
+#: the minimum-fuel plans that come with the program, as a value of ``optimum.reference``
 SHIPPED = "shipped"
 
 
@@ -98,7 +98,7 @@ class MonteCarlo:
 @settings("optimum")
 @dataclass(frozen=True, kw_only=True)
 class Optimum:
-    """The plan of least fuel, made with the whole flight known."""
+    """Minimum-fuel plans, computed with the whole flight known in advance."""
 
     cases: Annotated[
         Literal["evaluation", "start"],
@@ -126,7 +126,7 @@ class Compare:
     safety: tuple[Text, ...]
 
     def __post_init__(self) -> None:
-        """Check that the table has rows, and that they can be told apart."""
+        """Check that the table has rows, and that no two are the same."""
         known = {"suns": ("fixed", "random", "mixed"), "safety": ("none", "filter")}
         for name in ("controllers", "suns", "safety"):
             values = getattr(self, name)
@@ -242,12 +242,7 @@ class Experiment:
             raise SettingError(f"stages is empty; name at least one of {', '.join(STAGES)}")
         for stage in self.stages:
             if stage not in STAGES:
-                guess = did_you_mean(stage, STAGES)
-                raise SettingError(
-                    f"stages has {stage!r}"
-                    + (f"{guess} The" if guess else "; the")
-                    + f" stages are {', '.join(STAGES)}"
-                )
+                raise SettingError(f"stages has {stage!r}{choices_of(stage, STAGES, 'stages')}")
         if list(self.stages) != sorted(set(self.stages), key=STAGES.index):
             raise SettingError(
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "

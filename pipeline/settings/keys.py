@@ -1,4 +1,4 @@
-"""Keys of the configuration: which there are, dotted, and the units that their ends tell."""
+"""The dotted keys of the configuration, their units, and what they were called before."""
 
 import copy
 from collections.abc import Iterable, Mapping

@@ -1,6 +1,6 @@
 """The right word nearest to a wrong one, for messages."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 #: so many equal letters at the beginning count as likeness
@@ -29,6 +29,12 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     lasts = {name[2]: key for key, name in names.items()}
     found = get_close_matches(last, lasts, n=1)
     return lasts[found[0]] if found else None
+
+
+def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
+    """Return ``; did you mean …? The choices are …``, for choices that may be called something else."""
+    guess = did_you_mean(word, known)
+    return (f"{guess} The" if guess else "; the") + f" {plural} are {', '.join(known)}"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

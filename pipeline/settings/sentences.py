@@ -1,4 +1,4 @@
-"""What pydantic refuses, in sentences: the fact, what is expected and how to get there."""
+"""Turns pydantic's validation errors into sentences: the fact, the expectation and the cure."""
 
 import math
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ def names_of(kind: Any) -> list[str]:
 
 
 def sentence(kind: Any, group: str, error: ValidationError) -> str:
-    """Say what was refused; what is not known comes before what is missing, and that before the rest.
+    """Describe the first error: unknown keys before missing ones, and those before invalid values.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
 
 
 def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any]) -> str:
-    """Say what a value is and what it must be."""
+    """Return what a value is and what it must be."""
     value = fault["input"]
     match fault["type"]:
         case "dataclass_type":
@@ -72,7 +72,7 @@ def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any])
 
 
 def _limited(key: str, value: float, broken: Mapping[str, float], metadata: list[Any]) -> str:
-    """Say between which limits a number must be."""
+    """Return a number and its allowed range."""
     limits = dict(broken)
     for one in metadata:
         limits |= {name: getattr(one, name) for name in ("gt", "ge", "le") if hasattr(one, name)}

@@ -33,9 +33,9 @@ from pipeline.flight.world import inspection_points
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables
+from pipeline.run.progress import Progress
 from pipeline.settings.experiment import UNGUARDED, Experiment, Mission
 
-SECONDS_BETWEEN_LINES = 5.0
 #: flights between two looks at the clock
 PART = 100
 
@@ -70,7 +70,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _solved(experiment: Experiment) -> Solved | None:
-    """Return the plans of least fuel for a Sun setting; without them say why, once."""
+    """Return the minimum-fuel plans for a Sun setting, or print why there are none."""
     try:
         return solved_for(experiment)
     except IncomparableError as reason:
@@ -119,15 +119,13 @@ def _fly(
     mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None, label: str
 ) -> dict[str, Column]:
     """Fly all starts part by part, with a line now and then and one at the end."""
-    started = last_line = time.perf_counter()
+    started = time.perf_counter()
     parts: list[Outcomes] = []
-    for first in range(0, len(scenarios), PART):
-        parts.append(fly_all(mission, controller, scenarios[first : first + PART], workers))
-        now, done = time.perf_counter(), min(first + PART, len(scenarios))
-        if now - last_line > SECONDS_BETWEEN_LINES and done < len(scenarios):
-            last_line = now
-            left = (now - started) / done * (len(scenarios) - done)
-            sys.stderr.write(f"  {label}: {done}/{len(scenarios)}, {left:.0f} s left\n")
+    with Progress(f"{label}:", len(scenarios), 0) as progress:
+        for first in range(0, len(scenarios), PART):
+            parts.append(fly_all(mission, controller, scenarios[first : first + PART], workers))
+            if (done := first + PART) < len(scenarios):
+                progress.show(done)
     outcomes = Outcomes(
         **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
     )

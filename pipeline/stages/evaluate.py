@@ -62,7 +62,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
-    """Fly the cases whose plans of least fuel are known; return what it comes to, or why it was not done."""
+    """Fly the cases with known minimum-fuel plans; return the comparison, or why there is none."""
     path = folder / artifacts.BESIDE_OPTIMUM
     try:
         solved = solved_for(experiment)

@@ -1,7 +1,6 @@
-"""Find for each case a plan of least fuel, made with the whole flight known: optimum/."""
+"""Compute a minimum-fuel plan for each case, with the whole flight known in advance: optimum/."""
 
 import sys
-import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from os import cpu_count
@@ -19,12 +18,11 @@ from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import terms_of
 from pipeline.run import artifacts, tables
+from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
 
 Floats = NDArray[np.float64]
 CaseRow = dict[str, Any]
-
-SECONDS_BETWEEN_LINES = 5.0
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -37,22 +35,15 @@ def run(experiment: Experiment, folder: Path) -> None:
             f"{folder / artifacts.OPTIMUM_CASES}\n"
         )
     left = [case for case in range(len(scenarios)) if case not in rows]
-    started = last_line = time.perf_counter()
     workers = experiment.optimum.workers or cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(workers) as pool, Progress("solved", len(scenarios), len(rows)) as progress:
         futures = {pool.submit(_solve, experiment, case, scenarios[case]): case for case in left}
         try:
-            for done, future in enumerate(as_completed(futures), start=1):
+            for future in as_completed(futures):
                 case = futures[future]
                 rows[case] = _keep(experiment, folder, case, scenarios[case], future.result())
                 write_cases(folder, rows)
-                now = time.perf_counter()
-                if now - last_line > SECONDS_BETWEEN_LINES or done == len(left):
-                    last_line = now
-                    seconds = (now - started) / done * (len(left) - done)
-                    sys.stderr.write(
-                        f"  {len(rows)}/{len(scenarios)}, {_told(rows[case])}, {seconds:.0f} s left\n"
-                    )
+                progress.show(len(rows), _told(rows[case]))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -111,7 +102,7 @@ def write_cases(folder: Path, rows: Mapping[int, CaseRow]) -> None:
 
 
 def _told(row: CaseRow) -> str:
-    """Say how a case ended."""
+    """Say how solving a case ended."""
     if not row["is_feasible"]:
         return (
             f"case {row['case']} has no plan: {row['inspected_count']} of {row['points_asked']} points, "

@@ -88,7 +88,7 @@ def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
 
 
 def _last_round(folder: Path) -> int:
-    """Return the last round that training came to, which may have been interrupted; the first without any."""
+    """Return the last round of training, finished or not; 0 without training."""
     is_there = (folder / artifacts.HISTORY).exists()
     return int(tables.read_parquet(folder, artifacts.HISTORY)["round"][-1]) if is_there else 0
 

@@ -44,7 +44,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
     kept: list[Generation] = []
     flights = ChampionFlights(experiment, genome)
-    with TrainingProgress(experiment) as progress:
+    with TrainingProgress(experiment.optimizer) as progress:
 
         def keep(history: Sequence[Generation]) -> None:
             kept[:] = history
@@ -52,7 +52,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             if flights.add(history):
                 tables.write_parquet(folder / artifacts.CHAMPION_TRAJECTORIES, flights.columns())
             write_history(folder, history)
-            progress.show(history[-1])
+            progress.show_generation(history[-1])
 
         try:
             result = evolve_rounds(

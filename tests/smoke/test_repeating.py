@@ -57,7 +57,7 @@ def heeded_interrupt():
 
 @pytest.mark.usefixtures("heeded_interrupt")
 def test_an_interrupted_training_goes_on_as_if_nothing_had_been(first, tmp_path, monkeypatch, capsys):
-    show = train.TrainingProgress.show
+    show = train.TrainingProgress.show_generation
 
     def show_and_interrupt(self, generation):
         show(self, generation)
@@ -67,7 +67,7 @@ def test_an_interrupted_training_goes_on_as_if_nothing_had_been(first, tmp_path,
     folder = tmp_path / "interrupted"
     words = [*TRAINING, *ONE_WORKER, f"hydra.run.dir={folder}"]
     with monkeypatch.context() as patched:
-        patched.setattr(train.TrainingProgress, "show", show_and_interrupt)
+        patched.setattr(train.TrainingProgress, "show_generation", show_and_interrupt)
         assert main(words) == 130
     assert f"python -m pipeline resume={folder}" in capsys.readouterr().err
     assert artifacts.read_manifest(folder)["finished_stages"] == ["scenario"]

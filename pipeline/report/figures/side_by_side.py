@@ -1,4 +1,4 @@
-"""Two flights of one case side by side: a controller's and the plan of least fuel."""
+"""Two flights of one case side by side: the controller's and the minimum-fuel plan."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A controller beside the plans of least fuel, case by case: delta-v and points of each."""
+"""A controller and the minimum-fuel plans, case by case: delta-v and inspected points."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 FLIGHT_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE, INK)
 HILL_AXES = ("radial i", "along-track j", "cross-track k")
-#: up to so many flights are told apart
+#: up to this many flights have colours of their own
 MOST_TOLD_APART = len(FLIGHT_COLOURS)
 
 

@@ -160,7 +160,7 @@ def test_an_interrupt_leaves_the_champion_so_far(
 
     run = prepared(tmp_path).experiment
     with monkeypatch.context() as patched:
-        patched.setattr(TrainingProgress, "show", interrupt)
+        patched.setattr(TrainingProgress, "show_generation", interrupt)
         with pytest.raises(KeyboardInterrupt):
             train.run(run, tmp_path)
     provenance = dict(serialize.load(tmp_path / artifacts.CHAMPION).provenance)

@@ -1,0 +1,74 @@
+"""Shows the progress of a long step: a bar on a terminal, a line every few seconds elsewhere."""
+
+import math
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.progress import Progress as Bar
+
+SECONDS_BETWEEN_LINES = 5.0
+
+
+class Progress:
+    """Progress and time left, on standard error.
+
+    Parameters
+    ----------
+    what : str
+        What is counted, such as ``generation``.
+    total : int
+    done : int, optional
+        How many were done before; by default all but one of those shown first.
+    """
+
+    def __init__(self, what: str, total: int, done: int | None = None) -> None:
+        self._what, self._total, self._done_before = what, total, done
+        self._started, self._last_line = time.perf_counter(), -math.inf
+        console = Console(stderr=True)
+        self._bar = Bar(
+            TextColumn("  {task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(elapsed_when_finished=False),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task(what, total=total, completed=done or 0)
+
+    def __enter__(self) -> Self:
+        """Start drawing."""
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop drawing."""
+        self._bar.stop()
+
+    def show(self, done: int, text: str = "") -> None:
+        """Show how many are done, and a text about the last one."""
+        if not self._bar.disable:
+            self._bar.update(self._task, completed=done, description=text or self._what)
+            return
+        if self._done_before is None:
+            self._done_before = done - 1
+        now = time.perf_counter()
+        if now - self._last_line >= SECONDS_BETWEEN_LINES or done == self._total:
+            self._last_line = now
+            left = (now - self._started) / (done - self._done_before) * (self._total - done)
+            told = f"  {self._what} {done}/{self._total}, {text}, {left:.0f} s left\n"
+            sys.stderr.write(told.replace(", , ", ", "))
+            sys.stderr.flush()
