@@ -28,7 +28,7 @@ class FlightLog(NamedTuple):
     Samples run over k = 0 … K, controls over k = 0 … K-1. All axes are Hill's unless a name says otherwise.
     P is the number of inspection points, F the number of fuzzy systems.
 
-    Parameters
+    Attributes
     ----------
     position_m, velocity_m_s : (K+1, 3)
     quaternion_b_from_h : (K+1, 4)
