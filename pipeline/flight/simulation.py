@@ -33,6 +33,7 @@ def make_workspace(world: World) -> Workspace:
         candidate=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
+        looks=np.zeros((5, width)),
         signals=np.zeros(len(SIGNALS) * LANES),
         passing=np.zeros(4 * LANES),
         inputs=np.zeros(3 * LANES),

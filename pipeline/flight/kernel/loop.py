@@ -63,6 +63,7 @@ from pipeline.flight.kernel.attitude import aim_plainly, clip, turn_deputies
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
+from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import FlightLog
@@ -74,6 +75,7 @@ from pipeline.flight.signals import (
     HILL,
     ORBIT,
     PREVIEW,
+    SETTING,
     URGENCY,
     constant,
     slot,
@@ -284,7 +286,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
-    if law.needs & URGENCY:
+    if law.needs & (URGENCY | SETTING):
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
     target, count = np.zeros(3), 0
@@ -306,6 +308,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             decide_to_coast(world, law, values, work)
         if law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+        if law.needs & SETTING:
+            sense_push(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]
