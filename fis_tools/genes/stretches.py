@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.packing import Packed, pack
-from fis_tools.genes.reduction import GREATEST_GAIN, plane_gains, plane_terms
+from fis_tools.genes.reduction import plane_gains, plane_terms
 from fis_tools.model import FuzzySystem, Term, Variable, rule_table, table_rules
 
 Floats = NDArray[np.float64]
 
+#: with more, a step from one term of an input to the next would move the output by more than half its range
+GREATEST_GAIN = 1.0
 #: further digits of the terms' own numbers, which are parts of the rounded range
 MORE_DIGITS = 2
 
@@ -108,7 +110,9 @@ class Stretches:
             if self.has_planes:
                 gains = plane_gains(system, table.astype(np.float64))
                 genes += list(0.5 + 0.5 * gains / GREATEST_GAIN)
-            for before, now in zip((*own.inputs, *own.outputs), (*system.inputs, *system.outputs), strict=True):
+            for before, now in zip(
+                (*own.inputs, *own.outputs), (*system.inputs, *system.outputs), strict=True
+            ):
                 genes.append(float(np.log(now.maximum / before.maximum / low) / np.log(high / low)))
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
 

@@ -97,7 +97,9 @@ class Workspace(NamedTuple):
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
     deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
-    looks: Floats  # (5, P padded) of the cheapest look at each point: its cost, how short it falls, its slopes
+    looks: (
+        Floats  # (5, P padded) of the cheapest look at each point: its cost, how short it falls, its slopes
+    )
     signals: Floats  # (signals * LANES,) in the order of `pipeline.flight.signals.SIGNALS`
     passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
     inputs: Floats  # (3 * LANES,)

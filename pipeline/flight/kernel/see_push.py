@@ -96,7 +96,9 @@ def look_from(
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def fitted_push(work: Workspace, lane: int, now: float, rate: float, damping: float) -> tuple[float, float, float]:
+def fitted_push(
+    work: Workspace, lane: int, now: float, rate: float, damping: float
+) -> tuple[float, float, float]:
     """Return the push, m/s, that brings all looks sought nearest to showing their points, damped.
 
     Solves ``(damping I + sum w g g^T) dv = sum w g short`` by Cramer's rule.

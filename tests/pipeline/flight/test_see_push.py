@@ -9,8 +9,8 @@ from scipy.linalg import expm
 
 from pipeline.flight.controller import ControllerError, constants_of, from_fuzzy
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.signals import constant
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.cases import SEEING, STARTS, mission
 from tests.pipeline.flight.missions import MEAN_MOTION as N
@@ -27,7 +27,8 @@ SYSTEM[3, 0], SYSTEM[3, 4], SYSTEM[4, 3], SYSTEM[5, 2] = 3 * N**2, 2 * N, -2 * N
 OVER = np.array([expm(60.0 * step * SYSTEM) for step in range(61)])
 #: from where much sets unseen: behind the Sun's way
 BEHIND = [
-    Scenario(65.0 * np.array([np.cos(angle), np.sin(angle), 0.3]), np.zeros(3), 0.0) for angle in (3.7, 4.4, 5.1)
+    Scenario(65.0 * np.array([np.cos(angle), np.sin(angle), 0.3]), np.zeros(3), 0.0)
+    for angle in (3.7, 4.4, 5.1)
 ]
 
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.flight.controller import ControllerError, constants_of, from_fuzzy
 from pipeline.flight.log import FlightLog
-from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.signals import constant
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.cases import HURRYING, STARTS, mission
 
