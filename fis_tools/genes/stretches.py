@@ -1,4 +1,4 @@
-"""Few genes that keep a controller as easy to read as it is: ranges stretch, tables lean, numbers are rounded.
+"""Few genes that keep a controller easy to read: ranges stretch, tables lean, numbers are rounded.
 
 The range of every variable is stretched about zero with all its terms, so that their shapes, their order and
 what they share stay as drawn: terms that hold every value by a half, each alone at its peak, do so whatever

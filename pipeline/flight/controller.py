@@ -214,8 +214,8 @@ def constants_of(controller: Controller) -> Floats:
             least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
     needs = needs_of(sensed_by(controller))
-    for kind, signals, name, meaning in REQUIRED:
-        if needs & kind and values[constant(name)] == 0.0:
+    for flags, signals, name, meaning in REQUIRED:
+        if needs & flags and values[constant(name)] == 0.0:
             raise ControllerError(
                 f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
                 f"attribute, {meaning}"

@@ -99,8 +99,8 @@ class Encoding:
         """Check the bounds that a range of their own limits, and that stretched systems have genes."""
         if self.stretch is not None and self.rules == "free":
             raise SettingError(
-                "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch with "
-                "rules=planes or rules=fixed: choose one of them, or set stretch=null"
+                "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch "
+                "with rules=planes or rules=fixed: choose one of them, or set stretch=null"
             )
         for place, value in enumerate(self.standard_deviation_fraction):
             checks.within(f"optimizer.encoding.standard_deviation_fraction[{place}]", value, 0.0, 1.0)

@@ -131,11 +131,15 @@ def _systems_of(
 ) -> tuple[SystemEncoding | Stretches, Planes | KeptRules | None]:
     """Return what the genes of the systems are, and what they are where they are fewer."""
     if settings.stretch is not None:
-        return Stretches(fuzzy.systems, settings.stretch, settings.rules == "planes", settings.digits), None
+        least, greatest = settings.stretch
+        factors, has_planes = (least, greatest), settings.rules == "planes"
+        return Stretches(fuzzy.systems, factors, has_planes, settings.digits), None
+    least, greatest = settings.standard_deviation_fraction
+    shortest, longest = settings.output_range_n
     bounds = Bounds(
         mean_window=settings.mean_window,
-        standard_deviation=settings.standard_deviation_fraction,
-        output_reach=settings.output_range_n,
+        standard_deviation=(least, greatest),
+        output_reach=(shortest, longest),
     )
     systems = SystemEncoding(fuzzy.systems, bounds)
     if settings.rules == "planes":

@@ -1,8 +1,7 @@
-"""The push that would still show the deputies of all lanes what coasting misses and what is soon dark for good.
+"""The push that would still show the deputies of all lanes what coasting misses and is soon dark for good.
 
-Of every such point the cheapest look on the coasting path is sought; one regularised least-squares push serves
-them all. The derivation is on the page on signals; written out plainly in
-`pipeline.flight.reference.see_push`.
+Of every such point the cheapest look on the coasting path is sought; one regularised least-squares push
+serves them all. The page on signals derives it. Written out plainly in `pipeline.flight.reference.see_push`.
 """
 
 from math import cos, exp, sin, sqrt
@@ -129,7 +128,7 @@ def fitted_push(
 def sense_push(
     world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
 ) -> None:
-    """Write the push that shows what sets, and the aim, of every lane that may fire; of all where it is logged."""
+    """Write the push that shows what sets, and the aim, of lanes that may fire; of all where it is logged."""
     signals, now, n = work.signals, world.control_period * k, world.mean_motion
     turned_cos, turned_sin = cos(n * now), sin(n * now)
     look_turn = n * world.control_period * world.look_stride

@@ -33,9 +33,9 @@ def cheapest_looks(
 ) -> Floats:
     """Return for each point sought how short the cheapest look falls and how a push lengthens it.
 
-    Looks are taken every `look_stride` control periods of free motion, at lit points. A look at a point from a
-    place falls short of the point's horizon by ``R - u r``, with u the point's direction; a push changes it by
-    the slopes g. It is cheapest where the least push, ``short / |g|``, is.
+    Looks are taken every `look_stride` control periods of free motion, at lit points. A look at a point from
+    a place falls short of the point's horizon by ``R - u r``, with u the point's direction; a push changes it
+    by the slopes g. It is cheapest where the least push, ``short / |g|``, is.
 
     Parameters
     ----------
