@@ -122,4 +122,4 @@ def push_of(looks: Floats, last_lit: Floats, time: float, urgency_time: float, d
             weight = exp(-(last_lit[i] - time) / urgency_time)
             matrix += weight * np.outer(slope, slope)
             right += weight * short * slope
-    return np.linalg.solve(matrix, right)
+    return np.linalg.solve(matrix, right).astype(np.float64)
