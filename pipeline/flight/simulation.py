@@ -35,6 +35,7 @@ def make_workspace(world: World) -> Workspace:
         candidate=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
+        looks=np.zeros((5, width)),
         signals=np.zeros((len(SIGNALS), LANES)),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),

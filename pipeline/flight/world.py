@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.vectors import padded
 from pipeline.flight.kernel.arrays import POINTS, World
 from pipeline.flight.kernel.safety import guard_of
-from pipeline.flight.preview import preview_stride
+from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
@@ -62,7 +62,7 @@ def pack_world(mission: Mission) -> World:
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
-    stride = preview_stride(mission)
+    stride, look = preview_stride(mission), look_stride(mission)
     return World(
         num_controls=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,
@@ -77,6 +77,10 @@ def pack_world(mission: Mission) -> World:
         orbit_parts=orbit_parts(orbit, deputy),
         preview_stride=stride,
         strides=motion_over(orbit, deputy, [count * period for count in range(stride + 1)]),
+        look_stride=look,
+        looks=motion_over(
+            orbit, deputy, [count * period for count in range(0, mission.num_controls + 1, look)]
+        ),
         points=placed,
         num_points=len(points),
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),

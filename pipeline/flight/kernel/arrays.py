@@ -53,6 +53,8 @@ class World(NamedTuple):
     orbit_parts: Motion  # over parts of an orbit
     preview_stride: int  # control periods between the samples of a preview
     strides: Motion  # over 0, 1, … preview_stride control periods
+    look_stride: int  # control periods between the looks of a push that shows what sets
+    looks: Motion  # over 0, 1, … of these strides, to the flight's end
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
     num_points: int
     sight: Sight
@@ -130,6 +132,7 @@ class Workspace(NamedTuple):
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
     deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
+    looks: Floats  # (5, P padded) of the cheapest look at each point: cost, how short it falls, slopes
     signals: Floats  # (signals, LANES) in the order of `pipeline.flight.signals.SIGNALS`
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)

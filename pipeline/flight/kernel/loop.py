@@ -35,6 +35,7 @@ from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import four, one, three, write_four, write_three
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
+from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import FlightLog
@@ -46,6 +47,7 @@ from pipeline.flight.signals import (
     HILL,
     ORBIT,
     PREVIEW,
+    SETTING,
     URGENCY,
     constant,
     slot,
@@ -256,7 +258,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
-    if law.needs & URGENCY:
+    if law.needs & (URGENCY | SETTING):
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
     for k in range(world.num_controls + 1):
@@ -278,6 +280,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+        if decides and law.needs & SETTING:
+            sense_push(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
                 tracks[flight + lane, k, component] = lanes.position[component, lane]
