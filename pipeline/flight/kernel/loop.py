@@ -14,20 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES, infer
+from fis_tools.engines.kernel import LANES
 from pipeline.flight.kernel.arrays import (
     ACTED,
     BEYOND,
-    COASTS,
     CORRECTED,
     DELTA_V,
     FARTHEST,
     FX,
     FY,
     FZ,
-    GX,
-    GY,
-    GZ,
     INSPECTED,
     LEFT,
     MAX_DISTANCE,
@@ -59,23 +55,20 @@ from pipeline.flight.kernel.arrays import (
     Workspace,
     World,
 )
-from pipeline.flight.kernel.attitude import aim_plainly, clip, turn_deputies
+from pipeline.flight.kernel.attitude import aim_plainly, turn_deputies
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import FlightLog
 from pipeline.flight.signals import (
     ANGLES,
     APPROACH,
-    BODY,
-    DEAD_BAND,
-    HILL,
     ORBIT,
     PREVIEW,
     URGENCY,
-    constant,
     slot,
 )
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -84,9 +77,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LAMBDA_U, ETA_U, MISSED = slot("lambda_u"), slot("eta_u"), slot("missed")
-COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
-COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -103,90 +94,6 @@ def move(world: World, lanes: Floats) -> None:
         ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
         lanes[RX + i], lanes[RY + i], lanes[RZ + i] = px, py, pz
         lanes[VX + i], lanes[VY + i], lanes[VZ + i] = ux, uy, uz
-
-
-@compiled(error_model="numpy")
-def may_coast(law: Law, values: Floats) -> bool:
-    """Tell whether a controller coasts where that shows enough."""
-    return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
-
-
-@compiled(error_model="numpy")
-def is_decision(law: Law, k: int) -> bool:
-    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
-    return k % law.decision_stride == 0
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
-    """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
-    lanes, signals = work.lanes, work.signals
-    for i in range(LANES):
-        lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
-    if may_coast(law, values):
-        most = values[law.constants + COAST_BELOW]
-        nearest = world.min_distance + values[law.constants + COAST_MARGIN]
-        farthest = world.max_distance - values[law.constants + COAST_MARGIN]
-        for i in range(LANES):
-            if (
-                signals[LANES * MISSED + i] < most
-                and signals[LANES * COASTING_NEAREST + i] >= nearest
-                and signals[LANES * COASTING_FARTHEST + i] <= farthest
-            ):
-                lanes[COASTS + i] = 1.0
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
-    world: World,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    work: Workspace,
-    num_lanes: int,
-    log: FlightLog,
-    k: int,
-) -> None:
-    """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
-    lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
-    is_logged = len(log.position_m) > 0
-    for i in range(3 * LANES):
-        lanes[GX + i] = 0.0
-    if law.has_plan:
-        for axis in range(3):
-            for i in range(LANES):
-                lanes[GX + LANES * axis + i] = law.plan[k, axis]
-    elif is_decision(law, k):
-        for system in range(len(law.axes)):
-            for place in range(3):
-                signal = LANES * law.signals[system, place]
-                for i in range(LANES):
-                    inputs[LANES * place + i] = signals[signal + i]
-            infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
-            force = GX + LANES * law.axes[system]
-            dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
-            for i in range(num_lanes):
-                is_still = lanes[COASTS + i] > 0.0 or abs(outputs[i]) < dead_band
-                lanes[force + i] += 0.0 if is_still else outputs[i]
-            if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
-                log.is_decided[k] = True
-                log.fis_output_n[k, system] = outputs[0]
-                for place in range(law.num_inputs[system]):
-                    log.fis_input[k, system, place] = inputs[LANES * place]
-    for i in range(LANES):
-        gx, gy, gz = lanes[GX + i], lanes[GY + i], lanes[GZ + i]
-        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-        fx, fy, fz = gx, gy, gz
-        if law.force_axes == BODY:
-            fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
-            fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
-            fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
-            fy += 2 * (q2 * q3 - q1 * q4) * gz
-            fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
-            fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
-        lanes[FX + i] = clip(fx, world.max_force)
-        lanes[FY + i] = clip(fy, world.max_force)
-        lanes[FZ + i] = clip(fz, world.max_force)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -213,19 +120,6 @@ def write_sample(
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0
     log.delta_v_m_s[k] = lanes[SPENT]
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
-def write_force(work: Workspace, law: Law, log: FlightLog, k: int, dcm: Floats) -> None:
-    """Log the force of lane 0: as asked for in body axes, and as applied."""
-    for row in range(3):
-        log.force_hill_n[k, row] = work.lanes[FX + LANES * row]
-        asked = work.lanes[GX + LANES * row]
-        if law.force_axes == HILL:
-            asked = 0.0
-            for column in range(3):
-                asked += dcm[row, column] * work.lanes[GX + LANES * column]
-        log.force_body_n[k, row] = asked
 
 
 @compiled(error_model="numpy")
@@ -324,7 +218,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
-            write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
+            write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         turn_deputies(world, work, num_lanes, log, k)
         move(world, lanes)
 
