@@ -11,17 +11,22 @@ from typing import Final
 
 from fis_tools.model.systems import FuzzyController
 
-#: what happened to a component of the force over a control period; recordings hold it as one of these words
+#: what became of a component of the force over a control period: the word in a recording, and in a sentence
 REASONS: Final = {
-    "fired": "what was asked for was fired",
-    "silent": "nothing was asked for",
-    "dead_band": "what was asked for was smaller than the dead band, and not fired",
-    "waiting": "the control period lies between two decisions: nothing was inferred or fired",
-    "coasting": "coasting shows enough: nothing was inferred or fired",
+    "fired": "it was fired",
+    "silent": "nothing was asked for or fired",
+    "dead_band": "less than the dead band, it was not fired",
+    "waiting": "between two decisions nothing is inferred or fired",
+    "coasting": "coasting to the end shows enough: nothing was inferred or fired",
     "complete": "every point is inspected: nothing was inferred or fired",
     "clipped": "it was fired as far as the thruster goes",
     "safety": "the safety layer fired something else",
 }
+
+#: where the output of a system counts: what it asked for was fired, as far as the thruster goes
+COUNTED: Final = ("fired", "clipped")
+#: of a recording that gives no reasons
+UNKNOWN: Final = "unknown"
 
 #: components that a system's output may be named after
 COMPONENTS: Final = ("force_x", "force_y", "force_z")

@@ -84,7 +84,7 @@ def _own_message(message_class: type[Message]) -> Callable[[Sequence[bytes]], Co
     return decode_own
 
 
-def _value(message: Message, field: FieldDescriptor) -> Any:
+def _value(message: Message, field: Any) -> Any:
     if field.has_presence and not message.HasField(field.name):
         return np.nan
     return getattr(message, field.name)
@@ -99,7 +99,7 @@ def _attitude_history(payloads: Sequence[bytes]) -> Columns:
     return columns
 
 
-def _field(values: list[Any], field: FieldDescriptor) -> NDArray[np.generic]:
+def _field(values: list[Any], field: Any) -> NDArray[np.generic]:
     if field.type == FieldDescriptor.TYPE_BYTES:
         return _rectangle(values, field.name, np.dtype(np.uint8)).astype(np.bool_)
     if field.enum_type is not None:

@@ -251,7 +251,7 @@ class EpisodeWriter:
             force_body_n=row(force_body_n, 3, "force_body_n"),
             force_hill_n=row(force_hill_n, 3, "force_hill_n"),
             force_asked_n=row(force_asked_n, 3, "force_asked_n"),
-            reason=[int(one) for one in row(reason, 3, "reason")],
+            reason=[topics.Reason(int(one)).name for one in row(reason, 3, "reason")],
         )
         if foreseen is not None:
             missed, nearest, farthest = row(foreseen, 3, "foreseen")

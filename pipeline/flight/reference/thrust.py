@@ -31,7 +31,8 @@ DECISION_PERIOD = constant("decision_period_s")
 
 def is_decision(channels: Channels, world: PlainWorld, k: int) -> bool:
     """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
-    return k % max(1, round(channels.constants[DECISION_PERIOD] / world.control_period)) == 0
+    stride = max(1, round(float(channels.constants[DECISION_PERIOD]) / world.control_period))
+    return k % stride == 0
 
 
 def may_coast(channels: Channels) -> bool:
