@@ -13,7 +13,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.extras import MissingExtra
-from fis_tools.model.thrust import COMPONENTS, COUNTED, UNKNOWN
+from fis_tools.model.thrust import COUNTED, UNKNOWN
 
 if TYPE_CHECKING:
     from telemetry.file.reader import Recording, TopicColumns
@@ -158,7 +158,7 @@ def _period(flown: FlownSystem, start_s: float, recording: "Recording") -> Perio
     rows = np.flatnonzero(flown.time_s == start_s)
     if len(rows):
         return Period(flown, start_s, str(flown.reason[rows[0]]), int(rows[0]))
-    reason = _reasons(recording, flown.system, np.array([start_s]))[0]
+    reason = recording.reasons(flown.system.outputs[0].name, np.array([start_s]))[0]
     return Period(flown, start_s, str(reason), None)
 
 
@@ -275,7 +275,7 @@ def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
             )
         columns[field] = values.reshape(count, width)
     output = np.asarray(messages["output_n"], dtype=np.float64)
-    reason = _reasons(recording, system, messages.time_s)
+    reason = recording.reasons(system.outputs[0].name, messages.time_s)
     return FlownSystem(
         system, messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason
     )
@@ -284,18 +284,3 @@ def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
 def _control_of(recording: "Recording") -> "TopicColumns | None":
     control = recording.topics.get(CONTROL_TOPIC)
     return control if control is not None and len(control) else None
-
-
-def _reasons(recording: "Recording", system: FuzzySystem, time_s: Floats) -> Words:
-    """Return what became of a system's output at some times; by the force alone in a log without reasons."""
-    control = _control_of(recording)
-    name = system.outputs[0].name
-    if control is None or name not in COMPONENTS or not np.isin(time_s, control.time_s).all():
-        return np.full(len(time_s), UNKNOWN)
-    rows = np.searchsorted(control.time_s, time_s)
-    reasons = np.asarray(control["reason"], dtype=np.str_)
-    if reasons.shape[1] != len(COMPONENTS):
-        is_fired = np.asarray(control["force_hill_n"]).any(axis=1)
-        return np.where(is_fired, UNKNOWN, "silent")[rows]
-    found: Words = reasons[rows, COMPONENTS.index(name)]
-    return found

@@ -7,9 +7,9 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
 from grpc_tools import protoc
 
-from fis_tools.model.thrust import REASONS
+from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
 from telemetry.file.schema import generate, inspection_pb2
-from telemetry.file.topics import Reason
+from telemetry.file.topics import FIRED, FORCE_COMPONENTS, Reason
 
 DOUBLE, FLOAT = FieldDescriptor.TYPE_DOUBLE, FieldDescriptor.TYPE_FLOAT
 UINT32, BYTES = FieldDescriptor.TYPE_UINT32, FieldDescriptor.TYPE_BYTES
@@ -95,4 +95,6 @@ def test_fields_are_those_of_the_contract(message: str) -> None:
 def test_reasons_are_those_of_the_thrust_logic() -> None:
     numbers = {value.name: value.number for value in inspection_pb2.Control.Reason.DESCRIPTOR.values}
     assert numbers == {reason.name: reason.value for reason in Reason}
-    assert [reason.name.lower() for reason in Reason] == ["unknown", *REASONS]
+    assert [reason.name.lower() for reason in Reason] == [UNKNOWN, *REASONS]
+    assert set(FIRED) == {*COUNTED, UNKNOWN}
+    assert FORCE_COMPONENTS == COMPONENTS
