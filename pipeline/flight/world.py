@@ -11,7 +11,7 @@ from pipeline.physics.inspection_points import fibonacci_placement, regular_plac
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import tumbling_step
-from pipeline.physics.visibility import sight_of
+from pipeline.physics.sight import sight_of
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

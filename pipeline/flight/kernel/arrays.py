@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
-from pipeline.physics.visibility import Sight
+from pipeline.physics.sight import Sight
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
