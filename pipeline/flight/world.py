@@ -11,7 +11,7 @@ from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.rigid_body import tumbling_step
+from pipeline.physics.rigid_body import tumble
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -37,17 +37,16 @@ def chief_attitudes(mission: Mission) -> Floats:
     inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
     inverse = np.linalg.inv(inertia).astype(np.float64)
     quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
-    steps = max(1, int(np.ceil(mission.control_period_s)))
     for k in range(1, len(attitudes)):
-        for _ in range(steps):
-            quaternion, rate_c = tumbling_step(
-                quaternion,
-                rate_c,
-                inertia,
-                inverse,
-                mission.orbit.mean_motion_rad_s,
-                mission.control_period_s / steps,
-            )
+        quaternion, rate_c = tumble(
+            quaternion,
+            rate_c,
+            inertia,
+            inverse,
+            mission.orbit.mean_motion_rad_s,
+            mission.control_period_s,
+            mission.num_chief_steps,
+        )
         attitudes[k] = quaternion
     return attitudes
 

@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
+from pipeline.physics.rigid_body import longest_tumbling_step
 from pipeline.settings import checks
 from pipeline.settings.checks import (
     Count,
@@ -22,6 +24,10 @@ from pipeline.settings.groups import settings
 
 #: beyond these a flight fills the memory of any computer
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
+#: a chief that takes more steps of its integrator in a flight turns too fast to be followed
+MOST_CHIEF_STEPS = 5_000_000
+#: the longest of these steps, s
+LONGEST_CHIEF_STEP_S = 1.0
 #: beyond so many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
@@ -195,6 +201,14 @@ class Mission:
                 f"period turns an error in rate into one {abs(1.0 - damping):.3g} times as great: lower one "
                 "of them"
             )
+        steps = self.num_chief_steps * self.num_controls
+        if steps > MOST_CHIEF_STEPS:
+            raise SettingError(
+                "chief.initial_angular_velocity_rad_s is "
+                f"{list(self.chief.initial_angular_velocity_rad_s or ())} and duration_s "
+                f"{self.duration_s:g}; to follow so fast a chief truly for so long takes "
+                f"{steps:.3g} steps, and there must be at most {MOST_CHIEF_STEPS}: lower one of them"
+            )
         if self.safety.kind == "filter":
             self._check_safety()
 
@@ -248,3 +262,16 @@ class Mission:
     def num_attitude_steps(self) -> int:
         """Attitude periods in a control period."""
         return round(self.control_period_s / self.attitude_period_s)
+
+    @property
+    def num_chief_steps(self) -> int:
+        """Steps in a control period by which a tumbling chief is turned truly enough."""
+        rate = self.chief.initial_angular_velocity_rad_s
+        longest = LONGEST_CHIEF_STEP_S
+        if rate is not None:
+            inertia = np.array(self.chief.inertia_kg_m2, dtype=np.float64)
+            mean_motion = self.orbit.mean_motion_rad_s
+            longest = min(
+                longest, longest_tumbling_step(inertia, np.array(rate), mean_motion, self.duration_s)
+            )
+        return math.ceil(self.control_period_s / longest)
