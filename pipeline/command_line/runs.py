@@ -13,6 +13,7 @@ from hydra.core.override_parser.types import Override
 from pipeline.command_line.arguments import Asked
 from pipeline.command_line.config import Composed, compose_experiment, differences
 from pipeline.command_line.overrides import EXPERIMENT, ConfigError
+from pipeline.flight.chief import num_chief_steps
 from pipeline.run import artifacts
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
@@ -170,6 +171,7 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise what a stage would raise, before any folder is made."""
+    num_chief_steps(experiment.mission)
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(

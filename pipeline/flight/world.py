@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
+from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.preview import preview_stride
@@ -37,6 +38,7 @@ def chief_attitudes(mission: Mission) -> Floats:
     inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
     inverse = np.linalg.inv(inertia).astype(np.float64)
     quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
+    steps = num_chief_steps(mission)
     for k in range(1, len(attitudes)):
         quaternion, rate_c = tumble(
             quaternion,
@@ -45,7 +47,7 @@ def chief_attitudes(mission: Mission) -> Floats:
             inverse,
             mission.orbit.mean_motion_rad_s,
             mission.control_period_s,
-            mission.num_chief_steps,
+            steps,
         )
         attitudes[k] = quaternion
     return attitudes

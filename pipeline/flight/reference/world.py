@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.preview import preview_stride
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
@@ -104,7 +105,7 @@ def world_of(mission: Mission) -> PlainWorld:
         chief_inverse_inertia=np.linalg.inv(chief_inertia).astype(np.float64),
         chief_rate=np.array((0.0, 0.0, n) if chief_rate is None else chief_rate, dtype=np.float64),
         is_chief_tumbling=chief_rate is not None,
-        num_chief_steps=mission.num_chief_steps,
+        num_chief_steps=num_chief_steps(mission),
         points_c=place(chief.num_points, chief.inspection_radius_m),
         points_radius=chief.inspection_radius_m,
         boresight_b=np.array(mission.sensor.boresight, dtype=np.float64),

@@ -7,7 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from pipeline.flight.chief import num_chief_steps
+from pipeline.flight.controller import coast
+from pipeline.flight.log import Scenario
 from pipeline.flight.reference.world import turn_chief, world_of
+from pipeline.flight.simulation import FlightError, fly_all, fly_logged
 from pipeline.flight.world import chief_attitudes
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
@@ -48,9 +52,17 @@ def test_a_fast_chief_points_where_it_should_after_a_flight(rate):
 
 
 def test_a_chief_that_is_too_fast_to_be_followed_is_refused():
-    with pytest.raises(SettingError, match=r"to follow so fast a chief truly for so long takes .* steps"):
-        tumbling((3.0, 4.0, 5.0), duration_s=36_000.0)
+    with pytest.raises(SettingError, match=r"to turn the chief truly for so long takes .* steps"):
+        num_chief_steps(tumbling((3.0, 4.0, 5.0), duration_s=36_000.0))
 
 
 def test_a_slow_chief_is_turned_by_the_second():
-    assert tumbling((0.0005, 0.0, 0.002)).num_chief_steps == 10
+    assert num_chief_steps(tumbling((0.0005, 0.0, 0.002))) == 10
+
+
+def test_a_flight_that_does_not_stay_finite_is_no_result():
+    start = Scenario(np.array([1e200, 0.0, 0.0]), np.array([1e308, 1e308, 0.0]), 0.0)
+    mission = replace(PAPER, duration_s=60.0)
+    for fly in (lambda: fly_all(mission, coast(), [start]), lambda: fly_logged(mission, coast(), start)):
+        with pytest.raises(FlightError, match="did not stay finite"):
+            fly()
