@@ -86,7 +86,7 @@ def _experiment(asked: Asked) -> int:
         return runs.resume(asked.resume, overrides)
     folder = None if asked.multirun else _run_folder(overrides)
     if folder is not None:
-        if any((folder / name).exists() for name in (artifacts.CONFIG, artifacts.MANIFEST)):
+        if (folder / artifacts.MANIFEST).exists():
             return runs.repeat(folder, overrides, asked)
         keys = {override.key_or_group for override in overrides}
         if "stages" in keys and EXPERIMENT not in keys:

@@ -50,6 +50,9 @@ FIGURES: Final = "figures"
 REPORT: Final = "report.html"
 REVIEW: Final = "review.html"
 
+#: ends the hidden name of a file while it is written
+UNFINISHED: Final = ".unfinished"
+
 #: which stage writes what another may miss
 WRITTEN_BY: Final[Mapping[str, str]] = {
     SCENARIOS: "scenario",
@@ -144,7 +147,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 def _write_beside(path: Path, content: bytes | str) -> None:
     """Write a file under another name and, once it is safely on disk, give it its own."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=UNFINISHED, dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
@@ -155,6 +158,12 @@ def _write_beside(path: Path, content: bytes | str) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def drop_unfinished(folder: Path) -> None:
+    """Remove the files that a process was writing when it was killed; nobody else may be at work there."""
+    for path in folder.rglob(f".*{UNFINISHED}"):
+        path.unlink(missing_ok=True)
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -260,6 +269,11 @@ def list_artifacts(folder: Path) -> list[str]:
         if path.is_file() and not is_hidden and path.suffix not in (".log", ".partial"):
             names.append(name)
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
+
+
+def holds_run(folder: Path) -> bool:
+    """Tell whether a folder holds a run, be it one that was killed before it had a manifest."""
+    return (folder / MANIFEST).exists() or list_artifacts(folder) == [CONFIG]
 
 
 def write_manifest(

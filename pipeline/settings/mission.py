@@ -230,10 +230,10 @@ class Mission:
         turned = proportional / derivative * self.attitude_period_s
         if not turned < 2.0:
             raise SettingError(
-                f"attitude.proportional_gain is {proportional:g}, attitude.derivative_gain {derivative:g} and "
-                f"attitude_period_s {self.attitude_period_s:g}, with which the deputy turns by {turned:.3g} rad "
-                "in a period; it must be less than 2, for the law acts once a period: lower the first or the "
-                "last, or raise the second"
+                f"attitude.proportional_gain is {proportional:g}, attitude.derivative_gain {derivative:g} "
+                f"and attitude_period_s {self.attitude_period_s:g}, with which the deputy turns by "
+                f"{turned:.3g} rad in a period; it must be less than 2, for the law acts once a period: "
+                "lower the first or the last, or raise the second"
             )
 
     def _check_safety(self) -> None:
