@@ -14,6 +14,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.flight.kernel.arrays import Law
 from pipeline.flight.log import Scenario
 from pipeline.flight.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, URGENCY, constant, needs_of, slot
+from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
@@ -127,14 +128,15 @@ def planned_for(controller: Controller, scenario: Scenario) -> Controller:
     return replace(controller, plan=controller.planner(scenario), planner=None)
 
 
-def law_of(controller: Controller, num_controls: int) -> Law:
+def law_of(controller: Controller, mission: Mission) -> Law:
     """Return what the compiled episode needs to know of a controller besides its numbers.
 
     Raises
     ------
     ControllerError
-        If a plan is longer than the flight.
+        If a plan is longer than the flight, or decisions do not keep the flight's clock.
     """
+    num_controls = mission.num_controls
     if controller.plan is not None and len(controller.plan) > num_controls:
         raise ControllerError(
             f"the plan of {controller.name!r} has {len(controller.plan)} forces, the flight {num_controls} "
@@ -154,6 +156,7 @@ def law_of(controller: Controller, num_controls: int) -> Law:
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
         layout=layout_of(controller.systems)[0],
         constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
+        decision_stride=decision_stride(controller, mission),
         force_axes=FORCE_AXES[controller.force_axes],
         has_plan=controller.plan is not None,
         plan=plan,
@@ -190,6 +193,24 @@ def constants_of(controller: Controller) -> Floats:
             "attribute, the time before its last light within which a point becomes urgent, say 200 (s)"
         )
     return values
+
+
+def decision_stride(controller: Controller, mission: Mission) -> int:
+    """Return how many control periods a decision is from the next; 1 unless ``decision_period_s`` is set.
+
+    Raises
+    ------
+    ControllerError
+        If ``decision_period_s`` is no whole number of control periods.
+    """
+    decision_period = float(constants_of(controller)[constant("decision_period_s")])
+    periods = decision_period / mission.control_period_s
+    if abs(periods - round(periods)) > 1e-6:
+        raise ControllerError(
+            f"controller {controller.name!r} has decision_period_s {decision_period:g}; give a whole number "
+            f"of control periods of {mission.control_period_s:g} s, or leave it out to decide in each"
+        )
+    return max(1, round(periods))
 
 
 def sensed_by(controller: Controller) -> list[str]:

@@ -130,10 +130,13 @@ class Constant:
         With its unit.
     is_signed : bool
         Whether it may be negative.
+    is_continuous : bool
+        Whether evolution may tune it: what is counted in control periods has nothing between two of them.
     """
 
     description: str
     is_signed: bool = False
+    is_continuous: bool = True
 
 
 CONSTANTS = {
@@ -145,6 +148,10 @@ CONSTANTS = {
     "prediction_time_s": Constant("how far ahead predicted_centre_along_track looks, s"),
     "coast_below_points": Constant("with fewer points than this missed by coasting to the end, coast"),
     "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
+    "decision_period_s": Constant(
+        "time from one decision to the next, a whole number of control periods; a force lasts one, s",
+        is_continuous=False,
+    ),
     "urgency_time_s": Constant(
         "time before its last light within which a point becomes urgent, for urgent_*, s"
     ),

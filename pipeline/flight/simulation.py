@@ -175,7 +175,7 @@ def fly_all(
         return _fly_planned(mission, controller, scenarios, workers, tracks)
     starts, sun_angles = stack_starts(scenarios)
     world = pack_world(mission)
-    law, numbers = law_of(controller, mission.num_controls), packed(controller)
+    law, numbers = law_of(controller, mission), packed(controller)
     many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
@@ -191,7 +191,7 @@ def _fly_planned(
     world, numbers = pack_world(mission), packed(controller)
 
     def fly_one(case: int) -> Outcomes:
-        law = law_of(planned_for(controller, scenarios[case]), mission.num_controls)
+        law = law_of(planned_for(controller, scenarios[case]), mission)
         track = None if tracks is None else tracks[case : case + 1]
         return fly_population(world, law, numbers, *stack_starts([scenarios[case]]), 1, track)
 
@@ -220,7 +220,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
         return float(evaluate(numbers, row, system)[0])
 
-    plan = law_of(controller, mission.num_controls).plan
+    plan = law_of(controller, mission).plan
     channels = channels_of(
         controller.systems, controller.force_axes, plan if len(plan) else None, constants_of(controller)
     )
@@ -258,7 +258,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if is_by_the_reference(mission):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
-    law, numbers = law_of(planned_for(controller, scenario), mission.num_controls), packed(controller)
+    law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     starts, sun_angles = stack_starts([scenario])
     fly_many(

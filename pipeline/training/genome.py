@@ -123,7 +123,7 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     elif settings.rules == "fixed":
         reduction = KeptRules(systems, systems.encode(fuzzy.systems))
     constants = []
-    for name in CONSTANTS:
+    for name in (name for name, kind in CONSTANTS.items() if kind.is_continuous):
         pair = settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
         if pair is not None:
             constants.append((name, float(pair[0]), float(pair[1])))

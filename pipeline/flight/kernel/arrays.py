@@ -80,6 +80,7 @@ class Law(NamedTuple):
     num_inputs: Integers  # (F,)
     layout: Any  # of `fis_tools.engines.packing.Packed`
     constants: int  # where the controller's constants begin among its values; -1 where it has none
+    decision_stride: int  # control periods from one decision to the next
     force_axes: int
     has_plan: bool
     plan: Floats  # (K, 3) forces in Hill axes, N; empty without a plan

@@ -111,6 +111,12 @@ def may_coast(law: Law, values: Floats) -> bool:
     return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
 
 
+@compiled(error_model="numpy")
+def is_decision(law: Law, k: int) -> bool:
+    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
+    return k % law.decision_stride == 0
+
+
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
@@ -141,7 +147,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
     log: FlightLog,
     k: int,
 ) -> None:
-    """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
+    """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
     lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
     is_logged = len(log.position_m) > 0
     for i in range(3 * LANES):
@@ -150,7 +156,7 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
         for axis in range(3):
             for i in range(LANES):
                 lanes[GX + LANES * axis + i] = law.plan[k, axis]
-    else:
+    elif is_decision(law, k):
         for system in range(len(law.axes)):
             for place in range(3):
                 signal = LANES * law.signals[system, place]
@@ -289,6 +295,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     lanes = work.lanes
     target, count = np.zeros(3), 0
     for k in range(world.num_controls + 1):
+        decides = is_decision(law, k)
         for lane in range(num_lanes if world.is_attitude_ideal else 0):
             for component in range(3):
                 lanes[FX + LANES * component + lane] = 0.0
@@ -296,15 +303,15 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             for component in range(4):
                 lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
         count = sense(world, clusters, work, num_lanes, k, needs_angles, target)
-        if law.needs & ORBIT:
+        if decides and law.needs & ORBIT:
             sense_orbit(world, law, values, work, k)
-        if law.needs & APPROACH:
+        if decides and law.needs & APPROACH:
             sense_approach(world, work)
-        if needs_preview:
+        if decides and needs_preview:
             preview(world, work, num_lanes, k)
-        if not law.has_plan:
+        if decides and not law.has_plan:
             decide_to_coast(world, law, values, work)
-        if law.needs & URGENCY:
+        if decides and law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):

@@ -43,6 +43,7 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+DECISION_PERIOD = constant("decision_period_s")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
@@ -234,6 +235,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
     has_plan, constants = len(channels.plan_h) > 0, channels.constants
+    decision_stride = max(1, round(constants[DECISION_PERIOD] / world.control_period))
     last_lit = deadlines(world, initial_sun_angle) if channels.needs & URGENCY else np.zeros(num_points)
 
     for k in range(world.num_controls + 1):
@@ -275,7 +277,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             break
 
         is_complete = bool(is_inspected.all())
-        is_decided = not has_plan and not (is_complete and world.coasts_when_complete)
+        is_decided = not (has_plan or k % decision_stride or (is_complete and world.coasts_when_complete))
         commanded = np.zeros(3)
         if is_decided:
             foreseen = np.zeros(3)

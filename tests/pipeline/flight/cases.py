@@ -172,6 +172,13 @@ HURRYING = controller(
     skirt_distance_m=70.0,
     coast_below_points=12.0,
 )
+#: the same, every half minute
+PAUSING = replace(
+    HURRYING,
+    fuzzy=replace(
+        HURRYING.fuzzy, attributes=tuple(sorted((*HURRYING.fuzzy.attributes, ("decision_period_s", "30"))))
+    ),
+)
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))
