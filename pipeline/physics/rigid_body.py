@@ -211,7 +211,7 @@ def longest_tumbling_step(
     turned = rate * duration
     slowed = (120.0 * TUMBLING_TOLERANCE_RAD / turned) ** (1.0 / 4.0)
     damped = (288.0 * TUMBLING_TOLERANCE_RAD / turned**2) ** (1.0 / 5.0)
-    return min(slowed, damped) / rate
+    return float(min(slowed, damped) / rate)
 
 
 @compiled
