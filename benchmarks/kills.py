@@ -21,6 +21,8 @@ from pipeline.run import artifacts
 
 SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
                 "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
+#: of searches that fly many starts by default
+FEW: Final = ("optimizer.rounds=1", "optimizer.validation_cases=8", "starts.num_cases=8", "starts.num_hard=0")
 
 #: kinds of trainings and evaluations, small
 KINDS: Final[Mapping[str, Sequence[str]]] = {
@@ -29,8 +31,8 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
         "+experiment=train", "stages=[scenario,train,evaluate]", "starts=random", "optimizer.rounds=3",
         "optimizer.generations=4", "optimizer.validation_cases=8",
     ),
-    "cma_es": ("+experiment=train_planes", "stages=[scenario,train,evaluate]"),
-    "nsga2": ("+experiment=train_front", "stages=[scenario,train,evaluate]"),
+    "cma_es": ("+experiment=train_planes", "stages=[scenario,train,evaluate]", *FEW),
+    "nsga2": ("+experiment=train_front", "stages=[scenario,train,evaluate]", *FEW),
     "evaluate": ("+experiment=evaluate", "controller=paper_champion", "stages=[scenario,evaluate,record]"),
     "planned": ("+experiment=evaluate", "controller=lqr", "stages=[scenario,evaluate,record]"),
     "safety": (
