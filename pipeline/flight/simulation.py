@@ -85,6 +85,11 @@ def fly_population(
     -------
     Outcomes
         Arrays of shape (n, m).
+
+    Raises
+    ------
+    FlightError
+        If a flight did not stay finite.
     """
     num_pairs = len(numbers.values) * len(starts)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
@@ -127,7 +132,22 @@ def _parts_in_use(world: World) -> tuple[Guard | None, bool | None]:
     return world.guard if world.guard.is_on else None, world.has_clusters or None
 
 
+class FlightError(ValueError):
+    """A flight whose state became infinite or not a number: it tells nothing."""
+
+
+def _check_finite(*numbers: Floats) -> None:
+    """Raise FlightError unless all numbers of a flight are finite."""
+    if not all(np.isfinite(some).all() for some in numbers):
+        raise FlightError(
+            "a flight did not stay finite: its position, attitude or force became infinite or not a number; "
+            "lower attitude.proportional_gain, deputy.max_torque_n_m or attitude_period_s, with which it "
+            "cannot be flown"
+        )
+
+
 def _outcomes(rows: Floats) -> Outcomes:
+    _check_finite(rows)
     return Outcomes(
         delta_v_m_s=rows[..., arrays.DELTA_V],
         inspected_count=np.rint(rows[..., arrays.INSPECTED]).astype(np.int64),
@@ -256,4 +276,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         np.empty((1, NUM_OUTCOMES)),
     )
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
+    _check_finite(
+        log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
+    )
     return log
