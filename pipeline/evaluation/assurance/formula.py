@@ -1,7 +1,7 @@
 """Formulas of signal temporal logic: what they are made of, and how they are read.
 
 Signal temporal logic: Maler and Nickovic, "Monitoring temporal properties of continuous signals", FORMATS
-2004. A formula compares sums of signals, each number with or without its unit, and joins comparisons::
+2004. A formula compares sums of recorded quantities, each number with or without its unit, and joins comparisons::
 
     always (distance >= 15 m)
     eventually[0:1800] (inspection_rate >= 50 %)
@@ -42,7 +42,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Comparison:
-    """``sum of factor times signal + constant >= 0``, or ``> 0``; its margin is the left side, in `unit`."""
+    """``sum of factor times quantity + constant >= 0``, or ``> 0``; its margin is the left side, in `unit`."""
 
     factors: tuple[tuple[str, float], ...]
     constant: float
@@ -108,12 +108,12 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
     ----------
     text : str
     units : mapping of str to str
-        The signals that may stand in it, and their units; empty for a pure number.
+        The quantities that may stand in it, and their units; empty for a pure number.
 
     Raises
     ------
     FormulaError
-        If it is none, a signal is unknown or units do not agree.
+        If it is none, a quantity is unknown or units do not agree.
     """
     reader = _Reader(text, units)
     formula = reader.implication()
@@ -134,8 +134,8 @@ def comparisons(formula: Formula) -> Iterator[Comparison]:
             yield from comparisons(right)
 
 
-def signals_of(formula: Formula) -> tuple[str, ...]:
-    """Name the signals of a formula, each once."""
+def quantities_of(formula: Formula) -> tuple[str, ...]:
+    """Name the quantities of a formula, each once."""
     return tuple(dict.fromkeys(name for one in comparisons(formula) for name, _ in one.factors))
 
 
@@ -221,7 +221,7 @@ class _Reader:
         right, right_constant, right_unit = self._sum()
         unit = self._agreed(left_unit, right_unit, right_place)
         if not left and not right:
-            self.refuse("this compares numbers with one another; name a signal", place)
+            self.refuse("this compares numbers with one another; name a quantity", place)
         sign = 1.0 if relation in (">=", ">") else -1.0
         factors = {
             name: sign * left.get(name, 0.0) - sign * right.get(name, 0.0) for name in {**left, **right}
@@ -230,7 +230,7 @@ class _Reader:
         return Comparison(tuple(factors.items()), constant, relation in (">", "<"), unit or "")
 
     def _sum(self) -> tuple[dict[str, float], float, str | None]:
-        """Read a sum: factors of signals, constant, and the unit, None where only bare numbers stand."""
+        """Read a sum: factors of quantities, constant, and the unit, None where only bare numbers stand."""
         factors: dict[str, float] = {}
         constant, unit, sign = 0.0, None, -1.0 if self._takes("-") else 1.0
         while True:
@@ -239,15 +239,15 @@ class _Reader:
                 value, own, _ = self._number()
                 if self._takes("*"):
                     if own:
-                        self.refuse("a factor of a signal is a number without a unit", place)
+                        self.refuse("a factor of a quantity is a number without a unit", place)
                     place = self._place
-                    name, told = self._signal()
+                    name, told = self._quantity()
                     factors[name] = factors.get(name, 0.0) + sign * value
                 else:
                     constant += sign * value
                     told = own or None
             else:
-                name, told = self._signal()
+                name, told = self._quantity()
                 factors[name] = factors.get(name, 0.0) + sign
             unit = self._agreed(unit, told, place)
             if self.word not in ("+", "-"):
@@ -255,13 +255,13 @@ class _Reader:
             sign = 1.0 if self.word == "+" else -1.0
             self._advance()
 
-    def _signal(self) -> tuple[str, str]:
+    def _quantity(self) -> tuple[str, str]:
         name = self.word
         if self.kind != "name" or name in KEYWORDS:
-            self.refuse("expected a signal or a number")
+            self.refuse("expected a quantity or a number")
         if name not in self._units:
             cure = did_you_mean(name, self._units) or f"; there are {', '.join(self._units)}"
-            self.refuse(f"there is no signal {name}{cure}")
+            self.refuse(f"there is no quantity {name}{cure}")
         self._advance()
         return name, self._units[name]
 

@@ -3,7 +3,7 @@
 Robustness: Fainekos and Pappas, "Robustness of temporal logic specifications for continuous-time signals",
 Theoretical Computer Science 410, 2009; Donze and Maler, FORMATS 2010. A comparison's is its margin, ``and``
 and ``always`` take the least, ``or`` and ``eventually`` the greatest. Above zero a formula holds, below it
-does not, and no signal need move by more than its amount, in the sense of the comparisons, to change that.
+does not, and no quantity need move by more than its amount, in the sense of the comparisons, to change that.
 
 Windows are cut at the end of a flight, as rtamt cuts them: beyond it ``always`` asks for nothing, and
 ``eventually`` finds nothing.
@@ -28,20 +28,20 @@ from pipeline.evaluation.assurance.formula import (
 )
 
 Floats = NDArray[np.float64]
-Signals = Mapping[str, Floats]
+Quantities = Mapping[str, Floats]
 
 #: of a sample period: where a window's end counts as on a sample
 NEAR_A_SAMPLE = 1e-9
 
 
-def robustness(formula: Formula, signals: Signals, period_s: float) -> Floats:
+def robustness(formula: Formula, quantities: Quantities, period_s: float) -> Floats:
     """Return the margin by which each flight fulfils a formula at its first sample.
 
     Parameters
     ----------
     formula : Formula
-    signals : mapping of str to (n, S) array
-        Each signal's samples, one row a flight.
+    quantities : mapping of str to (n, S) array
+        Samples of each quantity, one row a flight.
     period_s : float
         Between two samples.
 
@@ -50,38 +50,38 @@ def robustness(formula: Formula, signals: Signals, period_s: float) -> Floats:
     (n,) array
         In the formula's unit; infinite where the flight says nothing about it.
     """
-    return _over(formula, signals, period_s, _margin)[:, 0]
+    return _over(formula, quantities, period_s, _margin)[:, 0]
 
 
-def holds(formula: Formula, signals: Signals, period_s: float) -> NDArray[np.bool_]:
+def holds(formula: Formula, quantities: Quantities, period_s: float) -> NDArray[np.bool_]:
     """Return whether each flight fulfils a formula, (n,); unlike a margin of zero, this tells > from >=."""
-    return _over(formula, signals, period_s, _truth)[:, 0] > 0.0
+    return _over(formula, quantities, period_s, _truth)[:, 0] > 0.0
 
 
-def _margin(comparison: Comparison, signals: Signals) -> Floats:
-    total = np.zeros(np.shape(signals[comparison.factors[0][0]])) + comparison.constant
+def _margin(comparison: Comparison, quantities: Quantities) -> Floats:
+    total = np.zeros(np.shape(quantities[comparison.factors[0][0]])) + comparison.constant
     for name, factor in comparison.factors:
-        total += factor * np.asarray(signals[name], dtype=np.float64)
+        total += factor * np.asarray(quantities[name], dtype=np.float64)
     return total
 
 
-def _truth(comparison: Comparison, signals: Signals) -> Floats:
+def _truth(comparison: Comparison, quantities: Quantities) -> Floats:
     """Return 1 where a comparison holds and -1 where it does not."""
-    margin = _margin(comparison, signals)
+    margin = _margin(comparison, quantities)
     return np.where(margin > 0.0 if comparison.is_strict else margin >= 0.0, 1.0, -1.0)
 
 
-def _over(
-    formula: Formula, signals: Signals, period_s: float, atom: Callable[[Comparison, Signals], Floats]
+def _over(  # noqa: PLR0911 - one for each kind of formula
+    formula: Formula, quantities: Quantities, period_s: float, atom: Callable[[Comparison, Quantities], Floats]
 ) -> Floats:
     """Return the value of a formula at all samples, (n, S)."""
 
     def value(part: Formula) -> Floats:
-        return _over(part, signals, period_s, atom)
+        return _over(part, quantities, period_s, atom)
 
     match formula:
         case Comparison():
-            return atom(formula, signals)
+            return atom(formula, quantities)
         case Not(part):
             return -value(part)
         case And(left, right):

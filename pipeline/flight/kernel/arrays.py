@@ -123,3 +123,5 @@ ACTED, CORRECTED, AHEAD = (LANES * row for row in range(28, 31))
 CLOSEST, REACH, HASTE = (LANES * row for row in range(36, 39))
 COASTS = LANES * 39  # 1 where nothing is fired
 NUM_ROWS = 40
+#: the columns of a track: position, velocity, delta-v spent, points not yet inspected
+TRACKED = (RX, RY, RZ, VX, VY, VZ, SPENT, LEFT)

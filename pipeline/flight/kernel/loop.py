@@ -47,6 +47,7 @@ from pipeline.flight.kernel.arrays import (
     SPENT,
     SUN_COS,
     SUN_SIN,
+    TRACKED,
     TRAVELLED,
     VX,
     VY,
@@ -276,7 +277,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
-    tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
+    tracks : (n, K+1, C) float32, filled from row `flight` on with the first C of `TRACKED`, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
@@ -307,8 +308,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
-            for component in range(3):
-                tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]
+            for column in range(tracks.shape[2]):
+                tracks[flight + lane, k, column] = lanes[TRACKED[column] + lane]
         if is_logged:
             write_sample(world, work, log, k, sun_angles[first], count, target)
         if k == world.num_controls:

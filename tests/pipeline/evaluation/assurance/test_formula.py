@@ -11,7 +11,7 @@ from pipeline.evaluation.assurance.formula import (
     Until,
     Window,
     parse,
-    signals_of,
+    quantities_of,
     unit_of,
 )
 
@@ -39,9 +39,9 @@ def test_sums_come_to_one_side():
     assert formula == Comparison((("distance", -0.5),), 5.0, False, "m")
 
 
-def test_a_formula_tells_its_signals_and_the_unit_of_its_margin():
+def test_a_formula_tells_its_quantities_and_the_unit_of_its_margin():
     formula = parse("always (distance < 60 -> speed < 1) and distance > 15", UNITS)
-    assert signals_of(formula) == ("distance", "speed")
+    assert quantities_of(formula) == ("distance", "speed")
     assert unit_of(formula) is None
     assert unit_of(parse("always distance > 15", UNITS)) == "m"
 
@@ -49,7 +49,7 @@ def test_a_formula_tells_its_signals_and_the_unit_of_its_margin():
 @pytest.mark.parametrize(
     ("text", "column", "words"),
     [
-        ("always (distnce >= 15)", 8, "no signal distnce; did you mean distance?"),
+        ("always (distnce >= 15)", 8, "no quantity distnce; did you mean distance?"),
         ("always (zzz >= 15)", 8, "there are distance, speed"),
         ("always (distance >= 15 m/s)", 20, "m/s does not go with m"),
         ("always[0 3600] distance >= 15", 9, "expected : and the window's end"),
@@ -57,12 +57,12 @@ def test_a_formula_tells_its_signals_and_the_unit_of_its_margin():
         ("distance + speed > 3", 11, "m/s does not go with m"),
         ("points + distance > 3", 9, "m does not go with a pure number"),
         ("distance > 3 k", 13, "k is no unit here"),
-        ("3 > 2", 0, "name a signal"),
+        ("3 > 2", 0, "name a quantity"),
         ("always[5:3] distance > 1", 9, "before it begins"),
         ("always[0 m:3] distance > 1", 9, "windows are in s, not in m"),
         ("distance ? 3", 9, "'?' means nothing"),
-        ("", 0, "expected a signal or a number"),
-        ("distance > 15 and", 17, "expected a signal or a number"),
+        ("", 0, "expected a quantity or a number"),
+        ("distance > 15 and", 17, "expected a quantity or a number"),
         ("distance > 15 15", 14, "expected and, or, until"),
         ("3 m * distance > 1", 0, "without a unit"),
         ("distance", 8, "expected >=, <=, > or <"),
