@@ -22,7 +22,7 @@ from pipeline.settings.schema import experiment_from
 OK, MISTAKE = 0, 2
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
-OWN_GROUPS = {"record": ("telemetry",), "report": ("report",)}
+OWN_GROUPS = {"record": ("telemetry",), "assure": ("assurance",), "report": ("report",)}
 
 
 def sentence(error: Exception) -> str:

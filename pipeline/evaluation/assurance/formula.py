@@ -1,7 +1,8 @@
 """Formulas of signal temporal logic: what they are made of, and how they are read.
 
 Signal temporal logic: Maler and Nickovic, "Monitoring temporal properties of continuous signals", FORMATS
-2004. A formula compares sums of recorded quantities, each number with or without its unit, and joins comparisons::
+2004. A formula compares sums of recorded quantities and numbers, these with or without their units, and joins
+comparisons::
 
     always (distance >= 15 m)
     eventually[0:1800] (inspection_rate >= 50 %)
@@ -42,7 +43,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Comparison:
-    """``sum of factor times quantity + constant >= 0``, or ``> 0``; its margin is the left side, in `unit`."""
+    """``sum of factor times quantity + constant >= 0``, or ``> 0``; the left side is its margin."""
 
     factors: tuple[tuple[str, float], ...]
     constant: float
@@ -235,6 +236,7 @@ class _Reader:
         constant, unit, sign = 0.0, None, -1.0 if self._takes("-") else 1.0
         while True:
             place = self._place
+            told: str | None
             if self.kind == "number":
                 value, own, _ = self._number()
                 if self._takes("*"):

@@ -29,6 +29,7 @@ from pipeline.evaluation.assurance.formula import (
 
 Floats = NDArray[np.float64]
 Quantities = Mapping[str, Floats]
+Atom = Callable[[Comparison, Quantities], Floats]
 
 #: of a sample period: where a window's end counts as on a sample
 NEAR_A_SAMPLE = 1e-9
@@ -72,7 +73,10 @@ def _truth(comparison: Comparison, quantities: Quantities) -> Floats:
 
 
 def _over(  # noqa: PLR0911 - one for each kind of formula
-    formula: Formula, quantities: Quantities, period_s: float, atom: Callable[[Comparison, Quantities], Floats]
+    formula: Formula,
+    quantities: Quantities,
+    period_s: float,
+    atom: Atom,
 ) -> Floats:
     """Return the value of a formula at all samples, (n, S)."""
 

@@ -277,7 +277,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
-    tracks : (n, K+1, C) float32, filled from row `flight` on with the first C of `TRACKED`, unless it is empty
+    tracks : (n, K+1, C) float32, filled with the first C of `TRACKED` from row `flight` on, unless empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
