@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.analysis.domain import Departure
 from fis_tools.analysis.domain import as_mapping as domain_mapping
@@ -15,7 +16,11 @@ from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.search import Search, speed
 from pipeline.evaluation.assurance.verdicts import WORDS, Found, outcomes, verdict
 
+Floats = NDArray[np.float64]
+
 SCHEMA, SCHEMA_VERSION = "evidence", 1
+#: of the margins of many cases, about
+NUM_BINS = 60
 
 
 def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -30,18 +35,23 @@ def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any
         The worst case that was found and recorded, see `of_worst`.
     """
     requirement = found.requirement
-    word, why = verdict(found)
+    judged = verdict(found)
     told: dict[str, Any] = {
         **_claim(requirement),
-        "verdict": WORDS[word],
-        "why": why,
-        "methods": {name: {"verdict": WORDS[one[0]], "why": one[1]} for name, one in outcomes(found).items()},
+        "verdict": judged.word,
+        "why": judged.why,
+        "methods": {
+            name: {"verdict": WORDS[one.verdict], "word": one.word, "why": one.why}
+            for name, one in outcomes(found).items()
+        },
     }
     if found.judgement is not None:
         told["cases"] = {
             **asdict(found.judgement),
             "needed_without_failure": cases_needed(requirement.probability, requirement.confidence),
         }
+        if random is not None:
+            told["cases"]["histogram"] = histogram(random.margins)
     if found.searches and random is not None:
         told["search"] = of_searches(found.searches, random)
     if found.certificates:
@@ -74,6 +84,19 @@ def _claim(requirement: Requirement) -> dict[str, Any]:
         "probability": requirement.probability or None,
         "confidence": requirement.confidence or None,
     }
+
+
+def histogram(margins: Floats) -> dict[str, Any]:
+    """Count margins in bins of equal width; zero is an edge wherever margins lie on both sides of it."""
+    low, high = float(margins.min()), float(margins.max())
+    width = (high - low) / NUM_BINS or 1.0
+    if low < 0.0 < high:
+        edges = width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
+    else:
+        edges = low + width * np.arange(NUM_BINS + 1)
+    edges[-1] = max(edges[-1], high)
+    counts, _ = np.histogram(margins, edges)
+    return {"edges": edges.tolist(), "counts": counts.tolist()}
 
 
 def of_searches(searches: Sequence[Search], random: Outcome) -> dict[str, Any]:
@@ -129,7 +152,7 @@ def of_domain(domain: Domain) -> dict[str, Any]:
     return {**domain_mapping(domain.boxes), **told}
 
 
-def case_columns(outcomes_by_id: Mapping[str, Outcome]) -> dict[str, np.ndarray[Any, Any]]:
+def case_columns(outcomes_by_id: Mapping[str, Outcome]) -> dict[str, NDArray[Any]]:
     """Return columns of margins and of what is met, one row a case."""
     return {
         f"{name}_{what}": values

@@ -1,17 +1,35 @@
 """What all evidence for a requirement comes to: shown, not shown or refuted, and why, in a sentence."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import NamedTuple
 
 from pipeline.evaluation.assurance.claims import Judgement, Verdict, cases_needed
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof
 from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, Requirement
 from pipeline.evaluation.assurance.search import Search
 
-#: from the best to the worst
-ORDER: tuple[Verdict, ...] = ("shown", "open", "refuted")
-Outcome = tuple[Verdict, str]
+#: from the best to the worst, and in words
+WORDS: Mapping[Verdict, str] = {"shown": "shown", "open": "not shown", "refuted": "refuted"}
+ORDER = list(WORDS)
+
+
+class Outcome(NamedTuple):
+    """What a way of verification says.
+
+    Attributes
+    ----------
+    verdict : str
+        Of the requirement, were there nothing else.
+    word : str
+        What was found, in a word or two.
+    why : str
+        In a sentence without its full stop.
+    """
+
+    verdict: Verdict
+    word: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -56,79 +74,70 @@ def verdict(found: Found) -> Outcome:
     not refute it. A proof shows a requirement whatever the share, unless a flight contradicts it.
     """
     judged = outcomes(found)
-    failed = [one for one in found.searches if one.first_failed is not None]
-    if judged.get(SAFETY_LAYER, ("open", ""))[0] == "shown":
+    failed = any(one.first_failed is not None for one in found.searches)
+    layer = judged.get(SAFETY_LAYER)
+    if layer is not None and layer.verdict == "shown":
         if failed or (found.judgement and found.judgement.num_failed):
-            return "refuted", "flights contradict the proof of the safety layer"
-        return judged[SAFETY_LAYER]
-    decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged]
-    if not decisive:
-        decisive = list(judged.values())
-    return max(decisive, key=lambda one: ORDER.index(one[0]))
+            return Outcome("refuted", WORDS["refuted"], "flights contradict the proof of the safety layer")
+        return layer._replace(word=WORDS["shown"])
+    decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
+    worst = max(decisive, key=lambda one: ORDER.index(one.verdict))
+    return worst._replace(word=WORDS[worst.verdict])
 
 
 def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
-    claim = f"{percent(requirement.probability)} with {percent(requirement.confidence)} confidence"
+    confidence = percent(requirement.confidence)
+    claim = f"{percent(requirement.probability)} with {confidence} confidence"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
     if judgement.verdict == "shown":
-        words = f"{failed}; {claim} is shown with up to {judgement.num_allowed:,}"
+        why = f"{failed}; up to {judgement.num_allowed:,} show {claim}"
     elif judgement.verdict == "refuted":
-        surely = f"with {percent(requirement.confidence)} confidence"
-        words = f"{failed}; {surely} at most {percent(judgement.high)} meet it"
+        why = f"{failed}; with {confidence} confidence at most {percent(judgement.high)} meet it"
     elif judgement.num_allowed < 0:
         needed = cases_needed(requirement.probability, requirement.confidence)
-        words = f"{failed}; {claim} needs {needed:,} cases without a failure"
+        why = f"{failed}; {claim} needs {needed:,} cases without a failure"
     else:
-        words = f"{failed}; {claim} allows {judgement.num_allowed:,}"
-    return judgement.verdict, words
+        why = f"{failed}; only up to {judgement.num_allowed:,} show {claim}"
+    return Outcome(judgement.verdict, WORDS[judgement.verdict], why)
 
 
 def _of_searches(searches: Sequence[Search]) -> Outcome:
-    flights = sum(len(one.scenarios) for one in searches)
-    failed = sum(one.first_failed is not None for one in searches)
-    if failed:
-        return (
-            "refuted",
-            f"{failed} of {len(searches)} searches find a case that fails, in {flights:,} flights",
-        )
-    return "open", f"{len(searches)} searches find no case that fails, in {flights:,} flights"
+    flights = f"{sum(len(one.scenarios) for one in searches):,} flights"
+    if failed := sum(one.first_failed is not None for one in searches):
+        why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
+        return Outcome("refuted", "failure found", why)
+    return Outcome("open", "none found", f"{len(searches)} searches find no case that fails, in {flights}")
 
 
 def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
     if not certificates:
-        return "open", "the controller has no system that is asked about"
+        return Outcome("open", "nothing to bound", "the controller has no system that is asked about")
+    for one in certificates:
+        if one.verdict == "yes":
+            return Outcome("refuted", WORDS["refuted"], one.sentence.rstrip("."))
+    for one in certificates:
+        if one.verdict != "no":
+            return Outcome("open", one.verdict, one.sentence.rstrip("."))
     boxes = sum(len(one.low) for one in certificates)
-    verdicts = [one.verdict for one in certificates]
-    if "yes" in verdicts:
-        return "refuted", certificates[verdicts.index("yes")].sentence
-    if open_ := [one.sentence for one in certificates if one.verdict != "no"]:
-        return "open", open_[0]
-    return "shown", f"proved for all inputs, by {boxes:,} boxes that answer {len(certificates)} questions"
+    why = f"no for all inputs: {boxes:,} boxes prove the answers to {len(certificates)} questions"
+    return Outcome("shown", "proved", why)
 
 
 def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
-    if not proof.is_on:
-        return "open", "the safety layer was off, so that its proof says nothing about these flights"
-    if proof.num_safe < proof.num_starts:
-        unsafe = proof.num_starts - proof.num_safe
-        return (
-            "open",
-            f"{unsafe:,} of {proof.num_starts:,} starts are not safe states, where the proof begins",
-        )
     spheres = f"all samples from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
-    if requirement.formula is None or not proof.proves(requirement.formula):
-        return "open", f"the safety layer keeps {spheres}, from which this does not follow"
-    return "shown", f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts: proved"
+    if not proof.is_on:
+        why = "the safety layer was off: its proof says nothing about these flights"
+    elif proof.num_safe < proof.num_starts:
+        starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
+        why = f"{starts} are not safe states, from which the proof begins"
+    elif requirement.formula is None or not proof.proves(requirement.formula):
+        why = f"the safety layer keeps {spheres}, from which this does not follow"
+    else:
+        why = f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts"
+        return Outcome("shown", "proved", why)
+    return Outcome("open", "does not apply", why)
 
 
 def percent(share: float) -> str:
     """Write a share in per cent with the digits that it has, at most five significant ones."""
     return f"{100.0 * share:.5g} %"
-
-
-#: a verdict in words
-WORDS: dict[Verdict, Literal["shown", "not shown", "refuted"]] = {
-    "shown": "shown",
-    "open": "not shown",
-    "refuted": "refuted",
-}
