@@ -53,8 +53,8 @@ def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
         box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
         if box is None or box.inputs != inputs:
             raise ControllerFileError(
-                f"{path} was flown with a system {flown.system.name} of {', '.join(inputs)}, which the domain "
-                "does not have; give flights of the controller that it was made with"
+                f"{path} was flown with a system {flown.system.name} of {', '.join(inputs)}, which the "
+                "domain does not have; give flights of the controller that it was made with"
             )
         found += departures(box, flown.time_s, flown.inputs)
     return sorted(found, key=lambda one: one.first_s)

@@ -17,6 +17,7 @@ from pipeline.run import artifacts
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
+from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import experiment_from
 
 OK, MISTAKE = 0, 2
@@ -176,6 +177,8 @@ def check_before(experiment: Experiment) -> None:
             "guidance.engine is sklearn, which flies one flight at a time; "
             "train with guidance.engine=compiled"
         )
+    if "assure" in experiment.stages:
+        _check_requirements(experiment.assurance.requirements)
     if "optimum" in experiment.stages:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
 
@@ -188,6 +191,13 @@ def check_before(experiment: Experiment) -> None:
     _check_controller(experiment)
     if "compare" in experiment.stages:
         _check_compared(experiment)
+
+
+def _check_requirements(name: str) -> None:
+    """Read the requirements, whose mistakes are pointed at."""
+    from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - as above
+
+    read(requirements_path(name).read_text(encoding="utf-8"), name)
 
 
 def _check_compared(experiment: Experiment) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from math import ceil, floor
 from typing import Any
 
 import numpy as np
@@ -90,10 +91,10 @@ def histogram(margins: Floats) -> dict[str, Any]:
     """Count margins in bins of equal width; zero is an edge wherever margins lie on both sides of it."""
     low, high = float(margins.min()), float(margins.max())
     width = (high - low) / NUM_BINS or 1.0
+    first, last, origin = 0, NUM_BINS, low
     if low < 0.0 < high:
-        edges = width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
-    else:
-        edges = low + width * np.arange(NUM_BINS + 1)
+        first, last, origin = floor(low / width), ceil(high / width), 0.0
+    edges: Floats = origin + width * np.arange(first, last + 1, dtype=np.float64)
     edges[-1] = max(edges[-1], high)
     counts, _ = np.histogram(margins, edges)
     return {"edges": edges.tolist(), "counts": counts.tolist()}

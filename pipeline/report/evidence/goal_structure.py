@@ -91,7 +91,7 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[str]:
     centre, bus = middle + 20, y + 3
     for place, (method, found) in enumerate(requirement["methods"].items()):
         x = FIRST_SOLUTION_X + SOLUTION_STEP * place
-        circle = f'<circle class="{css_of(method, found)}" cx="{x}" cy="{centre:g}" r="{RADIUS}"/>'
+        circle = f'<circle class="{css_of(found)}" cx="{x}" cy="{centre:g}" r="{RADIUS}"/>'
         parts.append(f'<path class="line" d="M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"/>')
         parts.append(_arrow(x, bus, x, centre - RADIUS, "solved-by"))
         label = _lines([f"Sn-{name}", LETTERED[method], *wrap(found["word"], 10)], x, centre, "small")
@@ -99,9 +99,11 @@ def _row(requirement: Mapping[str, Any], y: float) -> list[str]:
     return parts
 
 
-def css_of(method: str, found: Mapping[str, Any]) -> str:
+def css_of(found: Mapping[str, Any]) -> str:
     """Return how an outcome is drawn; a failure that a search finds refutes no share of the cases."""
-    return "not-shown" if method == "search" else _css(found["verdict"])
+    return {"failure found": "not-shown", "none found": "neutral", "does not apply": "neutral"}.get(
+        found["word"], _css(found["verdict"])
+    )
 
 
 def _goal(name: str, words: str, verdict: str, x: float, y: float, link: str) -> str:

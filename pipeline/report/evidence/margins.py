@@ -5,6 +5,8 @@ from html import escape
 from typing import Any
 
 WIDTH, HEIGHT, BASE, LEFT = 640, 150, 112, 10
+#: a number nearer to the zero than this would stand on it
+ROOM = 40.0
 
 
 def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
@@ -24,7 +26,7 @@ def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
     most = max(counts)
 
     def place(value: float) -> float:
-        return LEFT + (WIDTH - 2 * LEFT) * (value - edges[0]) / span
+        return float(LEFT + (WIDTH - 2 * LEFT) * (value - edges[0]) / span)
 
     bars = []
     for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True):
@@ -44,7 +46,7 @@ def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
     texts = "".join(
         f'<text class="{anchor}" x="{place(value):.1f}" y="{BASE + 18}">{_number(value)}</text>'
         for value, anchor in marks
-        if value in (0.0, edges[0], edges[-1]) and not _collides(value, edges, place)
+        if anchor == "middle" or len(marks) < 3 or abs(place(value) - place(0.0)) > ROOM
     )
     axis = f'<path class="line" d="M{LEFT} {BASE}H{WIDTH - LEFT}"/>'
     zero = f'<path class="zero" d="M{place(0.0):.1f} 4V{BASE}"/>' if len(marks) == 3 else ""
@@ -55,11 +57,6 @@ def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
         f"{''.join(bars)}{axis}{zero}{texts}"
         f'<text class="middle" x="{WIDTH / 2}" y="{BASE + 34}">{caption}</text></svg>'
     )
-
-
-def _collides(value: float, edges: list[float], place: Any) -> bool:
-    """Tell whether an outer number would stand on the zero."""
-    return value != 0.0 and edges[0] < 0.0 < edges[-1] and abs(place(value) - place(0.0)) < 40.0
 
 
 def _number(value: float) -> str:

@@ -59,9 +59,8 @@ def lead(evidence: Mapping[str, Any]) -> str:
         word: [one["id"] for one in requirements if one["verdict"] == word]
         for word in ("shown", "not shown", "refuted")
     }
-    parts = [
-        f"{', '.join(ids)} {'is' if len(ids) == 1 else 'are'} {word}" for word, ids in named.items() if ids
-    ]
+    verb = {True: "is", False: "are"}
+    parts = [f"{', '.join(ids)} {verb[len(ids) == 1]} {word}" for word, ids in named.items() if ids]
     failing = [one for one in requirements if one["verdict"] == "refuted"]
     because = " ".join(f"{one['id']}: {one['why']}." for one in failing)
     return f"Of {len(requirements)} requirements {'; '.join(parts)}. {because}".strip()
@@ -72,8 +71,8 @@ def domain_words(domain: Mapping[str, Any]) -> str:
     return (
         f"The box of inputs that {domain['num_made_from']:,} flights met. Of {domain['num_tried']:,} other "
         f"flights from the same starts' distribution {domain['num_left']:,} leave it; with "
-        f"{_percent(domain['confidence'])} confidence no more than {_percent(domain['high'])} of such flights "
-        "do. What the controller does outside is not covered by the cases."
+        f"{_percent(domain['confidence'])} confidence no more than {_percent(domain['high'])} of such "
+        "flights do. What the controller does outside is not covered."
     )
 
 
