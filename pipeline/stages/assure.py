@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ import numpy as np
 from fis_tools.analysis.domain import as_mapping
 from fis_tools.review.content import fingerprint
 from pipeline.controllers.of_run import controller_of_run
-from pipeline.evaluation.assurance import evidence
+from pipeline.evaluation.assurance import columns, evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, judged
-from pipeline.evaluation.assurance.claims import cases_needed, failures_allowed, judge
+from pipeline.evaluation.assurance.claims import Judgement, cases_needed, failures_allowed, judge
 from pipeline.evaluation.assurance.domain import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.proofs import certificates, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
@@ -27,7 +27,7 @@ from pipeline.evaluation.assurance.requirements import (
     Requirements,
     read,
 )
-from pipeline.evaluation.assurance.search import Search, case_space, search
+from pipeline.evaluation.assurance.search import Search, case_space, search, speed
 from pipeline.evaluation.assurance.verdicts import Found, percent
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import Scenario
@@ -94,34 +94,29 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     sys.stderr.write(
         f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
     )
-    tables.write_parquet(
-        folder / artifacts.ASSURED_CASES, {**_start_columns(scenarios), **evidence.case_columns(outcomes)}
-    )
+    _write(folder, artifacts.ASSURED_CASES, columns.of_cases(scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios)
     worst = _Worst(experiment, folder, controller, domain)
-    told, flown = [], []
+    told, all_found = [], []
     for one in requirements.requirements:
         outcome = outcomes.get(one.id)
-        searches = _searches(experiment, flights, one)
         found = Found(
             one,
-            judge(outcome.margins, outcome.is_met, one.probability, one.confidence)
-            if outcome is not None and CASES in one.verified_by
-            else None,
-            searches,
+            _judged(one, outcome),
+            _searches(experiment, flights, one, outcome),
             certificates(one, controller) if BOUNDS in one.verified_by else (),
             proof if SAFETY_LAYER in one.verified_by else None,
         )
-        recorded = worst.record(one, scenarios, outcome, searches) if outcome is not None else None
-        told.append((found, evidence.of_requirement(found, outcome, recorded)))
-        flown += [(one.id, number, searched) for number, searched in enumerate(searches)]
-    _write_searches(folder, flown)
-    _write_boxes(folder, [found for found, _ in told])
+        recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
+        all_found.append(found)
+        told.append(evidence.of_requirement(found, outcome, recorded))
+    _write(folder, artifacts.SEARCHED, columns.of_searches(all_found))
+    _write(folder, artifacts.PROOF_BOXES, columns.of_boxes(all_found))
     return {
         **_provenance(experiment, folder, controller, requirements),
         "domain": None if domain is None else evidence.of_domain(domain),
-        "requirements": [one for _, one in told],
+        "requirements": told,
     }
 
 
@@ -131,16 +126,27 @@ def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
     return evaluation_scenarios(cases, experiment.sun, experiment.seed)
 
 
-def _searches(experiment: Experiment, flights: Flights, requirement: Requirement) -> tuple[Search, ...]:
+def _judged(requirement: Requirement, outcome: Outcome | None) -> Judgement | None:
+    """Judge a requirement by its cases, where that is asked for."""
+    if outcome is None or CASES not in requirement.verified_by:
+        return None
+    return judge(outcome.margins, outcome.is_met, requirement.probability, requirement.confidence)
+
+
+def _searches(
+    experiment: Experiment, flights: Flights, requirement: Requirement, random: Outcome | None
+) -> tuple[Search, ...]:
     """Search for the worst case of a requirement, where that is asked for, and tell how it went."""
-    if SEARCH not in requirement.verified_by:
+    if SEARCH not in requirement.verified_by or random is None:
         return ()
     space = case_space(experiment.monte_carlo, experiment.sun)
     settings, optimizer = experiment.assurance, experiment.optimizer
-    return tuple(
+    found = tuple(
         search(requirement, flights, space, settings, optimizer, experiment.seed, number)
         for number in range(settings.searches)
     )
+    sys.stderr.write(f"  {requirement.id}: {speed(found, random).sentence}\n")
+    return found
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
@@ -213,50 +219,12 @@ def _start(scenario: Scenario) -> dict[str, Any]:
     return {"position_m": scenario.position_m.tolist(), "sun_angle_rad": float(scenario.sun_angle_rad)}
 
 
-def _start_columns(scenarios: Sequence[Scenario]) -> dict[str, Any]:
-    positions = np.array([one.position_m for one in scenarios])
-    return {
-        "case": np.arange(len(scenarios)),
-        **{f"position_{axis}_m": positions[:, place] for place, axis in enumerate("xyz")},
-        "sun_angle_rad": np.array([one.sun_angle_rad for one in scenarios]),
-    }
-
-
-def _write_searches(folder: Path, flown: Sequence[tuple[str, int, Search]]) -> None:
-    """Write every flight of every search."""
-    if not flown:
-        (folder / artifacts.SEARCHED).unlink(missing_ok=True)
-        return
-    counts = [len(one.scenarios) for _, _, one in flown]
-    columns = _start_columns([scenario for _, _, one in flown for scenario in one.scenarios])
-    columns["case"] = np.concatenate([np.arange(count) for count in counts])
-    tables.write_parquet(
-        folder / artifacts.SEARCHED,
-        {
-            "requirement": np.repeat([name for name, _, _ in flown], counts),
-            "search": np.repeat([number for _, number, _ in flown], counts),
-            **columns,
-            "margin": np.concatenate([one.outcome.margins for _, _, one in flown]),
-            "met": np.concatenate([one.outcome.is_met for _, _, one in flown]),
-        },
-    )
-
-
-def _write_boxes(folder: Path, found: Sequence[Found]) -> None:
-    """Write the boxes of all certificates, an input a row."""
-    rows = [
-        (one.requirement.id, proof.system, proof.question.ask, box, name, low[place], high[place])
-        for one in found
-        for proof in one.certificates
-        for box, (low, high) in enumerate(zip(proof.low, proof.high, strict=True))
-        for place, name in enumerate(proof.inputs)
-    ]
-    if not rows:
-        (folder / artifacts.PROOF_BOXES).unlink(missing_ok=True)
-        return
-    names = ("requirement", "system", "ask", "box", "input", "low", "high")
-    columns = {name: [row[place] for row in rows] for place, name in enumerate(names)}
-    tables.write_parquet(folder / artifacts.PROOF_BOXES, columns)
+def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
+    """Write a table; an empty one is no file."""
+    if table:
+        tables.write_parquet(folder / name, table)
+    else:
+        (folder / name).unlink(missing_ok=True)
 
 
 def _provenance(

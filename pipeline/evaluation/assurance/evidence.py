@@ -106,6 +106,7 @@ def of_searches(searches: Sequence[Search], random: Outcome) -> dict[str, Any]:
     return {
         **asdict(compared),
         "ratio": compared.ratio,
+        "sentence": compared.sentence,
         "num_flights": sum(len(one.scenarios) for one in searches),
         "worst_margin": min(float(one.outcome.margins.min()) for one in searches),
         "random_worst_margin": float(random.margins.min()),
@@ -151,12 +152,3 @@ def of_domain(domain: Domain) -> dict[str, Any]:
     told = asdict(domain)
     del told["boxes"]
     return {**domain_mapping(domain.boxes), **told}
-
-
-def case_columns(outcomes_by_id: Mapping[str, Outcome]) -> dict[str, NDArray[Any]]:
-    """Return columns of margins and of what is met, one row a case."""
-    return {
-        f"{name}_{what}": values
-        for name, outcome in outcomes_by_id.items()
-        for what, values in (("margin", outcome.margins), ("met", outcome.is_met))
-    }

@@ -6,7 +6,8 @@ from typing import Any, Final
 
 import yaml
 
-from pipeline.evaluation.assurance.formula import Formula, FormulaError, parse, unit_of
+from pipeline.evaluation.assurance.formula import Formula, unit_of
+from pipeline.evaluation.assurance.parser import FormulaError, parse
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.settings.nearest import choices_of, did_you_mean
 

@@ -170,6 +170,17 @@ class Speed:
             return None
         return self.random_flights_per_find / self.flights_per_find
 
+    @property
+    def sentence(self) -> str:
+        """The comparison in words, without a full stop."""
+        told = f"{self.num_found} of {self.num_searches} searches find a failure"
+        if self.flights_per_find is not None:
+            told += f", one in {self.flights_per_find:,.0f} flights"
+        if self.random_flights_per_find is None:
+            return f"{told}; at random there is none"
+        told += f"; at random one in {self.random_flights_per_find:,.0f}"
+        return told if self.ratio is None else f"{told}: {self.ratio:.1f} times as many"
+
 
 def speed(searches: Sequence[Search], random: Outcome) -> Speed:
     """Compare searches with flights at random."""

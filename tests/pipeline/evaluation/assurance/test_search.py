@@ -67,6 +67,9 @@ def test_speed_counts_flights_until_the_first_failure():
     told = speed([found([1, 1, -1, -1]), found([1, 1, 1, 1]), found([-1, 1, 1, 1])], random)
     assert (told.num_found, told.flights_per_find, told.random_flights_per_find) == (2, 4.0, 100.0)
     assert told.ratio == 25.0
+    assert told.sentence == (
+        "2 of 3 searches find a failure, one in 4 flights; at random one in 100: 25.0 times as many"
+    )
     assert speed([found([1])], random).ratio is None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.evaluation.assurance.campaign import Outcome
 from pipeline.evaluation.assurance.claims import judge
-from pipeline.evaluation.assurance.formula import parse
+from pipeline.evaluation.assurance.parser import parse
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement
