@@ -78,8 +78,9 @@ def fly_population(
     starts : (m, 6), sun_angles : (m,)
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
-    tracks : (n * m, K+1, 3) float32, optional
-        Filled with positions, m, Hill axes.
+    tracks : (n * m, K+1, 3 or 8) float32, optional
+        Filled with positions, m, Hill axes, and where there is room velocities (m/s), the delta-v spent
+        (m/s) and the numbers of points not yet inspected.
 
     Returns
     -------
@@ -237,7 +238,7 @@ def _outcomes_of_logs(
     for case, scenario in enumerate(scenarios):
         log = fly_logged(mission, controller, scenario)
         if tracks is not None:
-            tracks[case] = log.position_m
+            tracks[case] = tracked(log)[:, : tracks.shape[2]]
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
         rows[case, arrays.DELTA_V] = log.delta_v_m_s[-1]
@@ -250,6 +251,12 @@ def _outcomes_of_logs(
         per_force = mission.control_period_s / limits.mass_kg
         rows[case, arrays.SAFETY_DELTA_V] = np.abs(log.safety_force_hill_n).sum() * per_force
     return _outcomes(rows)
+
+
+def tracked(log: FlightLog) -> Floats:
+    """Return the track of a logged flight, (K+1, 8), in double precision; see `fly_population`."""
+    left = np.count_nonzero(~log.is_inspected, axis=1)
+    return np.column_stack([log.position_m, log.velocity_m_s, log.delta_v_m_s, left])
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
