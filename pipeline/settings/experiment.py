@@ -22,6 +22,7 @@ from pipeline.settings.checks import (
     NotNegative,
     Number,
     Positive,
+    Seed,
     SettingError,
     Text,
     Whole,
@@ -178,7 +179,7 @@ class Report:
     """How the report looks."""
 
     title: Text
-    dots_per_inch: Annotated[Whole, Field(ge=20, description="of the PNG files")]
+    dots_per_inch: Annotated[Whole, Field(ge=20, le=1200, description="of the PNG files")]
     training_case: Annotated[Natural, Field(description="the scenario that is drawn, from 0")]
 
 
@@ -205,7 +206,7 @@ class Experiment:
     """
 
     name: Text
-    seed: Natural
+    seed: Seed
     stages: tuple[Text, ...]
     mission: Mission
     sun: Sun

@@ -35,7 +35,7 @@ from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import page
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
@@ -251,7 +251,6 @@ def _provenance(
             "duration_s": experiment.mission.duration_s,
         },
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
-        "git_revision": artifacts.git_revision(),
-        "versions": artifacts.versions(),
+        **maker.present_maker(),
         "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},
     }

@@ -17,7 +17,7 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_population, is_by_the_reference, stack_starts
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.world import inspection_points, pack_world
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
@@ -130,7 +130,7 @@ def _fitness_from(
     """Return the function that flies genomes from some starts and judges them by the weights of a round."""
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
-    world, law = pack_world(mission), law_of(genome.template, mission.num_controls)
+    world, law = pack_world(mission), law_of(genome.template, mission)
     places, sun_angles = stack_starts(scenarios)
     weighed = (penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent)
 
@@ -149,7 +149,7 @@ def _costs(
 ) -> Floats:
     """Return what each flight of a champion costs by the weights of a round, shape (scenarios,)."""
     mission, optimizer = experiment.mission, experiment.optimizer
-    world, law = pack_world(mission), law_of(genome.template, mission.num_controls)
+    world, law = pack_world(mission), law_of(genome.template, mission)
     numbers = genome.pack(champion[np.newaxis])
     outcomes = fly_population(world, law, numbers, *stack_starts(scenarios), optimizer.workers)
     penalty = optimizer.penalty.of_round(round_index)
@@ -263,8 +263,8 @@ def _provenance(
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
-        "product_version": artifacts.product_version(),
-        "git_revision": artifacts.git_revision() or "none",
+        "product_version": maker.product_version(),
+        "git_revision": maker.git_revision() or "none",
         "generations": str(len(history)),
         "interrupted": str(interrupted).lower(),
     }

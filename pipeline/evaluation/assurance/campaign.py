@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.evaluation.assurance.formula import Formula, quantities_of
-from pipeline.evaluation.assurance.quantities import NUM_COLUMNS, of_tracks
+from pipeline.evaluation.assurance.quantities import of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError
 from pipeline.evaluation.assurance.robustness import holds, robustness
 from pipeline.flight.controller import Controller
+from pipeline.flight.kernel.arrays import NUM_TRACKED
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_all
 from pipeline.flight.world import inspection_points
@@ -64,7 +65,7 @@ class Flights:
 
     def tracks(self, scenarios: list[Scenario]) -> NDArray[np.float32]:
         """Return the tracks of some flights, (n, K+1, 8), see `pipeline.evaluation.assurance.quantities`."""
-        shape = (len(scenarios), self._mission.num_controls + 1, NUM_COLUMNS)
+        shape = (len(scenarios), self._mission.num_controls + 1, NUM_TRACKED)
         tracks = np.empty(shape, dtype=np.float32)
         # a few fly side by side in one thread: shared out, they would leave its vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers

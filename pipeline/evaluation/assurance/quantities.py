@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.kernel.arrays import TRACKED
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_STATE, MISSION
 
@@ -19,7 +18,6 @@ Floats = NDArray[np.float64]
 #: from tracks, (n, K+1, 8), and the number of inspection points to (n, K+1)
 OfTracks = Callable[[Floats, int], Floats]
 
-NUM_COLUMNS = len(TRACKED)
 SPENT, LEFT = 6, 7
 
 

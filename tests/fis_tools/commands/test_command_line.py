@@ -192,7 +192,7 @@ def test_explain_tells_the_share_of_each_rule_over_flights(
     _, printed, _ = run(capsys, "explain", flights[0], "--json")
     assert [one["samples"] for one in json.loads(printed)["shares"]] == [4, 4]
     silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
-    assert "never decided anything" in run(capsys, "explain", silent)[1]
+    assert "never fired anything" in run(capsys, "explain", silent)[1]
 
 
 def test_explain_takes_the_inputs_of_a_logged_flight(
@@ -219,7 +219,7 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
     shares = [float(line.split("%")[0]) for line in block[2:]]
     assert shares == sorted(shares, reverse=True)
     silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
-    assert "never decided anything" in run(capsys, "firing", silent)[1]
+    assert "never fired anything" in run(capsys, "firing", silent)[1]
 
 
 @pytest.mark.parametrize(
@@ -260,11 +260,11 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["explain", "FLIGHT", "--steps"], "about one inference; add --time"),
         (["explain", "FLIGHT", "--time", "1", "--steps", "--json"], "drop one of them"),
         (["explain", "FLIGHT", "--time", "1", "--crossing", "nan"], "'nan' is no number"),
-        (["explain", "FLIGHT", "--time", "-1"], "decided nothing up to -1 s"),
-        (["explain", "FLIGHT", "--time", "99999"], "--time 99999 is not on this flight"),
-        (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "inferences cover 0 to 40 s"),
-        (["explain", "FLIGHT", "--time", "nan"], "inferences cover 0 to 40 s"),
-        (["explain", "SILENT", "--time", "5"], "decided nothing up to 5 s"),
+        (["explain", "FLIGHT", "--time", "-1"], "-1 s is on no control period of"),
+        (["explain", "FLIGHT", "--time", "99999"], "99999 s is on no control period of"),
+        (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "which covers 0 to 40 s"),
+        (["explain", "FLIGHT", "--time", "nan"], "which covers 0 to 40 s"),
+        (["explain", "SILENT", "--time", "5"], "which has none"),
         (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "invalid choice"),
