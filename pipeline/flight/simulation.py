@@ -79,8 +79,8 @@ def fly_population(
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 8) float32, optional
-        Filled with positions, m, Hill axes, and where there is room velocities (m/s), the delta-v spent
-        (m/s) and the numbers of points not yet inspected.
+        Filled with positions, m, Hill axes; with eight columns also with velocities, m/s, the delta-v spent,
+        m/s, and the number of points not yet inspected.
 
     Returns
     -------

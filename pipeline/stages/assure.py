@@ -251,7 +251,6 @@ def _provenance(
             "duration_s": experiment.mission.duration_s,
         },
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
-        "git_revision": maker.git_revision(),
-        "versions": maker.versions(),
+        **maker.present_maker(),
         "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},
     }

@@ -9,6 +9,7 @@ Single letters follow the equations: r, v position and velocity (Hill), q attitu
 """
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from pipeline.flight.kernel.arrays import (
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
+    NUM_TRACKED,
     OUTSIDE,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
@@ -131,20 +133,6 @@ def start_lanes(
 
 
 @compiled(error_model="numpy")
-def write_tracks(work: Workspace, num_lanes: int, k: int, tracks: NDArray[np.float32], flight: int) -> None:
-    """Write a sample of the tracks from row `flight` on: positions, or all of the `NUM_TRACKED` columns."""
-    lanes = work.lanes
-    for lane in range(num_lanes):
-        for component in range(3):
-            tracks[flight + lane, k, component] = lanes.position[component, lane]
-        if tracks.shape[2] > 3:
-            for component in range(3):
-                tracks[flight + lane, k, 3 + component] = lanes.velocity[component, lane]
-            tracks[flight + lane, k, 6] = lanes.spent[lane]
-            tracks[flight + lane, k, 7] = lanes.num_unseen[lane]
-
-
-@compiled(error_model="numpy")
 def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, outcomes: Floats) -> None:
     """Write how the flights ended, from row `flight` on."""
     lanes = work.lanes
@@ -158,6 +146,18 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
         row[OUTSIDE] = lanes.beyond[lane]
         row[SAFETY_PERIODS] = lanes.num_acted[lane]
         row[SAFETY_DELTA_V] = lanes.corrected[lane]
+
+
+@compiled(error_model="numpy", inline="always")
+def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+    """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
+    for component in range(3):
+        row[component] = lanes.position[component, lane]
+    if len(row) == NUM_TRACKED:
+        for component in range(3):
+            row[3 + component] = lanes.velocity[component, lane]
+        row[6] = lanes.spent[lane]
+        row[7] = lanes.num_unseen[lane]
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
@@ -191,7 +191,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
-    tracks : (n, K+1, 3 or `NUM_TRACKED`) float32, filled from row `flight` on, unless it is empty
+    tracks : (n, K+1, NUM_PLACED or NUM_TRACKED) float32, filled from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
@@ -223,8 +223,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         if decides and law.needs & SETTING:
             sense_push(world, law, values, work, num_lanes, k, is_logged)
-        if len(tracks) > 0:
-            write_tracks(work, num_lanes, k, tracks, flight)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            write_track(lanes, lane, tracks[flight + lane, k])
         if is_logged:
             write_sample(world, work, log, k, sun_angles[first])
         if k == world.num_controls:

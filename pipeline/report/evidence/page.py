@@ -165,6 +165,8 @@ def _provenance(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("controller, SHA-256", controller["sha256"] or "not fuzzy"),
         ("configuration, SHA-256", evidence["config_hash"]),
         ("revision of the sources", evidence["git_revision"] or "not in a repository"),
+        ("sources, SHA-256", evidence["sources"]),
+        ("compiled for", evidence["processor"]["compiled_for"]),
     ]
 
 
