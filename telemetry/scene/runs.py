@@ -263,8 +263,8 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
         ) from error
     if missing := [name for name in required if wanted.count(name) != 1 or table[name].null_count]:
         raise RecordingError(
-            f"{path} has no column {', '.join(missing)} of numbers without gaps; give a table that the pipeline "
-            "has written"
+            f"{path} has no column {', '.join(missing)} of numbers without gaps; give a table that the "
+            "pipeline has written"
         )
     for name in required:
         if name in _KEYS and not pa.types.is_integer(schema.field(name).type):
