@@ -192,6 +192,20 @@ def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
+def open_with(
+    world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
+) -> None:
+    """Replace what was inferred at the start by forces given for each start, Hill axes."""
+    for lane in range(num_lanes):
+        for axis in range(3):
+            force = openings[first + lane, axis]
+            work.lanes[GX + LANES * axis + lane] = force
+            work.lanes[FX + LANES * axis + lane] = clip(force, world.max_force)
+    if len(log.position_m) > 0:
+        log.is_decided[0] = False
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
 def write_sample(
     world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float, count: int, target: Floats
 ) -> None:
@@ -264,6 +278,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats,
     first: int,
     num_lanes: int,
     work: Workspace,
@@ -281,6 +296,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
+    openings : (m, 3) forces of the first control period, N, Hill axes, or (0, 3) where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
@@ -325,6 +341,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, num_lanes, log, k)
+        if k == 0 and len(openings) > 0:
+            open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
@@ -354,6 +372,7 @@ def fly_many(
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats,
     work: Workspace,
     log: FlightLog,
     tracks: NDArray[np.float32],
@@ -380,6 +399,7 @@ def fly_many(
             rules[row],
             starts,
             sun_angles,
+            openings,
             start,
             num_lanes,
             work,

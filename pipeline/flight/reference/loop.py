@@ -202,6 +202,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     channels: Channels,
     infer: Infer,
     choose_target: ChooseTarget | None = None,
+    opening_h: Floats | None = None,
 ) -> FlightLog:
     """Fly once.
 
@@ -218,6 +219,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         may be unused: `inference_of` its systems, or any other engine.
     choose_target : callable, optional
         By default the one of the mission, `guidance_of`.
+    opening_h : array, shape (3,), optional
+        Fired in the first control period in place of what the rules decide, N, Hill axes.
     """
     world, safety = world_of(mission), safety_world_of(mission)
     num_points = len(world.points_c)
@@ -329,7 +332,9 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                     commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = output
-        if has_plan:
+        if k == 0 and opening_h is not None:
+            wanted_h, is_decided = opening_h, False
+        elif has_plan:
             wanted_h = channels.plan_h[k]
         elif channels.is_force_hill:
             wanted_h = commanded
