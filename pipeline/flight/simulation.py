@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
+from fis_tools.engines.vectors import aligned
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -19,7 +20,7 @@ from pipeline.flight.controller import (
 )
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -38,21 +39,18 @@ def make_workspace(world: World) -> Workspace:
     points, width = world.num_points, world.points.shape[2]
     clusters = num_clusters(points)
     return Workspace(
-        lanes=np.zeros(NUM_ROWS * LANES),
-        aims=np.zeros(world.num_attitude_steps * 4 * LANES),
+        lanes=aligned(1, CARRIED).view(np.recarray)[0],
+        aims=np.zeros((4 * world.num_attitude_steps, LANES)),
+        passed=np.zeros((7 * world.num_attitude_steps, LANES)),
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
         looks=np.zeros((5, width)),
-        signals=np.zeros(len(SIGNALS) * LANES),
-        passing=np.zeros(4 * LANES),
+        signals=np.zeros((len(SIGNALS), LANES)),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
         scratch=make_scratch(),
-        y_before=np.zeros((LANES, 3)),
-        is_general=np.zeros(LANES, dtype=np.bool_),
-        turned=np.zeros((LANES, 7)),
         candidates=np.zeros((3, points)),
         centres=np.zeros((LANES, clusters, 3)),
         num_centres=np.zeros(LANES, dtype=np.int64),

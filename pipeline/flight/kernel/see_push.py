@@ -4,30 +4,19 @@ Of every such point the cheapest look on the coasting path is sought; one regula
 serves them all. The page on signals derives it. Written out plainly in `pipeline.flight.reference.see_push`.
 """
 
-from math import cos, exp, sin, sqrt
+from math import cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from pipeline.flight.kernel.arrays import (
-    COASTS,
-    RX,
-    RY,
-    RZ,
-    SUN_COS,
-    SUN_SIN,
-    VX,
-    VY,
-    VZ,
-    Law,
-    Workspace,
-    World,
-)
+from fis_tools.engines.vectors import count, load, select, some, splat, store, total
+from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
+from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import Place, drifted_place, place_of, slopes
+from pipeline.physics.visibility import is_lit
 
 Floats = NDArray[np.float64]
 
@@ -45,53 +34,57 @@ KS2 = 1e6
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def await_dark(work: Workspace, lane: int, now: float, horizon: float) -> float:
+def await_dark(work: Workspace, lane: int, now: float, horizon: float) -> int:
     """Mark the points unseen whose last light is still to come within the horizon; return how many."""
-    count = 0.0
-    for j in range(len(work.ahead)):
-        last = work.deadlines[lane, j]
-        waits = work.unseen[lane, j] if last > now else 0.0
-        work.ahead[j] = waits if last <= now + horizon else 0.0
-        work.looks[COST, j] = np.inf
-        count += work.ahead[j]
-    return count
+    num_waiting = 0
+    for j in range(0, len(work.ahead), POINTS):
+        last = load(work.deadlines, (lane, j), POINTS)
+        waits = (load(work.unseen, (lane, j), POINTS) > 0.0) & (last > now) & (last <= now + horizon)
+        store(work.ahead, j, select(waits, 1.0, 0.0))
+        store(work.looks, (COST, j), splat(np.inf, POINTS))
+        num_waiting += count(waits)
+    return num_waiting
 
 
-# Sums over points may be taken in any order, as in `pipeline.flight.kernel.preview`.
-@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def look_from(
-    points: Floats,
+    world: World,
+    work: Workspace,
     sample: int,
-    radius: float,
-    ahead: Floats,
-    looks: Floats,
     place: Place,
     rx: float,
     ry: float,
     rz: float,
-    sx: float,
-    sy: float,
-    sun_threshold: float,
+    sun_x: float,
+    sun_y: float,
 ) -> None:
     """Strike out the points that a place of the path shows; of the others keep the cheapest look so far."""
+    points, ahead, looks, sight = world.points, work.ahead, work.looks, world.sight
+    radius = sqrt(sight.horizon)
     per_radius = 1.0 / radius
     near = LEAST_SHORT_M if rx * rx + ry * ry + rz * rz < SQUARED_NEAR_M2 else -np.inf
-    for j in range(len(ahead)):
-        px, py, pz = points[sample, 0, j], points[sample, 1, j], points[sample, 2, j]
-        lit = ahead[j] if px * sx + py * sy > sun_threshold else 0.0
+    for j in range(0, len(ahead), POINTS):
+        before = load(ahead, j, POINTS)
+        if not some(before > 0.0):
+            continue
+        px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+        pz = load(points, (sample, 2, j), POINTS)
+        lit = (before > 0.0) & is_lit(sight, px, py, sun_x, sun_y)
+        if not some(lit):
+            continue
         px, py, pz = px * per_radius, py * per_radius, pz * per_radius
         short = radius - (px * rx + py * ry + pz * rz)
-        short = short if short > near else near
+        short = select(short > near, short, near)
         _, _, _, gx, gy, gz = slopes(place, px, py, pz)
         cost = short * short / (gx * gx + gy * gy + gz * gz)
-        is_shown = lit if short <= 0.0 else 0.0
-        ahead[j] -= is_shown
-        is_better = lit > 0.0 and cost < looks[COST, j]
-        looks[COST, j] = cost if is_better else looks[COST, j]
-        looks[SHORT, j] = short if is_better else looks[SHORT, j]
-        looks[SLOPE, j] = gx if is_better else looks[SLOPE, j]
-        looks[SLOPE + 1, j] = gy if is_better else looks[SLOPE + 1, j]
-        looks[SLOPE + 2, j] = gz if is_better else looks[SLOPE + 2, j]
+        cheapest = load(looks, (COST, j), POINTS)
+        is_better = lit & (cost < cheapest)
+        store(ahead, j, select(lit & (short <= 0.0), 0.0, before))
+        store(looks, (COST, j), select(is_better, cost, cheapest))
+        store(looks, (SHORT, j), select(is_better, short, load(looks, (SHORT, j), POINTS)))
+        store(looks, (SLOPE, j), select(is_better, gx, load(looks, (SLOPE, j), POINTS)))
+        store(looks, (SLOPE + 1, j), select(is_better, gy, load(looks, (SLOPE + 1, j), POINTS)))
+        store(looks, (SLOPE + 2, j), select(is_better, gz, load(looks, (SLOPE + 2, j), POINTS)))
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -102,18 +95,27 @@ def fitted_push(
 
     Solves ``(damping I + sum w g g^T) dv = sum w g short`` by Cramer's rule.
     """
-    xx, yy, zz, xy, xz, yz = damping * KS2, damping * KS2, damping * KS2, 0.0, 0.0, 0.0
-    bx, by, bz = 0.0, 0.0, 0.0
-    for j in range(len(work.ahead)):
-        if work.ahead[j] == 0.0 or work.looks[COST, j] == np.inf:
-            continue
-        weight = exp((now - work.deadlines[lane, j]) * rate)
-        gx, gy, gz = work.looks[SLOPE, j], work.looks[SLOPE + 1, j], work.looks[SLOPE + 2, j]
-        wx, wy, wz = weight * gx, weight * gy, weight * gz
-        xx, yy, zz = xx + wx * gx, yy + wy * gy, zz + wz * gz
-        xy, xz, yz = xy + wx * gy, xz + wx * gz, yz + wy * gz
-        short = work.looks[SHORT, j]
-        bx, by, bz = bx + wx * short, by + wy * short, bz + wz * short
+    nothing = splat(0.0, POINTS)
+    sum_xx, sum_yy, sum_zz, sum_xy, sum_xz, sum_yz = nothing, nothing, nothing, nothing, nothing, nothing
+    sum_x, sum_y, sum_z = nothing, nothing, nothing
+    for j in range(0, len(work.ahead), POINTS):
+        counts = load(work.ahead, j, POINTS) > 0.0
+        counts &= load(work.looks, (COST, j), POINTS) < np.inf
+        if some(counts):
+            weight = exponential((now - load(work.deadlines, (lane, j), POINTS)) * rate)
+            weight = select(counts, weight, 0.0)
+            gx, gy = load(work.looks, (SLOPE, j), POINTS), load(work.looks, (SLOPE + 1, j), POINTS)
+            gz, short = load(work.looks, (SLOPE + 2, j), POINTS), load(work.looks, (SHORT, j), POINTS)
+            gx, gy, gz = select(counts, gx, 0.0), select(counts, gy, 0.0), select(counts, gz, 0.0)
+            wx, wy, wz = weight * gx, weight * gy, weight * gz
+            short = select(counts, short, 0.0)
+            sum_xx, sum_yy, sum_zz = sum_xx + wx * gx, sum_yy + wy * gy, sum_zz + wz * gz
+            sum_xy, sum_xz, sum_yz = sum_xy + wx * gy, sum_xz + wx * gz, sum_yz + wy * gz
+            sum_x, sum_y, sum_z = sum_x + wx * short, sum_y + wy * short, sum_z + wz * short
+    least = damping * KS2
+    xx, yy, zz = least + total(sum_xx), least + total(sum_yy), least + total(sum_zz)
+    xy, xz, yz = total(sum_xy), total(sum_xz), total(sum_yz)
+    bx, by, bz = total(sum_x), total(sum_y), total(sum_z)
     cxx, cyy, czz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
     cxy, cxz, cyz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
     inverse = 1.0 / (xx * cxx + xy * cxy + xz * cxz)
@@ -129,44 +131,27 @@ def sense_push(
     world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
 ) -> None:
     """Write the push that shows what sets, and the aim, of lanes that may fire; of all where it is logged."""
-    signals, now, n = work.signals, world.control_period * k, world.mean_motion
-    turned_cos, turned_sin = cos(n * now), sin(n * now)
-    look_turn = n * world.control_period * world.look_stride
+    lanes, signals, now = work.lanes, work.signals, world.control_period * k
+    look_turn = world.mean_motion * world.control_period * world.look_stride
     look_cos, look_sin = cos(look_turn), sin(look_turn)
     rate = 1.0 / values[law.constants + URGENCY_TIME]
     horizon, damping = values[law.constants + SEE_HORIZON], values[law.constants + SEE_DAMPING]
     skirt, urgent = values[law.constants + SKIRT_DISTANCE], values[law.constants + AIM_URGENT]
-    radius = sqrt(world.horizon)
-    is_turning = len(world.points) > 1
     farthest = int(horizon / (world.control_period * world.look_stride) + 1e-9)
     num_looks = min(farthest, (world.num_controls - k) // world.look_stride)
     for lane in range(num_lanes):
         dx, dy, dz = 0.0, 0.0, 0.0
-        is_idle = work.lanes[COASTS + lane] > 0.0 and not is_logged
-        if not is_idle and await_dark(work, lane, now, horizon) > 0.0:
-            sx = work.lanes[SUN_COS + lane] * turned_cos + work.lanes[SUN_SIN + lane] * turned_sin
-            sy = work.lanes[SUN_SIN + lane] * turned_cos - work.lanes[SUN_COS + lane] * turned_sin
-            rx, ry, rz = work.lanes[RX + lane], work.lanes[RY + lane], work.lanes[RZ + lane]
-            vx, vy, vz = work.lanes[VX + lane], work.lanes[VY + lane], work.lanes[VZ + lane]
+        is_idle = lanes.coasts[lane] > 0.0 and not is_logged
+        if not is_idle and await_dark(work, lane, now, horizon) > 0:
+            sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+            rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
+            vx, vy, vz = lanes.velocity[0, lane], lanes.velocity[1, lane], lanes.velocity[2, lane]
             for look in range(1, num_looks + 1):
-                sx, sy = sx * look_cos + sy * look_sin, sy * look_cos - sx * look_sin
+                sun_x, sun_y = sun_x * look_cos + sun_y * look_sin, sun_y * look_cos - sun_x * look_sin
                 place = place_of(world.looks, look)
                 px, py, pz = drifted_place(place, rx, ry, rz, vx, vy, vz)
-                sample = k + look * world.look_stride if is_turning else 0
-                look_from(
-                    world.points,
-                    sample,
-                    radius,
-                    work.ahead,
-                    work.looks,
-                    place,
-                    px,
-                    py,
-                    pz,
-                    sx,
-                    sy,
-                    world.sun_threshold,
-                )
+                sample = k + look * world.look_stride if len(world.points) > 1 else 0
+                look_from(world, work, sample, place, px, py, pz, sun_x, sun_y)
             dx, dy, dz = fitted_push(work, lane, now, rate, damping)
             distance = sqrt(rx * rx + ry * ry + rz * rz)
             if distance < skirt and skirt > world.min_distance:
@@ -174,11 +159,7 @@ def sense_push(
                 nearness = min(1.0, (skirt - distance) / (skirt - world.min_distance))
                 turned_away = 2.0 * nearness * inward / distance
                 dx, dy, dz = dx + turned_away * rx, dy + turned_away * ry, dz + turned_away * rz
-        signals[LANES * PUSH + lane] = dx
-        signals[LANES * (PUSH + 1) + lane] = dy
-        signals[LANES * (PUSH + 2) + lane] = dz
+        signals[PUSH, lane], signals[PUSH + 1, lane], signals[PUSH + 2, lane] = dx, dy, dz
         for component in range(3):
-            signals[LANES * (AIM + component) + lane] = (
-                signals[LANES * (PUSH + component) + lane]
-                + urgent * signals[LANES * (URGENT + component) + lane]
-            )
+            pushed, urged = signals[PUSH + component, lane], signals[URGENT + component, lane]
+            signals[AIM + component, lane] = pushed + urgent * urged
