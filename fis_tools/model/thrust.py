@@ -23,6 +23,8 @@ REASONS: Final = {
     "safety": "the safety layer fired something else",
 }
 
+#: nothing is asked for where less than this is, N: an output that should be zero is so to rounding
+SILENT_N: Final = 1e-12
 #: where the output of a system counts: what it asked for was fired, as far as the thruster goes
 COUNTED: Final = ("fired", "clipped")
 #: of a recording that gives no reasons

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES, infer
+from fis_tools.model.thrust import SILENT_N
 from pipeline.flight.kernel.arrays import (
     COASTS,
     FX,
@@ -179,7 +180,7 @@ def write_reasons(
             reason = WAITING
         elif not law.has_plan and lanes[COASTS] > 0.0:
             reason = COASTING
-        elif log.force_asked_n[k, row] == 0.0:
+        elif abs(log.force_asked_n[k, row]) < SILENT_N:
             reason = SILENT
         elif lanes[GX + LANES * row] == 0.0:
             reason = DEAD_BAND
