@@ -13,10 +13,36 @@ from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.flight.kernel.arrays import Law
 from pipeline.flight.log import Scenario
-from pipeline.flight.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, URGENCY, constant, needs_of, slot
+from pipeline.flight.signals import (
+    AXES,
+    CONSTANTS,
+    FORCE_AXES,
+    SETTING,
+    SIGNALS,
+    URGENCY,
+    constant,
+    needs_of,
+    slot,
+)
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: constants that may not be zero: for what is sensed, under which names, which, and what it is
+REQUIRED = (
+    (
+        URGENCY | SETTING,
+        "urgent_*, see_push_* or aim_*",
+        "urgency_time_s",
+        "the time before its last light within which a point becomes urgent, say 200 (s)",
+    ),
+    (
+        SETTING,
+        "see_push_* or aim_*",
+        "see_damping_ks2",
+        "what keeps the push small, say 0.1 (1e6 s^2)",
+    ),
+)
 
 
 class ControllerError(ValueError):
@@ -187,11 +213,13 @@ def constants_of(controller: Controller) -> Floats:
         if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
             least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
-    if needs_of(sensed_by(controller)) & URGENCY and values[constant("urgency_time_s")] == 0.0:
-        raise ControllerError(
-            f"controller {controller.name!r} senses urgent_* but sets no urgency_time_s; give it as an "
-            "attribute, the time before its last light within which a point becomes urgent, say 200 (s)"
-        )
+    needs = needs_of(sensed_by(controller))
+    for flags, signals, name, meaning in REQUIRED:
+        if needs & flags and values[constant(name)] == 0.0:
+            raise ControllerError(
+                f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
+                f"attribute, {meaning}"
+            )
     return values
 
 

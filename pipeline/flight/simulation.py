@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
+from fis_tools.engines.vectors import aligned
 from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -27,20 +28,18 @@ def make_workspace(world: World) -> Workspace:
     points, width = world.num_points, world.points.shape[2]
     clusters = num_clusters(points)
     return Workspace(
-        lanes=np.zeros(NUM_ROWS * LANES),
-        aims=np.zeros(world.num_attitude_steps * 4 * LANES),
+        lanes=aligned(1, CARRIED).view(np.recarray)[0],
+        aims=np.zeros((4 * world.num_attitude_steps, LANES)),
+        passed=np.zeros((7 * world.num_attitude_steps, LANES)),
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
-        signals=np.zeros(len(SIGNALS) * LANES),
-        passing=np.zeros(4 * LANES),
+        looks=np.zeros((5, width)),
+        signals=np.zeros((len(SIGNALS), LANES)),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
         scratch=make_scratch(),
-        y_before=np.zeros((LANES, 3)),
-        is_general=np.zeros(LANES, dtype=np.bool_),
-        turned=np.zeros((LANES, 7)),
         candidates=np.zeros((3, points)),
         centres=np.zeros((LANES, clusters, 3)),
         num_centres=np.zeros(LANES, dtype=np.int64),
@@ -86,6 +85,11 @@ def fly_population(
     -------
     Outcomes
         Arrays of shape (n, m).
+
+    Raises
+    ------
+    FlightError
+        If a flight did not stay finite.
     """
     num_pairs = len(numbers.values) * len(starts)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
@@ -128,7 +132,22 @@ def _parts_in_use(world: World) -> tuple[Guard | None, bool | None]:
     return world.guard if world.guard.is_on else None, world.has_clusters or None
 
 
+class FlightError(ValueError):
+    """A flight whose state became infinite or not a number: it tells nothing."""
+
+
+def _check_finite(*numbers: Floats) -> None:
+    """Raise FlightError unless all numbers of a flight are finite."""
+    if not all(np.isfinite(some).all() for some in numbers):
+        raise FlightError(
+            "a flight did not stay finite: its position, attitude or force became infinite or not a number; "
+            "lower attitude.proportional_gain, deputy.max_torque_n_m or attitude_period_s, with which it "
+            "cannot be flown"
+        )
+
+
 def _outcomes(rows: Floats) -> Outcomes:
+    _check_finite(rows)
     return Outcomes(
         delta_v_m_s=rows[..., arrays.DELTA_V],
         inspected_count=np.rint(rows[..., arrays.INSPECTED]).astype(np.int64),
@@ -257,4 +276,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         np.empty((1, NUM_OUTCOMES)),
     )
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
+    _check_finite(
+        log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
+    )
     return log

@@ -26,7 +26,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import transposed_times
 from pipeline.physics.visibility import is_in_view
 from pipeline.recording.events import Event, events
-from pipeline.run import artifacts
+from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
@@ -76,7 +76,7 @@ class FlightRecorder:
         self._seed = seed
         self._near_limit_m = near_limit_m
         self._config_hash = artifacts.config_hash(config)
-        self._product_version = artifacts.product_version()
+        self._product_version = maker.product_version()
         self._attachments = {
             CONFIG_ATTACHMENT: artifacts.config_text(config).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),

@@ -22,6 +22,7 @@ from pipeline.settings.checks import (
     NotNegative,
     Number,
     Positive,
+    Seed,
     SettingError,
     Text,
     Whole,
@@ -159,7 +160,7 @@ class Report:
     """How the report looks."""
 
     title: Text
-    dots_per_inch: Annotated[Whole, Field(ge=20, description="of the PNG files")]
+    dots_per_inch: Annotated[Whole, Field(ge=20, le=1200, description="of the PNG files")]
     training_case: Annotated[Natural, Field(description="the scenario that is drawn, from 0")]
 
 
@@ -186,7 +187,7 @@ class Experiment:
     """
 
     name: Text
-    seed: Natural
+    seed: Seed
     stages: tuple[Text, ...]
     mission: Mission
     sun: Sun

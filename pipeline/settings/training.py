@@ -25,6 +25,11 @@ from pipeline.settings.checks import (
 )
 from pipeline.settings.groups import settings
 
+#: of a population, or a tournament
+MOST_INDIVIDUALS = 100_000
+#: what prices may grow to, m/s
+MOST_PRICE = 1e15
+
 
 @settings("starts")
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +79,15 @@ class Encoding:
         Literal["free", "planes", "fixed"],
         Field(description="a gene for the term of each rule; rule tables as planes; or rules kept"),
     ]
+    stretch: Annotated[
+        PositiveInterval | None,
+        Field(description="of ranges with all their terms, in place of means and widths, as factors"),
+    ]
+    digits: Annotated[
+        Whole | None,
+        Field(ge=1, le=17, description="significant, of stretched ranges and of constants"),
+        Cure(", or null for all"),
+    ]
     ring_size_m: NotNegativeInterval | None
     ring_lead_rad: Interval | None
     dead_band_n: NotNegativeInterval | None
@@ -82,9 +96,17 @@ class Encoding:
     coast_margin_m: NotNegativeInterval | None
     urgency_time_s: NotNegativeInterval | None
     skirt_distance_m: NotNegativeInterval | None
+    see_horizon_s: NotNegativeInterval | None
+    see_damping_ks2: PositiveInterval | None
+    aim_urgent_m_s: NotNegativeInterval | None
 
     def __post_init__(self) -> None:
-        """Check the bounds that a range of their own limits."""
+        """Check the bounds that a range of their own limits, and that stretched systems have genes."""
+        if self.stretch is not None and self.rules == "free":
+            raise SettingError(
+                "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch "
+                "with rules=planes or rules=fixed: choose one of them, or set stretch=null"
+            )
         for place, value in enumerate(self.standard_deviation_fraction):
             checks.within(f"optimizer.encoding.standard_deviation_fraction[{place}]", value, 0.0, 1.0)
         if self.urgency_time_s is not None:
@@ -123,9 +145,9 @@ class Penalty:
 class Optimizer:
     """The evolution."""
 
-    population_size: Annotated[Whole, Field(ge=2)]
+    population_size: Annotated[Whole, Field(ge=2, le=MOST_INDIVIDUALS)]
     generations: Annotated[Count, Field(description="after the first population, in each round")]
-    tournament_size: Count
+    tournament_size: Annotated[Count, Field(le=MOST_INDIVIDUALS)]
     crossover_rate: Annotated[
         Share, Field(description="of the `whole` population or the `rest` without elite")
     ]
@@ -133,7 +155,7 @@ class Optimizer:
     split: Literal["whole", "rest"]
     stall_generations: Annotated[
         Whole | None,
-        Field(ge=1, description="without improvement, after which a round ends"),
+        Field(ge=1, le=checks.MOST, description="without improvement, after which a round ends"),
         Cure(", or null for none"),
     ]
     rounds: Count
@@ -168,6 +190,13 @@ class Optimizer:
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
         if self.algorithm == "nsga2":
             self._check_front()
+        prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
+        digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
+        if digits > math.log10(MOST_PRICE):
+            raise SettingError(
+                f"optimizer.penalty.growth is {self.penalty.growth:g} and optimizer.rounds {self.rounds}, by "
+                f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
+            )
         if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "

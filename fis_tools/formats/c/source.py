@@ -86,6 +86,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
 
 def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
+    about: tuple[str, ...] = ()
     if has_step:
         title, about = f"Fuzzy controller {controller.name} with its thrust logic, in C99.", thrust.ABOUT
     elif logic is not None:
@@ -95,7 +96,7 @@ def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bo
             "Flown so, it fires what the controller does not.",
         )
     else:
-        title, about = f"Fuzzy controller {controller.name}, in C99.", ()
+        title = f"Fuzzy controller {controller.name}, in C99."
     return _comment(
         title,
         "",

@@ -3,30 +3,18 @@
 `fis_tools.model.thrust` says what it is, `pipeline.flight.reference.thrust` is the readable twin.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES, infer
+from fis_tools.engines.vectors import load, select, some, splat, store
 from fis_tools.model.thrust import SILENT_N
-from pipeline.flight.kernel.arrays import (
-    COASTS,
-    FX,
-    FY,
-    FZ,
-    GX,
-    GY,
-    GZ,
-    LEFT,
-    Q1,
-    Q2,
-    Q3,
-    Q4,
-    Law,
-    Workspace,
-    World,
-)
+from pipeline.flight.kernel.arrays import Law, Workspace, World
 from pipeline.flight.kernel.attitude import clip
+from pipeline.flight.kernel.lanes import four, one, three, write_three
 from pipeline.flight.log import (
     CLIPPED,
     COASTING,
@@ -64,74 +52,60 @@ def may_coast(law: Law, values: Floats) -> bool:
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
     lanes, signals = work.lanes, work.signals
-    for i in range(LANES):
-        lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
+    coasts = one(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
     if may_coast(law, values):
-        most = values[law.constants + COAST_BELOW]
-        nearest = world.min_distance + values[law.constants + COAST_MARGIN]
-        farthest = world.max_distance - values[law.constants + COAST_MARGIN]
-        for i in range(LANES):
-            if (
-                signals[LANES * MISSED + i] < most
-                and signals[LANES * NEAREST + i] >= nearest
-                and signals[LANES * FARTHEST + i] <= farthest
-            ):
-                lanes[COASTS + i] = 1.0
+        margin = values[law.constants + COAST_MARGIN]
+        is_enough = load(signals, MISSED, LANES) < values[law.constants + COAST_BELOW]
+        is_enough &= load(signals, NEAREST, LANES) >= world.min_distance + margin
+        is_enough &= load(signals, FARTHEST, LANES) <= world.max_distance - margin
+        coasts |= is_enough
+    store(lanes.coasts, 0, select(coasts, 1.0, 0.0))
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
+def command(
     world: World,
     law: Law,
     values: Floats,
     rules: Integers,
     work: Workspace,
-    num_lanes: int,
     log: FlightLog,
     k: int,
 ) -> None:
     """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
-    lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
+    lanes, inputs, outputs = work.lanes, work.inputs, work.outputs
     is_logged = len(log.position_m) > 0
-    for i in range(3 * LANES):
-        lanes[GX + i] = 0.0
-    if law.has_plan:
-        for axis in range(3):
-            for i in range(LANES):
-                lanes[GX + LANES * axis + i] = law.plan[k, axis]
-    elif is_decision(law, k):
+    for axis in range(3):
+        store(lanes.asked, axis, splat(law.plan[k, axis] if law.has_plan else 0.0, LANES))
+    fires = one(lanes.coasts) == 0.0
+    if not law.has_plan and is_decision(law, k) and some(fires):
         for system in range(len(law.axes)):
             for place in range(3):
-                signal = LANES * law.signals[system, place]
-                for i in range(LANES):
-                    inputs[LANES * place + i] = signals[signal + i]
+                store(inputs, LANES * place, load(work.signals, law.signals[system, place], LANES))
             infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
-            force = GX + LANES * law.axes[system]
-            band = FIRST_DEAD_BAND + law.axes[system]
-            dead_band = values[law.constants + band] if law.constants >= 0 else 0.0
-            for i in range(num_lanes):
-                is_still = lanes[COASTS + i] > 0.0 or abs(outputs[i]) < dead_band
-                lanes[force + i] += 0.0 if is_still else outputs[i]
-            if is_logged and lanes[COASTS] == 0.0:
+            axis = law.axes[system]
+            dead_band = values[law.constants + FIRST_DEAD_BAND + axis] if law.constants >= 0 else 0.0
+            output = one(outputs)
+            fired = select(fires & (abs(output) >= dead_band), output, 0.0)
+            store(lanes.asked, axis, load(lanes.asked, axis, LANES) + fired)
+            if is_logged and lanes.coasts[0] == 0.0:
                 log.is_decided[k] = True
-                log.force_asked_n[k, law.axes[system]] = outputs[0]
+                log.force_asked_n[k, axis] = outputs[0]
                 log.fis_output_n[k, system] = outputs[0]
                 for place in range(law.num_inputs[system]):
                     log.fis_input[k, system, place] = inputs[LANES * place]
-    for i in range(LANES):
-        gx, gy, gz = lanes[GX + i], lanes[GY + i], lanes[GZ + i]
-        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-        fx, fy, fz = gx, gy, gz
-        if law.force_axes == BODY:
-            fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
-            fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
-            fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
-            fy += 2 * (q2 * q3 - q1 * q4) * gz
-            fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
-            fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
-        lanes[FX + i] = clip(fx, world.max_force)
-        lanes[FY + i] = clip(fy, world.max_force)
-        lanes[FZ + i] = clip(fz, world.max_force)
+    fx, fy, fz = three(lanes.asked)
+    if law.force_axes == BODY:
+        gx, gy, gz = fx, fy, fz
+        q1, q2, q3, q4 = four(lanes.attitude, 0)
+        fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
+        fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
+        fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
+        fy += 2 * (q2 * q3 - q1 * q4) * gz
+        fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
+        fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
+    limit = world.max_force
+    write_three(lanes.force, 0, clip(fx, limit), clip(fy, limit), clip(fz, limit))
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -141,35 +115,35 @@ def write_thrust(
     """Log the force of lane 0: as asked for, as applied, and why the two differ; `dcm` turns Hill to body."""
     lanes, signals = work.lanes, work.signals
     for row in range(3):
-        log.force_hill_n[k, row] = lanes[FX + LANES * row]
+        log.force_hill_n[k, row] = lanes.force[row, 0]
         if law.has_plan:
-            log.force_asked_n[k, row] = lanes[GX + LANES * row]
-        asked = lanes[GX + LANES * row]
+            log.force_asked_n[k, row] = lanes.asked[row, 0]
+        asked = lanes.asked[row, 0]
         if law.force_axes == HILL:
             asked = 0.0
             for column in range(3):
-                asked += dcm[row, column] * lanes[GX + LANES * column]
+                asked += dcm[row, column] * lanes.asked[column, 0]
         log.force_body_n[k, row] = asked
-    is_complete = world.coasts_when_complete and lanes[LEFT] == 0.0
+    is_complete = world.coasts_when_complete and lanes.num_unseen[0] == 0.0
     if not law.has_plan and is_decision(law, k) and not is_complete and may_coast(law, values):
-        log.foreseen[k, 0] = signals[LANES * MISSED]
-        log.foreseen[k, 1] = signals[LANES * NEAREST]
-        log.foreseen[k, 2] = signals[LANES * FARTHEST]
+        log.foreseen[k, 0] = signals[MISSED, 0]
+        log.foreseen[k, 1] = signals[NEAREST, 0]
+        log.foreseen[k, 2] = signals[FARTHEST, 0]
     write_reasons(world, law, lanes, is_complete, log, k, dcm)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def write_reasons(
-    world: World, law: Law, lanes: Floats, is_complete: bool, log: FlightLog, k: int, dcm: Floats
+    world: World, law: Law, lanes: Any, is_complete: bool, log: FlightLog, k: int, dcm: Floats
 ) -> None:
     """Log for each component why what lane 0 fires is, or is not, what was asked for."""
     is_clipped, is_changed = np.empty(3, dtype=np.bool_), np.empty(3, dtype=np.bool_)
     for row in range(3):
-        wanted = lanes[GX + LANES * row]
+        wanted = lanes.asked[row, 0]
         if law.force_axes == BODY:
             wanted = 0.0
             for column in range(3):
-                wanted += dcm[column, row] * lanes[GX + LANES * column]
+                wanted += dcm[column, row] * lanes.asked[column, 0]
         is_clipped[row] = abs(wanted) > world.max_force
         is_changed[row] = abs(log.safety_force_hill_n[k, row]) > LEAST_CHANGE_N
     for row in range(3):
@@ -178,11 +152,11 @@ def write_reasons(
             reason = COMPLETE
         elif not law.has_plan and not is_decision(law, k):
             reason = WAITING
-        elif not law.has_plan and lanes[COASTS] > 0.0:
+        elif not law.has_plan and lanes.coasts[0] > 0.0:
             reason = COASTING
         elif abs(log.force_asked_n[k, row]) < SILENT_N:
             reason = SILENT
-        elif lanes[GX + LANES * row] == 0.0:
+        elif lanes.asked[row, 0] == 0.0:
             reason = DEAD_BAND
         if is_clipped[row] or (law.force_axes == BODY and is_clipped.any()):
             reason = CLIPPED

@@ -27,9 +27,10 @@ from pipeline.flight.reference.guidance import (
 )
 from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
+from pipeline.flight.reference.see_push import cheapest_looks, push_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
-from pipeline.flight.signals import PREVIEW, URGENCY, constant
+from pipeline.flight.signals import PREVIEW, SETTING, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.motion import propagate
@@ -44,6 +45,7 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
+SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
@@ -234,7 +236,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
     has_plan, constants = len(channels.plan_h) > 0, channels.constants
-    last_lit = deadlines(world, initial_sun_angle) if channels.needs & URGENCY else np.zeros(num_points)
+    senses_dark = channels.needs & (URGENCY | SETTING)
+    last_lit = deadlines(world, initial_sun_angle) if senses_dark else np.zeros(num_points)
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -287,12 +290,20 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         if has_plan:
             asked = channels.plan_h[k]
         elif resting is None:
-            urgent = np.zeros(3)
+            time = k * world.control_period
+            urgent, push = np.zeros(3), np.zeros(3)
             if channels.needs & URGENCY:
                 is_wanted = is_lit & ~is_inspected
-                time = k * world.control_period
                 urgent = urgent_direction(points_h, is_wanted, last_lit, time, constants[URGENCY_TIME])
                 urgent = around_the_chief(urgent, position, constants[SKIRT_DISTANCE], world.min_distance)
+            if channels.needs & SETTING:
+                horizon = constants[SEE_HORIZON]
+                is_setting = ~is_inspected & (last_lit > time) & (last_lit <= time + horizon)
+                looks = cheapest_looks(
+                    world, state, k, initial_sun_angle, quaternion_c, rate_c, is_setting, horizon
+                )
+                push = push_of(looks, last_lit, time, constants[URGENCY_TIME], constants[SEE_DAMPING])
+                push = around_the_chief(push, position, constants[SKIRT_DISTANCE], world.min_distance)
             signals = measure(
                 world,
                 position,
@@ -304,6 +315,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 angle,
                 foreseen,
                 urgent,
+                push,
                 channels,
             )
             for f in range(len(channels.axes)):
