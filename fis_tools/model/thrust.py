@@ -24,6 +24,8 @@ REASONS: Final = {
     "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
 }
 
+#: nothing is asked for where less than this is, N: an output that should be zero is so to rounding
+SILENT_N: Final = 1e-12
 #: where the output of a system counts: what it asked for was fired, as far as the thruster goes
 COUNTED: Final = ("fired", "clipped")
 #: of a recording that gives no reasons
