@@ -1,4 +1,4 @@
-"""The thrust logic: what stands between what rules ask for and what a thruster fires.
+"""The thrust logic: what stands between what rules ask for and what is fired.
 
 Fuzzy systems whose outputs are the components of a force give what they ask for; whether and how it is fired
 follows from attributes of their controller. `THRUST_ATTRIBUTES` has these attributes, in the order in which
@@ -21,8 +21,11 @@ REASONS: Final = {
     "complete": "every point is inspected: nothing was inferred or fired",
     "clipped": "it was fired as far as the thruster goes",
     "safety": "the safety layer fired something else",
+    "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
 }
 
+#: nothing is asked for where less than this is, N: an output that should be zero is so to rounding
+SILENT_N: Final = 1e-12
 #: where the output of a system counts: what it asked for was fired, as far as the thruster goes
 COUNTED: Final = ("fired", "clipped")
 #: of a recording that gives no reasons

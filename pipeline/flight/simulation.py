@@ -9,18 +9,29 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
-from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
+from pipeline.flight.controller import (
+    Controller,
+    ControllerError,
+    constants_of,
+    law_of,
+    packed,
+    planned_for,
+    rehearsed_pushes,
+)
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
-from pipeline.flight.signals import SIGNALS
+from pipeline.flight.signals import SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
+REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 
 
 def make_workspace(world: World) -> Workspace:
@@ -65,6 +76,7 @@ def fly_population(
     sun_angles: Floats,
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
+    openings: Floats | None = None,
 ) -> Outcomes:
     """Fly every controller of a population from every start.
 
@@ -81,6 +93,9 @@ def fly_population(
     tracks : (n * m, K+1, 3 or 8) float32, optional
         Filled with positions, m, Hill axes; with eight columns also with velocities, m/s, the delta-v spent,
         m/s, and the number of points not yet inspected.
+    openings : (m, 3) array, optional
+        What is fired from each start in the first control period in place of what the rules decide, N, Hill
+        axes.
 
     Returns
     -------
@@ -99,6 +114,7 @@ def fly_population(
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
     silent = no_log()
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
+    openings = np.empty((0, 3)) if openings is None else openings
 
     def fly_share(first: int, last: int) -> None:
         work = make_workspace(world)
@@ -110,6 +126,7 @@ def fly_population(
             numbers.rules,
             starts,
             sun_angles,
+            openings,
             work,
             silent,
             tracks,
@@ -176,8 +193,44 @@ def fly_all(
     starts, sun_angles = stack_starts(scenarios)
     world = pack_world(mission)
     law, numbers = law_of(controller, mission), packed(controller)
-    many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks)
+    openings = rehearsed_openings(mission, controller, scenarios, workers)
+    many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def rehearsed_openings(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+) -> Floats | None:
+    """Return the force of the first control period from each start for a controller that rehearses it.
+
+    All its first pushes are flown to the end from every start; the one whose flight ends cheapest is chosen:
+    inside the limits if any is, then by delta-v and a price for each point missed beyond those that the
+    controller itself leaves when it coasts.
+
+    Returns
+    -------
+    (m, 3) array or None
+        N, Hill axes; None for a controller that does not rehearse.
+    """
+    pushes = rehearsed_pushes(controller)
+    if not len(pushes):
+        return None
+    forces = pushes * mission.deputy.mass_kg / mission.control_period_s
+    world, (starts, sun_angles) = pack_world(mission), stack_starts(scenarios)
+    ends = fly_population(
+        world,
+        law_of(controller, mission),
+        packed(controller),
+        np.repeat(starts, len(forces), axis=0),
+        np.repeat(sun_angles, len(forces)),
+        workers,
+        openings=np.tile(forces, (len(starts), 1)),
+    )
+    # as many as the controller puts up with cost nothing
+    least = max(1.0, constants_of(controller)[constant("coast_below_points")])
+    missed = np.maximum(0.0, world.num_points - ends.inspected_count - np.ceil(least) + 1.0)
+    cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
+    return np.asarray(forces[cost.reshape(len(starts), len(forces)).argmin(axis=1)])
 
 
 def _fly_planned(
@@ -221,6 +274,11 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
         return float(evaluate(numbers, row, system)[0])
 
     plan = law_of(controller, mission).plan
+    if len(rehearsed_pushes(controller)):
+        raise ControllerError(
+            f"controller {controller.name!r} rehearses its first push, which guidance.engine=sklearn is too "
+            "slow for; choose guidance.engine=compiled, or leave rehearsal_reach_m_s out"
+        )
     channels = channels_of(
         controller.systems, controller.force_axes, plan if len(plan) else None, constants_of(controller)
     )
@@ -267,6 +325,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     starts, sun_angles = stack_starts([scenario])
+    openings = rehearsed_openings(mission, controller, [scenario], 1)
     fly_many(
         world,
         *_parts_in_use(world),
@@ -275,6 +334,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         numbers.rules,
         starts,
         sun_angles,
+        np.empty((0, 3)) if openings is None else openings,
         make_workspace(world),
         log,
         np.empty((0, 0, 3), dtype=np.float32),

@@ -18,7 +18,7 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
-from pipeline.flight.controller import Controller, packed
+from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.world import inspection_points
 from pipeline.physics.illumination import is_illuminated, sun_direction_h
@@ -90,6 +90,7 @@ class FlightRecorder:
         )
         self._numbers = packed(controller)
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
+        self._num_rehearsed = len(rehearsed_pushes(controller))
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
@@ -146,7 +147,7 @@ class FlightRecorder:
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
         words: dict[int, list[Event]] = {}
-        for event in events(self._mission, log, self._near_limit_m, self._logic):
+        for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed):
             words.setdefault(event.sample, []).append(event)
         for k in range(len(log.position_m)):
             time_s = k * period

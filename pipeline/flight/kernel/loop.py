@@ -41,7 +41,7 @@ from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
-from pipeline.flight.log import FlightLog
+from pipeline.flight.log import REHEARSED, FlightLog
 from pipeline.flight.signals import (
     ANGLES,
     APPROACH,
@@ -73,6 +73,25 @@ def move(world: World, work: Workspace) -> None:
     ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
     write_three(lanes.position, 0, px, py, pz)
     write_three(lanes.velocity, 0, ux, uy, uz)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def open_with(
+    world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
+) -> None:
+    """Replace what was inferred at the start by forces given for each start, Hill axes."""
+    limit = world.max_force
+    for lane in range(num_lanes):
+        for axis in range(3):
+            force = openings[first + lane, axis]
+            work.lanes.asked[axis, lane] = force
+            work.lanes.force[axis, lane] = min(max(force, -limit), limit)
+    if len(log.position_m) > 0:
+        log.is_decided[0] = False
+        log.fis_input[0], log.fis_output_n[0] = 0.0, 0.0
+        for axis in range(3):
+            log.force_asked_n[0, axis] = openings[first, axis]
+            log.reason[0, axis] = REHEARSED
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -171,6 +190,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats,
     first: int,
     num_lanes: int,
     work: Workspace,
@@ -188,6 +208,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
+    openings : (m, 3) forces of the first control period, N, Hill axes, or (0, 3) where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
@@ -230,6 +251,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
+        if k == 0 and len(openings) > 0:
+            open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
@@ -254,6 +277,7 @@ def fly_many(
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats,
     work: Workspace,
     log: FlightLog,
     tracks: NDArray[np.float32],
@@ -294,6 +318,7 @@ def fly_many(
             rules[row],
             starts,
             sun_angles,
+            openings,
             start,
             num_lanes,
             work,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES, infer
 from fis_tools.engines.vectors import load, select, some, splat, store
+from fis_tools.model.thrust import SILENT_N
 from pipeline.flight.kernel.arrays import Law, Workspace, World
 from pipeline.flight.kernel.attitude import clip
 from pipeline.flight.kernel.lanes import four, one, three, write_three
@@ -21,6 +22,7 @@ from pipeline.flight.log import (
     DEAD_BAND,
     FIRED,
     LEAST_CHANGE_N,
+    REHEARSED,
     SAFETY,
     SILENT,
     WAITING,
@@ -147,13 +149,15 @@ def write_reasons(
         is_changed[row] = abs(log.safety_force_hill_n[k, row]) > LEAST_CHANGE_N
     for row in range(3):
         reason = FIRED
-        if is_complete and not law.has_plan:
+        if log.reason[k, row] == REHEARSED:
+            reason = REHEARSED
+        elif is_complete and not law.has_plan:
             reason = COMPLETE
         elif not law.has_plan and not is_decision(law, k):
             reason = WAITING
         elif not law.has_plan and lanes.coasts[0] > 0.0:
             reason = COASTING
-        elif log.force_asked_n[k, row] == 0.0:
+        elif abs(log.force_asked_n[k, row]) < SILENT_N:
             reason = SILENT
         elif lanes.asked[row, 0] == 0.0:
             reason = DEAD_BAND

@@ -6,6 +6,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.model.thrust import SILENT_N
 from pipeline.flight.log import (
     CLIPPED,
     COASTING,
@@ -97,7 +98,7 @@ def reasons(
     is_changed = np.abs(change_h) > LEAST_CHANGE_N
     if not is_force_hill:
         is_clipped, is_changed = (np.full(3, which.any()) for which in (is_clipped, is_changed))
-    found = np.where(asked == 0.0, SILENT, np.where(commanded == 0.0, DEAD_BAND, FIRED))
+    found = np.where(np.abs(asked) < SILENT_N, SILENT, np.where(commanded == 0.0, DEAD_BAND, FIRED))
     if resting is not None:
         found = np.full(3, resting)
     found = np.where(is_clipped, CLIPPED, found)
