@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _read(path: Path) -> tuple[Box, ...]:
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ControllerFileError(f"{path} cannot be read ({error}); give a domain.json") from error
     return from_mapping(told, str(path))
 

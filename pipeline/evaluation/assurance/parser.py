@@ -56,7 +56,12 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
         If it is none, a quantity is unknown or units do not agree.
     """
     reader = _Reader(text, units)
-    formula = reader.implication()
+    try:
+        formula = reader.implication()
+    except RecursionError:
+        raise FormulaError(
+            f"{text[:60]} …\n^ formulas within formulas without end; write less"
+        ) from None
     if reader.word != _END:
         reader.refuse("expected and, or, until, -> or the end")
     return formula

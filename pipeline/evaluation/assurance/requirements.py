@@ -91,7 +91,7 @@ def read(text: str, source: str) -> Requirements:
     """
     try:
         told = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         raise RequirementError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(told, dict) or (told.get("schema"), told.get("schema_version")) != SCHEMA:
         raise RequirementError(

@@ -26,6 +26,12 @@ def test_what_binds_closest_is_read_first():
     assert parse("always eventually[2,5] points > 1", UNITS) == Always(Window(), Eventually(Window(2, 5), a))
 
 
+def test_a_formula_without_end_is_refused():
+    for text in ("(" * 9999, "not " * 9999, "points > 1 -> " * 9999):
+        with pytest.raises(FormulaError, match="without end"):
+            parse(text, UNITS)
+
+
 def test_units_may_stand_or_not():
     assert parse("distance < 60", UNITS) == parse("distance < 60 m", UNITS) == NEAR
     assert parse("always[0 s: 10 s] inspection_rate >= 95 %", UNITS) == parse(

@@ -33,6 +33,7 @@ def changed(place: int, **values: object) -> str:
     ("text", "words"),
     [
         ("a: [", "mine is no YAML"),
+        ("[" * 9999, "mine is no YAML"),
         ("schema: fuzzy-controller", "must say schema: requirements"),
         ("schema: requirements\nschema_version: 1", "must be a list of at least one"),
         (changed(0, id="R2"), "R2 is the id of two requirements"),
