@@ -5,7 +5,9 @@ import pytest
 from benchmarks.fuzz import attack
 from benchmarks.readers import all_readers
 
-NAMES = ("json", "yaml", "fis", "fll", "fml", "settings", "run", "forces", "conditions", "table", "checkpoint")
+NAMES = (
+    "json", "yaml", "fis", "fll", "fml", "settings", "run", "forces", "conditions", "table", "checkpoint",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [*NAMES, pytest.param("recording", marks=pytest.mark.slow)])
