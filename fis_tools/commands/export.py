@@ -18,7 +18,7 @@ from fis_tools.commands.arguments import (
     write,
 )
 from fis_tools.formats import serialize
-from fis_tools.formats.c import source
+from fis_tools.formats.c import cost, source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import Written
@@ -62,7 +62,7 @@ FORMS = {
     "fll": Form(".fll", write_one=fll.write),
     "fml": Form(".fml", write_one=fml.write),
     "fcl": Form(".fcl", write_one=fcl.write),
-    "c": Form(".c", write=source.write),
+    "c": Form(".c"),
 }
 
 EPILOG = """\
@@ -72,7 +72,8 @@ forms:
   fis, fll, fml                      MATLAB and Octave, fuzzylite, IEEE 1855: a file a system; what the form
                                      has no place for is listed, and carried in a comment that `import` reads
   fcl                                IEC 61131-7, written only: a file a system
-  c                                  C99 source that stands alone
+  c                                  C99 source that stands alone: for a controller that commands a force
+                                     step(), which has its thrust logic; else a function a system
 
 examples:
   python -m fis_tools export controller.yaml --format markdown > controller.md
@@ -92,6 +93,11 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="where to (default: printed); with a file a system, a folder if its name has no ending",
     )
+    command.add_argument(
+        "--bare",
+        action="store_true",
+        help="c: inference alone, without the thrust logic of a controller that commands a force",
+    )
     add_order(command)
 
 
@@ -101,13 +107,34 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.by is not None and form.write_ranked is None:
         ranked = ", ".join(name for name, each in FORMS.items() if each.write_ranked is not None)
         raise UserMistake(f"--by is for forms to read; choose one of {ranked}, or leave it out")
+    if arguments.bare and arguments.format != "c":
+        raise UserMistake("--bare is for --format c; leave it out")
     controller = chosen(read_controller(arguments.controller), arguments.system)
-    if form.write_one is not None:
+    if arguments.format == "c":
+        _write_c(controller, arguments)
+    elif form.write_one is not None:
         _write_each(controller, form.write_one, form.ending, arguments.output)
     elif form.write_ranked is not None:
         write(arguments.output, form.write_ranked(controller, importance_asked(arguments, controller)))
     elif form.write is not None:
         write(arguments.output, form.write(controller))
+
+
+def _write_c(controller: FuzzyController, arguments: argparse.Namespace) -> None:
+    """Write a controller as C, and tell what it needs."""
+    try:
+        text = source.write(controller, arguments.bare)
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
+    write(arguments.output, text)
+    counts = cost.operations(controller)._asdict()
+    told = ", ".join(f"{count:,} {name}" for name, count in counts.items())
+    print(f"a call takes at most {told} on doubles", file=sys.stderr)
+    stack = cost.stack_bytes(text)
+    words = "no gcc here to measure it"
+    if stack is not None:
+        words = f"at most {stack:,} bytes, without the C library's; by gcc -O2 on this machine"
+    print(f"stack: {words}", file=sys.stderr)
 
 
 def _write_each(

@@ -25,7 +25,10 @@ SCRIPTS = (
 
 
 def write(
-    controller: FuzzyController, flight_paths: Sequence[Path | str] = (), part: str | None = None
+    controller: FuzzyController,
+    flight_paths: Sequence[Path | str] = (),
+    part: str | None = None,
+    all_periods: bool = False,
 ) -> str:
     """Write the review page of a controller.
 
@@ -37,6 +40,8 @@ def write(
         Logged flights to review it along; without any, rules are counted over the whole input space.
     part : str, optional
         The system's name, where the controller is only that part of a larger one.
+    all_periods : bool
+        Count every inference along flights, not only those whose force was fired.
 
     Returns
     -------
@@ -49,7 +54,7 @@ def write(
         If a flight cannot be read, or its systems have other inputs than the controller's.
     """
     systems = controller.systems
-    flown = read_flights(flight_paths, controller)
+    flown = read_flights(flight_paths, controller, all_periods)
     samples = {system.name: samples_of(system, flown) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if flown else None)

@@ -5,6 +5,7 @@ The names of signals, components and constants are those of `pipeline.flight.sig
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,43 @@ from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.flight.kernel.arrays import Law
 from pipeline.flight.log import Scenario
-from pipeline.flight.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, URGENCY, constant, needs_of, slot
+from pipeline.flight.signals import (
+    AXES,
+    CONSTANTS,
+    FORCE_AXES,
+    SETTING,
+    SIGNALS,
+    URGENCY,
+    constant,
+    needs_of,
+    slot,
+)
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: parts of the reach that the first pushes of a rehearsal have along each of Hill's axes; most is to be won
+#: radially, least across the orbit plane
+REHEARSED_PARTS = (
+    (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0),
+    (0.0, 0.25, -0.25, 0.5, -0.5),
+    (0.0, 0.25, -0.25),
+)
+#: constants that may not be zero: for what is sensed, under which names, which, and what it is
+REQUIRED = (
+    (
+        URGENCY | SETTING,
+        "urgent_*, see_push_* or aim_*",
+        "urgency_time_s",
+        "the time before its last light within which a point becomes urgent, say 200 (s)",
+    ),
+    (
+        SETTING,
+        "see_push_* or aim_*",
+        "see_damping_ks2",
+        "what keeps the push small, say 0.1 (1e6 s^2)",
+    ),
+)
 
 
 class ControllerError(ValueError):
@@ -187,12 +221,29 @@ def constants_of(controller: Controller) -> Floats:
         if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
             least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
-    if needs_of(sensed_by(controller)) & URGENCY and values[constant("urgency_time_s")] == 0.0:
+    needs = needs_of(sensed_by(controller))
+    for flags, signals, name, meaning in REQUIRED:
+        if needs & flags and values[constant(name)] == 0.0:
+            raise ControllerError(
+                f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
+                f"attribute, {meaning}"
+            )
+    if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
         raise ControllerError(
-            f"controller {controller.name!r} senses urgent_* but sets no urgency_time_s; give it as an "
-            "attribute, the time before its last light within which a point becomes urgent, say 200 (s)"
+            f"controller {controller.name!r} rehearses its first push with force_axes "
+            f"{controller.force_axes}; set the attribute force_axes to hill, which the pushes are along"
         )
     return values
+
+
+def rehearsed_pushes(controller: Controller) -> Floats:
+    """Return the first pushes that a controller tries, shape (n, 3), m/s, Hill axes; none by default.
+
+    The first of them is no push.
+    """
+    reach = float(constants_of(controller)[constant("rehearsal_reach_m_s")])
+    parts = np.array(list(product(*REHEARSED_PARTS)))
+    return reach * parts if reach > 0.0 else np.zeros((0, 3))
 
 
 def decision_stride(controller: Controller, mission: Mission) -> int:

@@ -16,8 +16,9 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
-from pipeline.flight.controller import Controller, packed
+from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.world import inspection_points
 from pipeline.physics.illumination import is_illuminated, sun_direction_h
@@ -29,7 +30,7 @@ from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import EPISODE_METADATA, FIS_METADATA_PREFIX, PointState
+from telemetry.file.topics import EPISODE_METADATA, FIS_METADATA_PREFIX, PointState, Reason
 
 Floats = NDArray[np.float64]
 States = NDArray[np.int64]
@@ -38,6 +39,9 @@ Inference = tuple[str, Floats, Floats, float]
 
 CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
+
+#: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
+REASON_OF = tuple(Reason[word.upper()] for word in REASONS)
 
 DARK, LIT = int(PointState.DARK), int(PointState.LIT)
 IN_VIEW_BUT_DARK, INSPECTED = int(PointState.IN_VIEW_BUT_DARK), int(PointState.INSPECTED)
@@ -85,6 +89,8 @@ class FlightRecorder:
             mission.num_attitude_steps, dtype=np.float64
         )
         self._numbers = packed(controller)
+        self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
+        self._num_rehearsed = len(rehearsed_pushes(controller))
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
@@ -141,7 +147,7 @@ class FlightRecorder:
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
         words: dict[int, list[Event]] = {}
-        for event in events(self._mission, log, self._near_limit_m):
+        for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed):
             words.setdefault(event.sample, []).append(event)
         for k in range(len(log.position_m)):
             time_s = k * period
@@ -192,7 +198,15 @@ def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int,
     """Write what is applied over the control period that follows."""
     attitudes, rates = log.attitude_quaternion[k], log.attitude_rate_b_rad_s[k]
     writer.attitude_history(time_s, offsets, attitudes, rates, log.torque_b_n_m[k])
-    writer.control(time_s, log.force_body_n[k], log.force_hill_n[k])
+    is_asked = bool(np.isfinite(log.foreseen[k]).all())
+    writer.control(
+        time_s,
+        log.force_body_n[k],
+        log.force_hill_n[k],
+        log.force_asked_n[k],
+        [REASON_OF[place] for place in log.reason[k].tolist()],
+        log.foreseen[k] if is_asked else None,
+    )
 
 
 def describe(system: FuzzySystem) -> FisDescription:

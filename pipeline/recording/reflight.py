@@ -123,7 +123,7 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     if "systems" in told:
         return from_fuzzy(serialize.from_mapping(told))
     if told.get("kind") == "open_loop":
-        forces = np.asarray(recording[DEPUTY_CONTROL]["force_hill_n"], dtype=np.float64)
+        forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
         return open_loop(str(told.get("name")), forces)
     return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
 

@@ -41,6 +41,15 @@ OPTIMUM_SUMMARY: Final = "optimum/summary.json"
 COMPARISON_TABLE: Final = "compare/table.csv"
 COMPARISON_EPISODES: Final = "compare/episodes.parquet"
 COMPARISON: Final = "compare/summary.json"
+ASSURANCE: Final = "assure"
+REQUIREMENTS: Final = "assure/requirements.yaml"
+ASSURED_CASES: Final = "assure/cases.parquet"
+SEARCHED: Final = "assure/search.parquet"
+WORST_FLIGHTS: Final = "assure/flights"
+PROOF_BOXES: Final = "assure/boxes.parquet"
+DOMAIN: Final = "assure/domain.json"
+EVIDENCE: Final = "assure/evidence.json"
+EVIDENCE_PAGE: Final = "assure/evidence.html"
 RECORDINGS: Final = "episodes"
 FIGURES: Final = "figures"
 REPORT: Final = "report.html"
@@ -72,6 +81,14 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     COMPARISON_TABLE: "compare",
     COMPARISON_EPISODES: "compare",
     COMPARISON: "compare",
+    REQUIREMENTS: "assure",
+    ASSURED_CASES: "assure",
+    SEARCHED: "assure",
+    WORST_FLIGHTS: "assure",
+    PROOF_BOXES: "assure",
+    DOMAIN: "assure",
+    EVIDENCE: "assure",
+    EVIDENCE_PAGE: "assure",
     RECORDINGS: "record",
     FIGURES: "report",
     REPORT: "report",

@@ -154,6 +154,40 @@ class Recording:
                 )
         return description
 
+    def reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
+        """Return what became of a component of the force over the control periods that begin at some times.
+
+        Parameters
+        ----------
+        component : str
+            What the output of a fuzzy system is called, such as ``force_x``.
+        time_s : (N,)
+
+        Returns
+        -------
+        (N,) array of str
+            Words of `telemetry.file.topics.Reason`; ``unknown`` where the recording does not say. In one from
+            before reasons were recorded, ``silent`` where no force was fired.
+        """
+        control = self.topics.get(topics.DEPUTY_CONTROL)
+        unknown = np.full(len(time_s), topics.Reason.UNKNOWN.name.lower())
+        if control is None or component not in topics.FORCE_COMPONENTS:
+            return unknown
+        if not len(control) or not bool(np.all(np.isin(time_s, control.time_s))):
+            return unknown
+        rows = np.searchsorted(control.time_s, time_s)
+        reasons = control["reason"].astype(np.str_)
+        if reasons.shape[1] == 0:
+            is_fired = np.any(control["force_hill_n"][rows], axis=1)
+            return np.where(is_fired, unknown, topics.Reason.SILENT.name.lower())
+        found: NDArray[np.str_] = reasons[rows, topics.FORCE_COMPONENTS.index(component)]
+        return found
+
+    def is_fired(self, name: str) -> NDArray[np.bool_]:
+        """Tell at which inferences of a fuzzy system its output was fired, as far as the recording says."""
+        output = self.fis_description(name).output_name
+        return np.isin(self.reasons(output, self[topics.fis_topic(name)].time_s), topics.FIRED)
+
 
 def read(
     path: Path | str,

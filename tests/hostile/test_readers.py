@@ -6,8 +6,18 @@ from benchmarks.fuzz import attack
 from benchmarks.readers import all_readers
 
 NAMES = (
-    "json", "yaml", "fis", "fll", "fml", "settings", "run", "forces", "conditions", "table", "checkpoint",
-)  # fmt: skip
+    "json",
+    "yaml",
+    "fis",
+    "fll",
+    "fml",
+    "settings",
+    "run",
+    "forces",
+    "conditions",
+    "table",
+    "checkpoint",
+)
 
 
 @pytest.mark.parametrize("name", [*NAMES, pytest.param("recording", marks=pytest.mark.slow)])

@@ -3,7 +3,7 @@
 _BINARY = "static double {name}(double a, double b)\n{{\n    return {value};\n}}\n"
 
 #: What two degrees of truth become, as in `fis_tools.model.operators`.
-_OPERATORS = {
+OPERATORS = {
     "min": "a < b ? a : b",
     "product": "a * b",
     "bounded_difference": "a + b - 1.0 > 0.0 ? a + b - 1.0 : 0.0",
@@ -22,7 +22,7 @@ _OPERATORS = {
 }
 
 #: What the C function of an operator is called; `min`, `max` and `not` are macros in some headers.
-OPERATOR_NAMES = {word: f"fuzzy_{word}" for word in (*_OPERATORS, "not")}
+OPERATOR_NAMES = {word: f"fuzzy_{word}" for word in (*OPERATORS, "not")}
 
 BELOW = """\
 /* The last point of a universe that is not above x, for an x inside. */
@@ -220,7 +220,11 @@ static double bisector(const double x[], const double y[], int count)
     double sum = 0.0;
     double left = 0.0;
     double here = 0.0;
-    double rest, width, slope, h1, h2;
+    double rest;
+    double width;
+    double slope;
+    double h1;
+    double h2;
     int point;
 
     for (point = 1; point < count; ++point) {
@@ -312,7 +316,7 @@ ALWAYS = (BELOW, MEMBERSHIP, FUZZIFY, CROSS, AGGREGATE, GREATEST)
 #: The functions of operators and defuzzifiers by the model's words.
 BY_WORD = {
     "not": "static double fuzzy_not(double a)\n{\n    return 1.0 - a;\n}\n",
-    **{word: _BINARY.format(name=OPERATOR_NAMES[word], value=value) for word, value in _OPERATORS.items()},
+    **{word: _BINARY.format(name=OPERATOR_NAMES[word], value=value) for word, value in OPERATORS.items()},
     "centroid": _CENTROID,
     "bisector": _BISECTOR,
     "mom": _MEAN_OF_MAXIMUM,

@@ -13,9 +13,11 @@ from textwrap import wrap
 import numpy as np
 
 from fis_tools.engines.program import assemble
+from fis_tools.formats.c import cost, thrust
 from fis_tools.formats.c.parts import ALWAYS, BY_WORD, DEFUZZIFIER_NAMES, OPERATOR_NAMES
 from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Is, Not, Or, Rule, Term, Variable
 from fis_tools.model.membership import sample
+from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
 WIDTH = 110
@@ -35,46 +37,79 @@ _OPENING = """\
 """
 
 
-def write(controller: FuzzyController) -> str:
-    """Write all systems of a controller as one C99 source file, one function each.
+def write(controller: FuzzyController, bare: bool = False) -> str:
+    """Write a controller as one C99 source file.
 
-    A system with one output becomes ``double infer_NAME(const double inputs[K])``, one with several
-    ``void infer_NAME(const double inputs[K], double outputs[M])``. Inputs stand in the system's order and are
-    clipped to their universes; if one is NaN, so is every output. Where no rule fires an output is its
-    default, or NaN where it has none. Numbers are the shortest decimals that read back as the same doubles.
+    A controller that commands a force becomes ``void step(state, signals, mission, force)``, inference and
+    `fis_tools.model.thrust.ThrustLogic`, which a flight computer calls once in each control period. Any other
+    controller becomes a function a system: one with one output ``double infer_NAME(const double inputs[K])``,
+    one with several ``void infer_NAME(const double inputs[K], double outputs[M])``.
+
+    Inputs stand in the system's order and are clipped to their universes; if one is NaN, so is every output.
+    Where no rule fires an output is its default, or NaN where it has none. Numbers are the shortest decimals
+    that read back as the same doubles.
 
     Parameters
     ----------
     controller : FuzzyController
         A controller without problems.
+    bare : bool
+        Write a function a system, ``bare_infer_NAME``, without the thrust logic of a controller that has one.
+
+    Raises
+    ------
+    ValueError
+        If an attribute of the thrust logic is no number.
     """
+    logic = thrust_logic(controller)
+    prefix = "infer" if logic is None else "bare_infer" if bare else "static infer"
     identifiers = _identifiers(system.name for system in controller.systems)
-    parts = [_Part(name, system) for name, system in zip(identifiers, controller.systems, strict=True)]
+    named = zip(identifiers, controller.systems, strict=True)
+    parts = [_Part(name, system, prefix) for name, system in named]
     called = {word for part in parts for word in part.words_called()}
+    has_step = logic is not None and not bare
+    infer = {part.system.name: part.function_name for part in parts}
     return "\n".join(
         [
-            _header(controller),
+            _header(controller, logic, has_step),
             _OPENING,
+            *(thrust.structures(controller, logic) if logic is not None and has_step else ()),
             *(f"{part.signature};" for part in parts),
             "",
             *ALWAYS,
             *(text for word, text in BY_WORD.items() if word in called),
             *(block for part in parts for block in (*part.tables(), part.function())),
+            *(thrust.functions(controller, logic, infer) if logic is not None and has_step else ()),
         ]
     )
 
 
-def _header(controller: FuzzyController) -> str:
+def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
+    about: tuple[str, ...] = ()
+    if has_step:
+        title, about = f"Fuzzy controller {controller.name} with its thrust logic, in C99.", thrust.ABOUT
+    elif logic is not None:
+        title = f"BARE INFERENCE of fuzzy controller {controller.name}, in C99."
+        about = (
+            "This is not the controller: decision period, coasting, dead bands, axes and clip are left out. "
+            "Flown so, it fires what the controller does not.",
+        )
+    else:
+        title = f"Fuzzy controller {controller.name}, in C99."
     return _comment(
-        f"Fuzzy controller {controller.name}, in C99.",
+        title,
         "",
         *([*facts, ""] if facts else []),
-        "Each function at the end infers one fuzzy system as scikit-fuzzy 0.5 does: memberships are linear "
-        "between the points of a universe, terms are cut at the strength of their rules and joined by their "
-        "maximum, and points are inserted where a cut crosses its own term. Inputs are clipped to their "
-        "universes; if one is NaN, so is every output. Tables are constant, no memory is allocated, and the "
-        "functions may run in several threads.",
+        *(line for paragraph in about for line in (paragraph, "")),
+        "Each fuzzy system is inferred as scikit-fuzzy 0.5 does: memberships are linear between the points "
+        "of a universe, terms are cut at the strength of their rules and joined by their maximum, and points "
+        "are inserted where a cut crosses its own term. Inputs are clipped to their universes; if one is "
+        "NaN, so is every output. Tables are constant, and the functions may run in several threads.",
+        "",
+        thrust.RULES,
+        "",
+        f"To infer every system once takes at most {_operations_in_words(controller)} of doubles.",
         "",
         f"Compiles with: gcc {WARNINGS}",
         "",
@@ -83,11 +118,17 @@ def _header(controller: FuzzyController) -> str:
     )
 
 
+def _operations_in_words(controller: FuzzyController) -> str:
+    counts = cost.operations(controller)._asdict()
+    *most, last = [f"{count:,} {name}" for name, count in counts.items()]
+    return f"{', '.join(most)} and {last}"
+
+
 def _comment(*paragraphs: str, indent: str = "") -> str:
     lines = [
         line
         for text in paragraphs
-        for line in wrap(_plain(text), WIDTH - 4, break_long_words=False, break_on_hyphens=False) or [""]
+        for line in wrap(_plain(text), WIDTH - 8, break_long_words=False, break_on_hyphens=False) or [""]
     ]
     if len(lines) == 1:
         return f"{indent}/* {lines[0]} */"
@@ -113,11 +154,12 @@ def _identifiers(names: Iterable[str]) -> list[str]:
 class _Part:
     """One system of a controller on its way to C."""
 
-    def __init__(self, name: str, system: FuzzySystem) -> None:
+    def __init__(self, name: str, system: FuzzySystem, prefix: str) -> None:
         variables = (*system.inputs, *system.outputs)
         words = _identifiers(variable.name for variable in variables)
         self.name = name
         self.system = system
+        self.prefix = prefix
         self.words = {variable.name: word for variable, word in zip(variables, words, strict=True)}
         self.conclusions = dict(
             zip((output.name for output in system.outputs), assemble(system).conclusions, strict=True)
@@ -134,8 +176,18 @@ class _Part:
         """The function's declaration without its end."""
         inputs = f"const double inputs[{len(self.system.inputs)}]"
         if len(self.system.outputs) == 1:
-            return f"double infer_{self.name}({inputs})"
-        return f"void infer_{self.name}({inputs}, double outputs[{len(self.system.outputs)}])"
+            return f"{self._linkage}double {self.function_name}({inputs})"
+        outputs = f"double outputs[{len(self.system.outputs)}]"
+        return f"{self._linkage}void {self.function_name}({inputs}, {outputs})"
+
+    @property
+    def function_name(self) -> str:
+        """What the function is called."""
+        return f"{self.prefix.removeprefix('static ')}_{self.name}"
+
+    @property
+    def _linkage(self) -> str:
+        return "static " if self.prefix.startswith("static ") else ""
 
     def words_called(self) -> set[str]:
         """Return the operators and defuzzifiers that the function calls: a compiler warns of idle ones."""

@@ -9,73 +9,46 @@ Single letters follow the equations: r, v position and velocity (Hill), q attitu
 """
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES, infer
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import borrowed, splat, store
 from pipeline.flight.kernel.arrays import (
-    ACTED,
-    BEYOND,
-    COASTS,
-    CORRECTED,
     DELTA_V,
-    FARTHEST,
-    FX,
-    FY,
-    FZ,
-    GX,
-    GY,
-    GZ,
     INSPECTED,
-    LEFT,
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
-    NEAREST,
+    NUM_TRACKED,
     OUTSIDE,
-    Q1,
-    Q2,
-    Q3,
-    Q4,
-    RX,
-    RY,
-    RZ,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
-    SPENT,
-    SUN_COS,
-    SUN_SIN,
-    TRAVELLED,
-    VX,
-    VY,
-    VZ,
-    WX,
-    WY,
-    WZ,
     Guard,
     Law,
     Workspace,
     World,
 )
-from pipeline.flight.kernel.attitude import aim_plainly, clip, turn_deputies
+from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
+from pipeline.flight.kernel.lanes import one, three, write_four, write_three
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
+from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
-from pipeline.flight.log import FlightLog
+from pipeline.flight.log import REHEARSED, FlightLog
 from pipeline.flight.signals import (
     ANGLES,
     APPROACH,
-    BODY,
-    DEAD_BAND,
-    HILL,
     ORBIT,
     PREVIEW,
+    SETTING,
     URGENCY,
-    constant,
     slot,
 )
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -84,148 +57,63 @@ from pipeline.physics.quaternion import dcm_b_from_h
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LAMBDA_U, ETA_U, MISSED = slot("lambda_u"), slot("eta_u"), slot("missed")
-COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
-COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def move(world: World, lanes: Floats) -> None:
+def move(world: World, work: Workspace) -> None:
     """Move all lanes by a control period and add up what they spend."""
-    step = step_of(world.motion, 0)
+    lanes, step = work.lanes, step_of(world.motion, 0)
+    rx, ry, rz = three(lanes.position)
+    vx, vy, vz = three(lanes.velocity)
+    fx, fy, fz = three(lanes.force)
     spent_per_force = world.control_period * world.acceleration_per_force
-    for i in range(LANES):
-        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
-        vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
-        fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
-        lanes[SPENT + i] += (abs(fx) + abs(fy) + abs(fz)) * spent_per_force
-        px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
-        ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
-        lanes[RX + i], lanes[RY + i], lanes[RZ + i] = px, py, pz
-        lanes[VX + i], lanes[VY + i], lanes[VZ + i] = ux, uy, uz
-
-
-@compiled(error_model="numpy")
-def may_coast(law: Law, values: Floats) -> bool:
-    """Tell whether a controller coasts where that shows enough."""
-    return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
-
-
-@compiled(error_model="numpy")
-def is_decision(law: Law, k: int) -> bool:
-    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
-    return k % law.decision_stride == 0
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
-    """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
-    lanes, signals = work.lanes, work.signals
-    for i in range(LANES):
-        lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
-    if may_coast(law, values):
-        most = values[law.constants + COAST_BELOW]
-        nearest = world.min_distance + values[law.constants + COAST_MARGIN]
-        farthest = world.max_distance - values[law.constants + COAST_MARGIN]
-        for i in range(LANES):
-            if (
-                signals[LANES * MISSED + i] < most
-                and signals[LANES * COASTING_NEAREST + i] >= nearest
-                and signals[LANES * COASTING_FARTHEST + i] <= farthest
-            ):
-                lanes[COASTS + i] = 1.0
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
-    world: World,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    work: Workspace,
-    num_lanes: int,
-    log: FlightLog,
-    k: int,
-) -> None:
-    """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
-    lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
-    is_logged = len(log.position_m) > 0
-    for i in range(3 * LANES):
-        lanes[GX + i] = 0.0
-    if law.has_plan:
-        for axis in range(3):
-            for i in range(LANES):
-                lanes[GX + LANES * axis + i] = law.plan[k, axis]
-    elif is_decision(law, k):
-        for system in range(len(law.axes)):
-            for place in range(3):
-                signal = LANES * law.signals[system, place]
-                for i in range(LANES):
-                    inputs[LANES * place + i] = signals[signal + i]
-            infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
-            force = GX + LANES * law.axes[system]
-            dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
-            for i in range(num_lanes):
-                is_still = lanes[COASTS + i] > 0.0 or abs(outputs[i]) < dead_band
-                lanes[force + i] += 0.0 if is_still else outputs[i]
-            if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
-                log.is_decided[k] = True
-                log.fis_output_n[k, system] = outputs[0]
-                for place in range(law.num_inputs[system]):
-                    log.fis_input[k, system, place] = inputs[LANES * place]
-    for i in range(LANES):
-        gx, gy, gz = lanes[GX + i], lanes[GY + i], lanes[GZ + i]
-        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-        fx, fy, fz = gx, gy, gz
-        if law.force_axes == BODY:
-            fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
-            fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
-            fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
-            fy += 2 * (q2 * q3 - q1 * q4) * gz
-            fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
-            fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
-        lanes[FX + i] = clip(fx, world.max_force)
-        lanes[FY + i] = clip(fy, world.max_force)
-        lanes[FZ + i] = clip(fz, world.max_force)
+    store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
+    px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
+    ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
+    write_three(lanes.position, 0, px, py, pz)
+    write_three(lanes.velocity, 0, ux, uy, uz)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_sample(
-    world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float, count: int, target: Floats
+def open_with(
+    world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
 ) -> None:
+    """Replace what was inferred at the start by forces given for each start, Hill axes."""
+    limit = world.max_force
+    for lane in range(num_lanes):
+        for axis in range(3):
+            force = openings[first + lane, axis]
+            work.lanes.asked[axis, lane] = force
+            work.lanes.force[axis, lane] = min(max(force, -limit), limit)
+    if len(log.position_m) > 0:
+        log.is_decided[0] = False
+        log.fis_input[0], log.fis_output_n[0] = 0.0, 0.0
+        for axis in range(3):
+            log.force_asked_n[0, axis] = openings[first, axis]
+            log.reason[0, axis] = REHEARSED
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float) -> None:
     """Log what is known at a sample before the force is, of lane 0."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
-        log.position_m[k, component] = lanes[RX + LANES * component]
-        log.velocity_m_s[k, component] = lanes[VX + LANES * component]
+        log.position_m[k, component] = lanes.position[component, 0]
+        log.velocity_m_s[k, component] = lanes.velocity[component, 0]
+        log.target_m[k, component] = lanes.target[component, 0]
     for component in range(4):
-        log.quaternion_b_from_h[k, component] = lanes[Q1 + LANES * component]
+        log.quaternion_b_from_h[k, component] = lanes.attitude[component, 0]
     if not world.is_attitude_ideal:
-        q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
-        log.angular_velocity_b_rad_s[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
-        log.angular_velocity_b_rad_s[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
-        log.angular_velocity_b_rad_s[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
-    log.num_candidates[k] = count
-    for component in range(3 if count > 0 else 0):
-        log.target_m[k, component] = target[component]
-    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
+        dcm = dcm_b_from_h(log.quaternion_b_from_h[k])
+        for component in range(3):
+            log.angular_velocity_b_rad_s[k, component] = lanes.rate[component, 0] - n * dcm[component, 2]
+    log.num_candidates[k] = int(lanes.num_candidates[0])
+    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
     log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0
-    log.delta_v_m_s[k] = lanes[SPENT]
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
-def write_force(work: Workspace, law: Law, log: FlightLog, k: int, dcm: Floats) -> None:
-    """Log the force of lane 0: as asked for in body axes, and as applied."""
-    for row in range(3):
-        log.force_hill_n[k, row] = work.lanes[FX + LANES * row]
-        asked = work.lanes[GX + LANES * row]
-        if law.force_axes == HILL:
-            asked = 0.0
-            for column in range(3):
-                asked += dcm[row, column] * work.lanes[GX + LANES * column]
-        log.force_body_n[k, row] = asked
+    log.delta_v_m_s[k] = lanes.spent[0]
 
 
 @compiled(error_model="numpy")
@@ -233,22 +121,62 @@ def start_lanes(
     world: World, work: Workspace, starts: Floats, sun_angles: Floats, first: int, num_lanes: int
 ) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
-    lanes = work.lanes
-    lanes[:] = 0.0
+    lanes, nothing = work.lanes, splat(0.0, LANES)
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
     work.clustered[:] = 0.0
     for lane in range(LANES):
-        start = starts[first + min(lane, num_lanes - 1)]
-        for component in range(6):
-            lanes[RX + LANES * component + lane] = start[component]
-        sun_angle = sun_angles[first + min(lane, num_lanes - 1)]
-        lanes[SUN_COS + lane], lanes[SUN_SIN + lane] = cos(sun_angle), sin(sun_angle)
-        lanes[Q4 + lane] = 1.0
-        lanes[WZ + lane] = 2.0 * world.mean_motion  # inertial: n relative to Hill, and Hill's own
-        lanes[NEAREST + lane] = np.inf
+        row = first + min(lane, num_lanes - 1)
+        for component in range(3):
+            lanes.position[component, lane] = starts[row, component]
+            lanes.velocity[component, lane] = starts[row, 3 + component]
+        lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(sun_angles[row]), sin(sun_angles[row])
         work.unseen[lane, : world.num_points] = 1.0
-        work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
+    write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
+    # inertial: n relative to Hill, and Hill's own
+    write_three(lanes.rate, 0, nothing, nothing, splat(2.0 * world.mean_motion, LANES))
+    write_three(lanes.force, 0, nothing, nothing, nothing)
+    write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
+    store(lanes.num_unseen, 0, splat(world.num_points, LANES))
+    store(lanes.nearest, 0, splat(np.inf, LANES))
+    for total in (
+        lanes.coasts,
+        lanes.spent,
+        lanes.travelled,
+        lanes.farthest,
+        lanes.beyond,
+        lanes.num_acted,
+        lanes.corrected,
+    ):
+        store(total, 0, nothing)
+
+
+@compiled(error_model="numpy")
+def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, outcomes: Floats) -> None:
+    """Write how the flights ended, from row `flight` on."""
+    lanes = work.lanes
+    for lane in range(num_lanes):
+        row = outcomes[flight + lane]
+        row[DELTA_V] = lanes.spent[lane]
+        row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
+        row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
+        row[MIN_DISTANCE] = lanes.nearest[lane]
+        row[MAX_DISTANCE] = lanes.farthest[lane]
+        row[OUTSIDE] = lanes.beyond[lane]
+        row[SAFETY_PERIODS] = lanes.num_acted[lane]
+        row[SAFETY_DELTA_V] = lanes.corrected[lane]
+
+
+@compiled(error_model="numpy", inline="always")
+def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+    """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
+    for component in range(3):
+        row[component] = lanes.position[component, lane]
+    if len(row) == NUM_TRACKED:
+        for component in range(3):
+            row[3 + component] = lanes.velocity[component, lane]
+        row[6] = lanes.spent[lane]
+        row[7] = lanes.num_unseen[lane]
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
@@ -262,6 +190,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats,
     first: int,
     num_lanes: int,
     work: Workspace,
@@ -279,10 +208,11 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
+    openings : (m, 3) forces of the first control period, N, Hill axes, or (0, 3) where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
-    tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
+    tracks : (n, K+1, NUM_PLACED or NUM_TRACKED) float32, filled from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
@@ -290,21 +220,20 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
-    if law.needs & URGENCY:
+    if law.needs & (URGENCY | SETTING):
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
-    target, count = np.zeros(3), 0
     for k in range(world.num_controls + 1):
         decides = is_decision(law, k)
-        for lane in range(num_lanes if world.is_attitude_ideal else 0):
-            for component in range(3):
-                lanes[FX + LANES * component + lane] = 0.0
-            aim_plainly(world, work, lane, 0, 1, k == 0)
-            for component in range(4):
-                lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
-        count = sense(world, clusters, work, num_lanes, k, needs_angles, target)
+        if world.is_attitude_ideal:
+            write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
+            for lane in range(num_lanes):
+                aim_plainly(world, work, lane, 0, 1, k == 0)
+                for component in range(4):
+                    lanes.attitude[component, lane] = work.aims[component, lane]
+        sense(world, clusters, work, num_lanes, k, needs_angles)
         if decides and law.needs & ORBIT:
-            sense_orbit(world, law, values, work, k)
+            sense_orbit(world, law, values, work)
         if decides and law.needs & APPROACH:
             sense_approach(world, work)
         if decides and needs_preview:
@@ -313,31 +242,29 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+        if decides and law.needs & SETTING:
+            sense_push(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
-            for component in range(3):
-                tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]
+            write_track(lanes, lane, tracks[flight + lane, k])
         if is_logged:
-            write_sample(world, work, log, k, sun_angles[first], count, target)
+            write_sample(world, work, log, k, sun_angles[first])
         if k == world.num_controls:
             break
-        command(world, law, values, rules, work, num_lanes, log, k)
+        command(world, law, values, rules, work, log, k)
+        if k == 0 and len(openings) > 0:
+            open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
-            write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
-        turn_deputies(world, work, num_lanes, log, k)
-        move(world, lanes)
+            write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
+        aim_deputies(world, work, num_lanes, k)
+        if not world.is_attitude_ideal:
+            turn_deputies(world, work, num_lanes)
+        if is_logged:
+            write_instants(world, work, log, k)
+        move(world, work)
 
-    for lane in range(num_lanes):
-        row = outcomes[flight + lane]
-        row[DELTA_V] = lanes[SPENT + lane]
-        row[INSPECTED] = world.num_points - lanes[LEFT + lane]
-        row[MEAN_DISTANCE] = lanes[TRAVELLED + lane] / (world.num_controls + 1)
-        row[MIN_DISTANCE] = lanes[NEAREST + lane]
-        row[MAX_DISTANCE] = lanes[FARTHEST + lane]
-        row[OUTSIDE] = lanes[BEYOND + lane]
-        row[SAFETY_PERIODS] = lanes[ACTED + lane]
-        row[SAFETY_DELTA_V] = lanes[CORRECTED + lane]
+    write_outcomes(world, work, num_lanes, flight, outcomes)
 
 
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})
@@ -350,6 +277,7 @@ def fly_many(
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats,
     work: Workspace,
     log: FlightLog,
     tracks: NDArray[np.float32],
@@ -362,6 +290,20 @@ def fly_many(
     Without the safety layer `guard` is None, without guidance by clusters `clusters`: numba leaves out what
     depends on them, and nobody waits for the compilation of what is not flown.
     """
+    world, guard, law, work, log = (
+        borrowed(world),
+        borrowed(guard),
+        borrowed(law),
+        borrowed(work),
+        borrowed(log),
+    )
+    values, rules, starts, sun_angles = (
+        borrowed(values),
+        borrowed(rules),
+        borrowed(starts),
+        borrowed(sun_angles),
+    )
+    tracks, outcomes = borrowed(tracks), borrowed(outcomes)
     num_starts = len(starts)
     flight = first
     while flight < last:
@@ -376,6 +318,7 @@ def fly_many(
             rules[row],
             starts,
             sun_angles,
+            openings,
             start,
             num_lanes,
             work,

@@ -55,7 +55,7 @@ def compiled(tmp_path: Path) -> Callable[[FuzzyController], ctypes.CDLL]:
 
     def load(controller: FuzzyController) -> ctypes.CDLL:
         assert controller_problems(controller) == []
-        (tmp_path / "controller.c").write_text(source.write(controller), encoding="utf-8")
+        (tmp_path / "controller.c").write_text(source.write(controller, bare=True), encoding="utf-8")
         done = gcc(tmp_path, "-shared", "-fPIC", "controller.c", "-o", "controller.so", "-lm")
         assert done.returncode == 0, done.stderr
         return ctypes.CDLL(str(tmp_path / "controller.so"))
@@ -65,7 +65,8 @@ def compiled(tmp_path: Path) -> Callable[[FuzzyController], ctypes.CDLL]:
 
 def infer(library: ctypes.CDLL, name: str, system: FuzzySystem, rows: Floats) -> Floats:
     """Call a C function for each row."""
-    function = getattr(library, f"infer_{name}")
+    prefix = "bare_infer" if hasattr(library, f"bare_infer_{name}") else "infer"
+    function = getattr(library, f"{prefix}_{name}")
     pointer = ctypes.POINTER(ctypes.c_double)
     outputs = np.empty((len(rows), len(system.outputs)))
     for row, result in zip(np.ascontiguousarray(rows), outputs, strict=True):

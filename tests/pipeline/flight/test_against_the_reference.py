@@ -24,6 +24,7 @@ from tests.pipeline.flight.cases import (
     OVER_POLES,
     PAUSING,
     RESTORING,
+    SEEING,
     SPARSE,
     STARTS,
     STEERING,
@@ -79,6 +80,7 @@ FLOWN = {
     "what coasting shows": (mission(), FORESEEING, STARTS),
     "what goes dark soon": (mission(), HURRYING, STARTS),
     "a decision every half minute": (mission(), PAUSING, STARTS),
+    "the push that shows what sets": (mission(), SEEING, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,
@@ -101,6 +103,12 @@ POINTED = {
     "what goes dark soon": (mission(attitude=IDEAL), HURRYING, [*STARTS, *OVER_POLES]),
     "what goes dark soon on a tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), HURRYING, STARTS),
     "a decision every half minute": (mission(attitude=IDEAL), PAUSING, [*STARTS, *OVER_POLES]),
+    "the push that shows what sets": (mission(attitude=IDEAL), SEEING, [*STARTS, *OVER_POLES]),
+    "the push that shows what sets on a tumbling chief": (
+        mission(attitude=IDEAL, chief=TUMBLING),
+        SEEING,
+        STARTS[:1],
+    ),
     "a decision every half minute, safety layer": (guarded(PASSIVE), PAUSING, starts_at_rest(3, 47)),
     "safety layer, a few forces changed": (guarded(PASSIVE), STEERING, [*STARTS, *starts_at_rest(3, 47)]),
     "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),

@@ -12,6 +12,7 @@ from pipeline.flight.signals import (
     NOTHING,
     ORBIT,
     PREVIEW,
+    SETTING,
     SIGNALS,
     URGENCY,
     Signal,
@@ -22,6 +23,7 @@ from tests.pipeline.flight.cases import (
     HURRYING,
     LOOKING_AHEAD,
     ORBITAL,
+    SEEING,
     STEERING,
     leaning_system,
     mission,
@@ -48,6 +50,7 @@ def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch: pytest.Mo
         (LOOKING_AHEAD, ORBIT | APPROACH),
         (FORESEEING, ORBIT | PREVIEW),
         (HURRYING, URGENCY),
+        (SEEING, URGENCY | SETTING),
     ],
 )
 def test_what_must_be_computed_adds_up(controller, needs) -> None:

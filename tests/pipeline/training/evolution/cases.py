@@ -12,6 +12,7 @@ from pipeline.training.evolution.state import Generation
 
 PENALTY = Penalty(
     outside_m_s=100.0,
+    outside_most_m=None,
     short_point_m_s=10.0,
     missed_point_m_s=0.1,
     growth=1.0,
@@ -23,6 +24,8 @@ ENCODING = Encoding(
     standard_deviation_fraction=(0.04, 0.3),
     output_range_n=(0.01, 0.3),
     rules="free",
+    stretch=None,
+    digits=None,
     ring_size_m=None,
     ring_lead_rad=None,
     dead_band_n=None,
@@ -31,6 +34,9 @@ ENCODING = Encoding(
     coast_margin_m=None,
     urgency_time_s=None,
     skirt_distance_m=None,
+    see_horizon_s=None,
+    see_damping_ks2=None,
+    aim_urgent_m_s=None,
 )
 
 

@@ -1,0 +1,182 @@
+"""The thrust logic in C: what it says of itself, what analysers say of it, and what it costs."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from fis_tools.formats.c import cost, source, thrust
+from fis_tools.model import FuzzyController
+from fis_tools.model.thrust import thrust_logic
+from fis_tools.source import read_controller
+from tests.fis_tools.sample_controllers import general_controller, paper_like_controller
+from tests.places import PROJECT
+from tests.programs import program
+
+CONTROLLERS = PROJECT / "conf" / "controller"
+FUZZY = ("champion_any_sun", "champion_fixed_sun", "ellipse", "paper", "paper_champion", "paper_octants")
+
+
+def shipped(name: str, **attributes: str) -> FuzzyController:
+    fuzzy = read_controller(CONTROLLERS / f"{name}.yaml")
+    together = dict(fuzzy.attributes) | attributes
+    return FuzzyController(name, fuzzy.systems, tuple(sorted(together.items())), fuzzy.provenance)
+
+
+EVERYTHING = shipped("paper_champion", decision_period_s="30", coast_below_points="2")
+WRITTEN = {
+    **{name: source.write(shipped(name)) for name in FUZZY},
+    "decisions": source.write(shipped("ellipse", decision_period_s="30")),
+    "decisions, body": source.write(EVERYTHING),
+    "bare": source.write(shipped("ellipse"), bare=True),
+    "general": source.write(general_controller()),
+}
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_analysers_find_nothing(name: str, tmp_path: Path) -> None:
+    (tmp_path / "controller.c").write_text(WRITTEN[name], encoding="utf-8")
+    warnings = [word for word in source.WARNINGS.split() if word != "-Werror"]
+    done = run(
+        tmp_path, program("gcc", "gcc"), *warnings, "-O2", "-fanalyzer", "-Werror", "-c", "controller.c"
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    checks = "--enable=warning,style,performance,portability"
+    done = run(
+        tmp_path,
+        program("cppcheck", "cppcheck"),
+        *(checks, "--std=c99", "--quiet", "--inconclusive", "--error-exitcode=1", "controller.c"),
+    )
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
+
+
+def test_analysers_do_find_something(tmp_path: Path) -> None:
+    """A slip of the pen in the same file, so that silence means something."""
+    text = WRITTEN["ellipse"].replace("double inputs_0[3];", "double inputs_0[2];")
+    assert text != WRITTEN["ellipse"]
+    (tmp_path / "controller.c").write_text(text, encoding="utf-8")
+    done = run(tmp_path, program("cppcheck", "cppcheck"), "--quiet", "--error-exitcode=1", "controller.c")
+    assert done.returncode == 1
+    assert "out of bounds" in done.stderr
+
+
+@pytest.mark.parametrize("name", [*FUZZY, "decisions", "decisions, body"])
+def test_nothing_is_allocated_called_again_or_kept(name: str, tmp_path: Path) -> None:
+    (tmp_path / "controller.c").write_text(WRITTEN[name], encoding="utf-8")
+    assert run(tmp_path, program("gcc", "gcc"), "-std=c99", "-O2", "-c", "controller.c").returncode == 0
+    listed = run(tmp_path, program("nm", "binutils"), "--format=posix", "controller.o").stdout
+    symbols = [line.split()[:2] for line in listed.splitlines()]
+    assert {kind for _, kind in symbols} <= {"T", "t", "r", "U"}  # no b, d: nothing that can change
+    assert {word for word, kind in symbols if kind == "T"} == {"start", "step"}
+    assert {word for word, kind in symbols if kind == "U"} <= {
+        *("floor", "__stack_chk_fail", "_GLOBAL_OFFSET_TABLE_")
+    }
+    stack = cost.stack_bytes(WRITTEN[name])  # refuses what calls itself
+    assert stack is not None
+    assert 1000 < stack < 4096
+
+
+def test_the_file_says_what_it_is() -> None:
+    whole, bare = WRITTEN["champion_any_sun"], WRITTEN["bare"]
+    assert "Fuzzy controller champion_any_sun with its thrust logic" in whole
+    assert "BARE INFERENCE of fuzzy controller ellipse" in bare
+    assert "This is not the controller" in bare
+    assert "double bare_infer_force_x(const double inputs[3]);" in bare
+    assert "step(" not in bare
+    for text in (whole, bare):
+        assert "no recursion, no allocation" in " ".join(text.replace(" * ", " ").split())
+        assert max(map(len, text.splitlines())) <= 110
+    assert "thrust" not in WRITTEN["general"]
+    assert "double infer_" in WRITTEN["general"] or "void infer_" in WRITTEN["general"]
+
+
+def test_an_attribute_that_is_no_number_is_told() -> None:
+    with pytest.raises(ValueError, match="has decision_period_s 'often'; give a number from 0 on"):
+        source.write(shipped("ellipse", decision_period_s="often"))
+
+
+COUNTED = """\
+#include <math.h>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+static long counts[4];
+struct Counted {
+    double value;
+    constexpr Counted(double value = 0.0) : value(value) {}
+    explicit operator int() const { return (int)value; }
+    Counted operator-() const { return Counted(-value); }
+    Counted &operator+=(Counted other) { ++counts[0]; value += other.value; return *this; }
+};
+static Counted operator+(Counted a, Counted b) { ++counts[0]; return a.value + b.value; }
+static Counted operator-(Counted a, Counted b) { ++counts[0]; return a.value - b.value; }
+static Counted operator*(Counted a, Counted b) { ++counts[1]; return a.value * b.value; }
+static Counted operator/(Counted a, Counted b) { ++counts[2]; return a.value / b.value; }
+static bool operator<(Counted a, Counted b) { ++counts[3]; return a.value < b.value; }
+static bool operator>(Counted a, Counted b) { ++counts[3]; return a.value > b.value; }
+static bool operator<=(Counted a, Counted b) { ++counts[3]; return a.value <= b.value; }
+static bool operator>=(Counted a, Counted b) { ++counts[3]; return a.value >= b.value; }
+static bool operator==(Counted a, Counted b) { ++counts[3]; return a.value == b.value; }
+static Counted fabs(Counted a) { return std::fabs(a.value); }
+static Counted floor(Counted a) { return std::floor(a.value); }
+static bool isnan(Counted a) { return std::isnan(a.value); }
+#define double Counted
+"""
+
+
+@pytest.mark.parametrize("name", ["champion_any_sun", "paper_champion", "decisions"])
+def test_no_step_takes_more_operations_than_stated(name: str, tmp_path: Path) -> None:
+    """The same file as C++, with doubles that count, at random signals over the whole ranges and beyond."""
+    controller = shipped({"decisions": "ellipse"}.get(name, name))
+    logic = thrust_logic(controller)
+    assert logic is not None
+    ranges = {v.name: (v.minimum, v.maximum) for system in controller.systems for v in system.inputs}
+    lines = []
+    for sensed, (word, _, _) in thrust.members(controller, logic).items():
+        low, high = ranges.get(sensed, (0.0, 100.0))
+        lines.append(f"signals.{word} = {low!r} + {high - low!r} * (1.2 * rand() / RAND_MAX - 0.1);")
+    if logic.force_axes == "body":
+        lines.append("signals.attitude[3] = 1.0;")
+    if logic.may_coast:
+        lines.append("signals.missed = 99.0; mission.min_distance_m = 15.0; mission.max_distance_m = 200.0;")
+    if name == "decisions":
+        lines.append("mission.control_period_s = 30.0;")
+    main = f"""
+#undef double
+int main(void)
+{{
+    struct step_state state;
+    struct step_signals signals;
+    struct step_mission mission;
+    struct step_force force;
+    long most[4] = {{0, 0, 0, 0}};
+    signals.is_complete = 0; mission.coasts_when_complete = 1; mission.max_force_n = 0.01;
+    start(&state);
+    for (int row = 0; row < 2000; ++row) {{
+        {" ".join(lines)}
+        for (int kind = 0; kind < 4; ++kind) counts[kind] = 0;
+        step(&state, &signals, &mission, &force);
+        for (int kind = 0; kind < 4; ++kind)
+            if (counts[kind] > most[kind]) most[kind] = counts[kind];
+    }}
+    std::printf("%ld %ld %ld %ld", most[0], most[1], most[2], most[3]);
+}}
+"""
+    text = re.sub(r"^#include <math.h>$", COUNTED, WRITTEN[name], flags=re.MULTILINE)
+    (tmp_path / "counted.cpp").write_text(text + main, encoding="utf-8")
+    done = run(tmp_path, program("g++", "g++"), "-w", "-fpermissive", "-O1", "counted.cpp", "-o", "counted")
+    assert done.returncode == 0, done.stderr[:2000]
+    counted = [int(word) for word in run(tmp_path, str(tmp_path / "counted")).stdout.split()]
+    stated = cost.operations(controller)
+    for most, limit in zip(counted, stated, strict=True):
+        assert 0 < most <= limit < 12 * most
+
+
+def test_a_longer_rule_base_costs_more() -> None:
+    few, many = paper_like_controller(), shipped("champion_any_sun")
+    assert all(a < b for a, b in zip(cost.operations(few), cost.operations(many), strict=True))
