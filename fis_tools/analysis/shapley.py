@@ -31,6 +31,10 @@ MOST_COALITIONS = 4096
 #: Orders in which rules join, drawn where coalitions are sampled; every second is the one before it reversed.
 NUM_ORDERS = 200
 SEED = 12
+#: So many where shares are averaged over samples as well.
+FEW_ORDERS = 10
+#: The most samples over which shares are averaged; they are picked evenly.
+MOST_SAMPLES = 1000
 
 
 class Shares(NamedTuple):
@@ -65,11 +69,11 @@ class _Block(NamedTuple):
     after: list[NDArray[np.int64]]
 
 
-def shares(compiled: CompiledSystem, inputs: Floats) -> Shares:
+def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDERS) -> Shares:
     """Compute the share of each rule in each output.
 
     They are exact where rules can cut the output's terms in `MOST_COALITIONS` ways or fewer, as dozens of
-    rules do under a maximum; else means over `NUM_ORDERS` orders of joining, which add up as well.
+    rules do under a maximum; else means over some orders of joining, which add up as well.
 
     Parameters
     ----------
@@ -77,6 +81,8 @@ def shares(compiled: CompiledSystem, inputs: Floats) -> Shares:
         Made by `fis_tools.engines.compiler.compile`.
     inputs : (n, num_inputs)
         One row per sample.
+    num_orders : int
+        How many orders are drawn where coalitions are too many; an even number.
     """
     firing = compiled.firing_strengths(inputs)
     outputs = compiled.system.outputs
@@ -85,7 +91,8 @@ def shares(compiled: CompiledSystem, inputs: Floats) -> Shares:
     for place in range(len(outputs)):
         conclusions = _conclusions(compiled, place)
         for sample, strengths in enumerate(firing):
-            values[sample, :, place], error[sample, place] = _of_one(compiled, place, conclusions, strengths)
+            found = _of_one(compiled, place, conclusions, strengths, num_orders)
+            values[sample, :, place], error[sample, place] = found
     return Shares(values, error)
 
 
@@ -103,7 +110,7 @@ def _conclusions(compiled: CompiledSystem, place: int) -> list[_Cuts]:
 
 
 def _of_one(
-    compiled: CompiledSystem, place: int, conclusions: list[_Cuts], strengths: Floats
+    compiled: CompiledSystem, place: int, conclusions: list[_Cuts], strengths: Floats, num_orders: int
 ) -> tuple[Floats, float]:
     output = compiled.system.outputs[place]
     concludes = np.array([bool(weights) for weights in conclusions])
@@ -124,7 +131,7 @@ def _of_one(
     accumulate = None if output.accumulation == "product" else ACCUMULATIONS[output.accumulation]
     blocks = _blocks(activations, accumulate)
     if blocks is None:
-        values[rules], error = sampled(len(rules), worth)
+        values[rules], error = sampled(len(rules), worth, num_orders)
         return values, error
     values[rules] = _exact(blocks, len(rules), worth)
     return values, 0.0
@@ -180,15 +187,14 @@ def _block(
 def _exact(blocks: Sequence[_Block], num_players: int, worth: Worth) -> Floats:
     """Integrate over p what each player adds to a coalition that each other joins with probability p.
 
-    The integrand is a polynomial of a degree below the number of players, for which the nodes suffice.
+    The integrand is a polynomial of a degree below the number of players.
     """
     shape = [len(block.members) for block in blocks]
     members = np.zeros((*shape, num_players), dtype=np.bool_)
     for axis, block in enumerate(blocks):
         members |= block.members.reshape([-1 if a == axis else 1 for a in range(len(shape))] + [num_players])
     worths = worth(members.reshape(-1, num_players)).reshape(shape)
-    nodes, weights = np.polynomial.legendre.leggauss((num_players + 1) // 2)
-    chances = 0.5 * (nodes + 1.0)
+    chances, weights = quadrature(num_players)
     spread = [_spread(block, chances) for block in blocks]
     values = np.zeros(num_players)
     for axis, block in enumerate(blocks):
@@ -199,8 +205,14 @@ def _exact(blocks: Sequence[_Block], num_players: int, worth: Worth) -> Floats:
                     axis=0
                 )
         for player, gain in zip(block.players, _gains(block, chances), strict=True):
-            values[player] = 0.5 * (gain * expected).sum(axis=0) @ weights
+            values[player] = (gain * expected).sum(axis=0) @ weights
     return values
+
+
+def quadrature(num_players: int) -> tuple[Floats, Floats]:
+    """Return the chances and weights that integrate the shares of so many players, or fewer, exactly."""
+    nodes, weights = np.polynomial.legendre.leggauss((num_players + 1) // 2)
+    return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 def _spread(block: _Block, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
@@ -227,7 +239,21 @@ def _gains(block: _Block, chances: Floats) -> Iterator[Floats]:
         yield known[key]
 
 
-def sampled(num_players: int, worth: Worth, num_orders: int = NUM_ORDERS) -> tuple[Floats, float]:
+def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
+    """Compute how far each rule moves each output over some samples, at least one.
+
+    Returns
+    -------
+    (num_rules, num_outputs)
+        The mean size of its shares, in parts of the output's range; of many samples `MOST_SAMPLES` are taken.
+    """
+    some = inputs[:: -(-len(inputs) // MOST_SAMPLES)]
+    ranges = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
+    moved: Floats = np.abs(shares(compiled, some, FEW_ORDERS).values).mean(axis=0) / ranges
+    return moved
+
+
+def sampled(num_players: int, worth: Worth, num_orders: int) -> tuple[Floats, float]:
     """Return the mean of what each player adds when it joins, over some orders, and the largest error.
 
     Orders are drawn by a linear congruential generator of 32 bits, so that the review page draws the same.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays, contribution
+from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.analysis.measures import Measures
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import Floats
@@ -56,7 +56,9 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         What was measured of it.
     """
     usage = arrays.rule_usage(arrays.firing(system, samples.inputs))
-    importance = contribution.importance(compile(system), samples.inputs).max(axis=1)
+    compiled = compile(system)
+    importance = shapley.importance(compiled, samples.inputs).max(axis=1)
+    needed = contribution.importance(compiled, samples.inputs).max(axis=1)
     system_id = f"s{place}"
     ranges, unbounded = range_rows(system)
     return {
@@ -80,7 +82,7 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         "matrices": _matrices(system),
         "ranges": ranges,
         "unbounded": unbounded,
-        "rules": list(_rules(system, usage, importance, measures.rule_meaning.values)),
+        "rules": list(_rules(system, usage, importance, needed, measures.rule_meaning.values)),
     }
 
 
@@ -129,13 +131,17 @@ def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str,
 
 
 def _rules(
-    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, meaning: Floats
+    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, needed: Floats, meaning: Floats
 ) -> Iterator[dict[str, Any]]:
-    for place, rule in enumerate(system.rules):
+    """Yield what is told of each rule, the one with the greatest share first."""
+    for place in np.argsort(-importance, kind="stable").tolist():
+        rule = system.rules[place]
         yield {
+            "place": place,
             "words": sentence(rule),
             "label": rule.label,
             "importance": float(importance[place]),
+            "needed": float(needed[place]),
             "fired": float(usage.fired[place]),
             "leading": float(usage.leading[place]),
             "strongest": float(usage.max_strength[place]),

@@ -18,7 +18,17 @@ from fis_tools.review.flown import read_flights, samples_of
 
 #: joined in this order
 SCRIPTS = (
-    *("elements", "scale", "palette", "canvases", "carried", "operators", "inference", "sign_change"),
+    *(
+        "elements",
+        "scale",
+        "palette",
+        "canvases",
+        "carried",
+        "operators",
+        "inference",
+        "shares",
+        "sign_change",
+    ),
     *("state", "tables", "memberships", "inference_view", "rules_view", "response", "heat_map", "solid"),
     *("surface_view", "flight_view", "page"),
 )
@@ -55,6 +65,7 @@ def write(
     audited = audit(controller, sensed if flown else None)
     data = {
         "brightness": BRIGHTNESS,
+        "quadrature": carried.quadrature_data(systems),
         "systems": [carried.system_data(system) for system in systems],
         "flights": [carried.flight_data(flight, systems, len(flown)) for flight in flown],
     }

@@ -38,5 +38,6 @@ function readCarried() {
     systems: carried.systems.map(decodeSystem),
     flights: carried.flights.map(decodeFlight),
     brightness: carried.brightness,
+    quadrature: { chances: decodeDoubles(carried.quadrature[0]), weights: decodeDoubles(carried.quadrature[1]) },
   };
 }
