@@ -77,12 +77,12 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         "never": int((usage.fired == 0).sum()),
         "completeness": measures.completeness.least,
         "gm3m": measures.gm3m,
-        "rmi": measures.rule_meaning.index,
+        "consistency": measures.rule_consistency.index,
         "variables": list(_variables(system_id, system)),
         "matrices": _matrices(system),
         "ranges": ranges,
         "unbounded": unbounded,
-        "rules": list(_rules(system, usage, importance, needed, measures.rule_meaning.values)),
+        "rules": list(_rules(system, usage, importance, needed, measures.rule_consistency.values)),
     }
 
 
@@ -131,7 +131,7 @@ def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str,
 
 
 def _rules(
-    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, needed: Floats, meaning: Floats
+    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, needed: Floats, consistency: Floats
 ) -> Iterator[dict[str, Any]]:
     """Yield what is told of each rule, the one with the greatest share first."""
     for place in np.argsort(-importance, kind="stable").tolist():
@@ -145,5 +145,5 @@ def _rules(
             "fired": float(usage.fired[place]),
             "leading": float(usage.leading[place]),
             "strongest": float(usage.max_strength[place]),
-            "meaning": float(meaning[place]),
+            "consistency": float(consistency[place]),
         }

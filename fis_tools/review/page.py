@@ -9,7 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from fis_tools.findings.audit import audit
+from fis_tools.findings.audit import audit, report
 from fis_tools.model import FuzzyController
 from fis_tools.review import carried, content
 from fis_tools.review.colours import BRIGHTNESS, level_styles
@@ -77,6 +77,7 @@ def write(
         fingerprint=content.fingerprint(controller),
         flights=flown,
         findings=finding_rows(audited, controller),
+        measure_words=report.measure_words(audited),
         systems=[
             content.system_words(place, system, samples[system.name], measured.measures)
             | {"findings": finding_counts(audited, system.name)}
