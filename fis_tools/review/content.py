@@ -1,6 +1,5 @@
 """What a review page says of a controller and its systems, in words and tables."""
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -12,7 +11,6 @@ from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.analysis.measures import Measures
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import Floats
-from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.review.colours import level
 from fis_tools.review.flown import Samples
@@ -29,12 +27,17 @@ class Cell:
     rule: int
 
 
-def fingerprint(controller: FuzzyController) -> str:
-    """Return the SHA-256 of a controller's JSON: what a signature under the page refers to.
+def texts(controller: FuzzyController) -> list[tuple[str, str]]:
+    """Return the attributes of a controller that are no numbers."""
 
-    The same as of the file that ``python -m fis_tools export CONTROLLER --format json`` writes.
-    """
-    return hashlib.sha256(serialize.dump_json(controller).encode()).hexdigest()
+    def is_number(text: str) -> bool:
+        try:
+            float(text)
+        except ValueError:
+            return False
+        return True
+
+    return [(name, text) for name, text in controller.attributes if not is_number(text)]
 
 
 def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:

@@ -19,6 +19,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences
 from pipeline.flight.controller import Controller, packed
 from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.signals import CONSTANTS
 from pipeline.flight.world import inspection_points
 from pipeline.physics.illumination import is_illuminated, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
@@ -29,7 +30,7 @@ from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import EPISODE_METADATA, FIS_METADATA_PREFIX, PointState
+from telemetry.file.topics import CONSTANTS_METADATA, EPISODE_METADATA, FIS_METADATA_PREFIX, PointState
 
 Floats = NDArray[np.float64]
 States = NDArray[np.int64]
@@ -80,6 +81,10 @@ class FlightRecorder:
         self._systems = {
             FIS_METADATA_PREFIX + system.name: describe(system).to_metadata() for system in controller.systems
         }
+        attributes = controller.fuzzy.attributes if controller.fuzzy else ()
+        meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
+        if meanings:
+            self._systems[CONSTANTS_METADATA] = meanings
         self._points = inspection_points(mission)
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64

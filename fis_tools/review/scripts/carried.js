@@ -35,6 +35,8 @@ function decodeFlight(flight) {
 function readCarried() {
   const carried = JSON.parse(document.getElementById("carried").textContent);
   return {
+    name: carried.name,
+    sha256: carried.sha256,
     systems: carried.systems.map(decodeSystem),
     flights: carried.flights.map(decodeFlight),
     brightness: carried.brightness,

@@ -1,6 +1,7 @@
 // One inference step by step: sliders, fuzzified inputs, fired rules, the aggregated output and its number.
 
 const MOST_RULES = 8;
+const LOW_PLOT = 60;
 const SHOWN_FROM = 0.005;
 // of an output nearer to its default than this part of its range, shares are told as amounts alone
 const SMALL = 1e-3;
@@ -63,7 +64,12 @@ function membershipWords(variable, memberships) {
 
 function inputStep(state, place, id) {
   const variable = state.system.inputs[place];
-  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`);
+  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`, LOW_PLOT);
+  const follow = (event) => {
+    if (event.type === "pointerdown" || event.buttons === 1) state.setInput(place, chart.valueAt(event));
+  };
+  chart.svg.classList.add("settable");
+  for (const kind of ["pointerdown", "pointermove"]) chart.svg.addEventListener(kind, follow);
   const words = make("p", { class: "belongs" });
   state.follow(() => {
     const { clipped, memberships } = state.inference;
@@ -237,16 +243,17 @@ function inferenceView(element, state, id, quadrature) {
   };
   const choose = (chosen) => {
     output = chosen;
-    chart = membershipChart(system.outputs[output], `Terms of ${system.outputs[output].name}, cut and put together`);
+    chart = membershipChart(system.outputs[output], `Terms of ${system.outputs[output].name}, cut and put together`, LOW_PLOT);
     picture.replaceChildren(chart.svg);
     show();
   };
   const names = system.outputs.map(withUnit);
   const chooser = names.length > 1 ? [choice("Output", names, 0, choose).element] : [];
-  element.classList.toggle("wide", system.inputs.length > 2);
+  const about = `Rules of ${system.name} that fire`;
+  const scrolled = make("div", { class: "firing", role: "region", tabindex: "0", "aria-label": about }, conclusions, rules, note);
   const steps = [
     ["1. Inputs and their terms", ...system.inputs.map((_, place) => inputStep(state, place, `${id}-x${place + 1}`))],
-    ["2. Rules that fire, and their shares", conclusions, rules, note],
+    ["2. Rules that fire, and their shares", scrolled],
     ["3. Output", ...chooser, result, picture, how, sign],
   ];
   element.append(...steps.map(([title, ...parts]) => make("div", { class: "step" }, make("h4", {}, title), ...parts)));

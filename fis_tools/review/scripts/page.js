@@ -75,6 +75,7 @@ const clock = new FlightClock(carried.flights);
 const scale = brightnessScale(carried.brightness);
 states.forEach((state, place) => fillSystem(state, place, clock, scale, carried.quadrature));
 showPoints(states);
+followSignature(carried);
 addEventListener("resize", oncePerFrame(redrawAll));
 // for whoever looks at the page with a browser's console
 window.review = Object.freeze({ systems: carried.systems, states, infer, contributions, shares, signChange, quadrature: carried.quadrature });
