@@ -262,22 +262,45 @@ def _is_of_floats(array: Any, most_dimensions: int) -> bool:
     if array.dtype != types.float64 or array.layout != "C" or array.ndim > most_dimensions:
         raise TypingError(
             f"vectors are not read from {array}; pass an array of float64 in C order, "
-            f"of {'one dimension' if most_dimensions == 1 else 'one or two dimensions'}"
+            f"of {'one dimension' if most_dimensions == 1 else 'one to three dimensions'}"
         )
     return True
 
 
+def _members(kind: Any) -> tuple[Any, ...] | None:
+    """Return the types of what a tuple holds; None of what is none."""
+    held: tuple[Any, ...] = getattr(kind, "types", ())
+    return held if isinstance(kind, types.BaseTuple) else None
+
+
+def _is_place(array: Any, at: Any) -> bool:
+    """Tell whether an index is one of whole numbers; others than lead to an element or a row are refused."""
+    kinds = _members(at) or (at,)
+    if not all(isinstance(kind, types.Integer) for kind in kinds):
+        return False
+    if len(kinds) != array.ndim and not (at is kinds[0] and array.ndim == 2):
+        raise TypingError(f"{at} is no index of a vector in {array}; pass a whole number for each dimension")
+    return True
+
+
 def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
-    """Return the pointer to element `at` of an array, or of two dimensions to the first of row `at`."""
+    """Return the pointer to the element of an array that an index leads to."""
     whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
-    at = context.cast(builder, at, index, types.intp)
-    if kind.ndim == 2:
-        at = builder.mul(at, builder.extract_value(whole.shape, 1))
-    return builder.gep(whole.data, [at])
+    kinds = _members(index)
+    pairs = [(at, index)]
+    if kinds is not None:
+        pairs = list(zip(cgutils.unpack_tuple(builder, at, len(kinds)), kinds, strict=True))
+    numbers = [context.cast(builder, *pair, types.intp) for pair in pairs]
+    numbers += [ir.Constant(I64, 0)] * (kind.ndim - len(numbers))
+    offset = numbers[0]
+    for axis in range(1, kind.ndim):
+        offset = builder.mul(offset, builder.extract_value(whole.shape, axis))
+        offset = builder.add(offset, numbers[axis])
+    return builder.gep(whole.data, [offset])
 
 
 def _load_type(array: Any, at: Any, width: Any) -> Any:
-    if not (_is_of_floats(array, 2) and isinstance(at, types.Integer)):
+    if not (_is_of_floats(array, 3) and _is_place(array, at)):
         return None
     return VectorType(_width_of(width))
 
@@ -285,7 +308,7 @@ def _load_type(array: Any, at: Any, width: Any) -> Any:
 _typed(vectors.load, _load_type)
 
 
-@_vector_in(vectors.load, types.Array, types.Integer)
+@_vector_in(vectors.load, types.Array, types.Any)
 def _lower_load(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: int) -> Any:
     place = _place(context, builder, signature.args[0], array, at, signature.args[1])
     return builder.load(builder.bitcast(place, ir.VectorType(F64, width).as_pointer()), align=8)
@@ -307,14 +330,14 @@ def _lower_spread(context: Any, builder: Any, signature: Any, array: Any, at: An
 
 
 def _store_type(array: Any, at: Any, vector: Any) -> Any:
-    is_possible = _is_of_floats(array, 2) and isinstance(at, types.Integer) and isinstance(vector, VectorType)
+    is_possible = _is_of_floats(array, 3) and _is_place(array, at) and isinstance(vector, VectorType)
     return types.none if is_possible else None
 
 
 _typed(vectors.store, _store_type)
 
 
-@lower_builtin(vectors.store, types.Array, types.Integer, VectorType)
+@lower_builtin(vectors.store, types.Array, types.Any, VectorType)
 def _lower_store(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     array, at, vector = args
     place = _place(context, builder, signature.args[0], array, at, signature.args[1])
@@ -409,3 +432,26 @@ def _power_of_two(builder: Any, exponent: Any) -> Any:
 
 
 _unary(vectors.power_of_two, VectorType, _power_of_two)
+
+
+# Arrays whose references are not counted
+
+
+def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        array = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+        for owner in ("meminfo", "parent"):
+            setattr(array, owner, ir.Constant(getattr(array, owner).type, None))
+        return array._getvalue()
+    for place, member in enumerate(_members(kind) or ()):
+        part = _uncounted(context, builder, member, builder.extract_value(value, place))
+        value = builder.insert_value(value, part, place)
+    return value
+
+
+def _lower_borrowed(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return _uncounted(context, builder, signature.args[0], args[0])
+
+
+_typed(vectors.borrowed, lambda value: value)
+lower_builtin(vectors.borrowed, types.Any)(_lower_borrowed)

@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 #: A vector, or a float in its place; a mask, or a bool in its place.
 Vector = Any
 Mask = Any
+#: Where in an array a vector begins.
+Place = int | tuple[int, ...]
 
 #: bytes that processors fetch at once, most of them
 CACHE_LINE = 64
@@ -30,13 +32,14 @@ def splat(value: float, width: int) -> Vector:
     return np.full(width, value, dtype=np.float64)
 
 
-def load(array: Floats, at: int, width: int) -> Vector:
-    """Return consecutive elements of an array of shape (n,), or of row `at` of one of shape (n, m).
+def load(array: Floats, at: Place, width: int) -> Vector:
+    """Return consecutive elements of an array, from an index on.
 
-    Compiled code does not check that they lie inside the array, and counts no index from the end.
+    The index has as many numbers as the array has dimensions; of an array of shape (n, m) the number of a row
+    will do. Compiled code does not check that the elements lie inside the row, and counts no index from the
+    end.
     """
-    row = array[at] if array.ndim == 2 else array[at:]
-    return np.array(row[:width])
+    return np.array(_row_from(array, at)[:width])
 
 
 def spread(array: Floats, at: int, width: int) -> Vector:
@@ -47,10 +50,15 @@ def spread(array: Floats, at: int, width: int) -> Vector:
     return np.full(width, array[at])
 
 
-def store(array: Floats, at: int, vector: Vector) -> None:
+def store(array: Floats, at: Place, vector: Vector) -> None:
     """Write a vector to where `load` reads it."""
-    row = array[at] if array.ndim == 2 else array[at:]
-    row[: len(vector)] = vector
+    _row_from(array, at)[: len(vector)] = vector
+
+
+def _row_from(array: Floats, at: Place) -> Floats:
+    *rows, first = at if isinstance(at, tuple) else (at, 0)[: array.ndim]
+    row: Floats = array[tuple(rows)]
+    return row[first:]
 
 
 def gather(array: Floats, at: int, offsets: Vector) -> Vector:
@@ -109,6 +117,15 @@ def bits(mask: Mask) -> int:
 def power_of_two(exponent: Vector) -> Vector:
     """Return two to the power of whole numbers from -1022 to 1023."""
     return np.ldexp(1.0, np.asarray(exponent).astype(np.int64))[()]
+
+
+def borrowed(value: Any) -> Any:
+    """Return an array, or a tuple with arrays in it, whose references compiled code does not count.
+
+    numba counts references by atomic operations, also where a function merely reads an element of an array in
+    a tuple. Whoever calls has to hold what is borrowed for as long as the call takes.
+    """
+    return value
 
 
 def padded(count: int, width: int) -> int:

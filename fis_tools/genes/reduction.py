@@ -58,9 +58,7 @@ class Planes:
                 genomes[:, widths] = genes[:, [at + count + place]]
             genomes[:, places.reach] = genes[:, at + 2 * count + 1]
             num_terms = len(system.outputs[0].terms)
-            levels = 0.5 * (num_terms - 1) * (1.0 + gains @ _cells(system).T)
-            terms = np.clip(np.rint(levels), 0, num_terms - 1)
-            genomes[:, places.rules] = (terms + 0.5) / num_terms
+            genomes[:, places.rules] = (plane_terms(system, gains) + 0.5) / num_terms
             at += 2 * count + 2
         return genomes
 
@@ -70,8 +68,7 @@ class Planes:
         for system, places in zip(self.encoding.systems, self.encoding.places(), strict=True):
             num_terms = len(system.outputs[0].terms)
             terms = np.minimum(np.floor(num_terms * genome[places.rules]), num_terms - 1)
-            levels = 2.0 * terms / (num_terms - 1) - 1.0
-            genes += list(0.5 + 0.5 * _gains(_cells(system), levels) / GREATEST_GAIN)
+            genes += list(0.5 + 0.5 * plane_gains(system, terms) / GREATEST_GAIN)
             genes += [float(genome[widths].mean()) for widths in places.widths]
             genes.append(float(genome[places.reach]))
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
@@ -120,12 +117,23 @@ class KeptRules:
         return is_tuned
 
 
-def _gains(cells: Floats, levels: Floats) -> Floats:
-    """Return the gains that fit levels from -1 to 1 best, even where the ends cut much of a plane off."""
+def plane_terms(system: FuzzySystem, gains: Floats) -> Floats:
+    """Return the output term of each rule where gains, shape (n, inputs), lay the table out, (n, rules)."""
+    last = len(system.outputs[0].terms) - 1
+    return np.asarray(np.clip(np.rint(0.5 * last * (1.0 + gains @ _cells(system).T)), 0, last))
+
+
+def plane_gains(system: FuzzySystem, terms: Floats) -> Floats:
+    """Return the gains, shape (inputs,), that fit the output terms of a table, shape (rules,), best.
+
+    Even where the ends cut much of the plane off.
+    """
     try:
         from scipy.optimize import least_squares  # noqa: PLC0415 - large, and nothing else here needs it
     except ModuleNotFoundError as error:
         raise MissingExtra("fitting planes to rule tables", "scipy", '"fis-tools[genes]"') from error
+
+    cells, levels = _cells(system), 2.0 * terms / (len(system.outputs[0].terms) - 1) - 1.0
 
     def misfit(gains: Floats) -> Floats:
         return np.asarray(np.clip(cells @ gains, -1.0, 1.0) - levels)

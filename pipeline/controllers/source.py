@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
 from pipeline.controllers.planned.planner import planner_of
-from pipeline.flight.controller import Controller, ControllerError, coast, from_fuzzy, open_loop, planned
+from pipeline.flight.controller import (
+    Controller,
+    ControllerError,
+    coast,
+    decision_stride,
+    from_fuzzy,
+    open_loop,
+    planned,
+)
 from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
 from pipeline.settings.experiment import Mission
 from pipeline.settings.nearest import choices_of
@@ -41,7 +49,7 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     source : mapping
         The group ``controller``: with ``systems``, ``path``, or ``kind``.
     mission : Mission
-        Whose clock a table of forces must keep.
+        Whose clock the decisions, or a table of forces, must keep.
 
     Returns
     -------
@@ -54,7 +62,7 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
         If it cannot be read or cannot fly.
     """
     if "systems" in source:
-        return from_fuzzy(serialize.from_mapping(source))
+        return _in_time(from_fuzzy(serialize.from_mapping(source)), mission)
     if source.get("kind") == "coast":
         return coast()
     if source.get("kind") in PLANNED:
@@ -62,7 +70,13 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     path = Path(str(source["path"]))
     if source.get("kind") == "open_loop":
         return open_loop(path.stem, read_forces(path, mission))
-    return from_fuzzy(serialize.load(path))
+    return _in_time(from_fuzzy(serialize.load(path)), mission)
+
+
+def _in_time(controller: Controller, mission: Mission) -> Controller:
+    """Return a controller whose decisions keep the mission's clock."""
+    decision_stride(controller, mission)
+    return controller
 
 
 def named(name: str, mission: Mission) -> Controller:

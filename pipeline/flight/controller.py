@@ -13,9 +13,36 @@ from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.flight.kernel.arrays import Law
 from pipeline.flight.log import Scenario
-from pipeline.flight.signals import AXES, CONSTANTS, FORCE_AXES, SIGNALS, URGENCY, constant, needs_of, slot
+from pipeline.flight.signals import (
+    AXES,
+    CONSTANTS,
+    FORCE_AXES,
+    SETTING,
+    SIGNALS,
+    URGENCY,
+    constant,
+    needs_of,
+    slot,
+)
+from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: constants that may not be zero: for what is sensed, under which names, which, and what it is
+REQUIRED = (
+    (
+        URGENCY | SETTING,
+        "urgent_*, see_push_* or aim_*",
+        "urgency_time_s",
+        "the time before its last light within which a point becomes urgent, say 200 (s)",
+    ),
+    (
+        SETTING,
+        "see_push_* or aim_*",
+        "see_damping_ks2",
+        "what keeps the push small, say 0.1 (1e6 s^2)",
+    ),
+)
 
 
 class ControllerError(ValueError):
@@ -127,14 +154,15 @@ def planned_for(controller: Controller, scenario: Scenario) -> Controller:
     return replace(controller, plan=controller.planner(scenario), planner=None)
 
 
-def law_of(controller: Controller, num_controls: int) -> Law:
+def law_of(controller: Controller, mission: Mission) -> Law:
     """Return what the compiled episode needs to know of a controller besides its numbers.
 
     Raises
     ------
     ControllerError
-        If a plan is longer than the flight.
+        If a plan is longer than the flight, or decisions do not keep the flight's clock.
     """
+    num_controls = mission.num_controls
     if controller.plan is not None and len(controller.plan) > num_controls:
         raise ControllerError(
             f"the plan of {controller.name!r} has {len(controller.plan)} forces, the flight {num_controls} "
@@ -154,6 +182,7 @@ def law_of(controller: Controller, num_controls: int) -> Law:
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
         layout=layout_of(controller.systems)[0],
         constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
+        decision_stride=decision_stride(controller, mission),
         force_axes=FORCE_AXES[controller.force_axes],
         has_plan=controller.plan is not None,
         plan=plan,
@@ -184,12 +213,32 @@ def constants_of(controller: Controller) -> Floats:
         if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
             least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
-    if needs_of(sensed_by(controller)) & URGENCY and values[constant("urgency_time_s")] == 0.0:
-        raise ControllerError(
-            f"controller {controller.name!r} senses urgent_* but sets no urgency_time_s; give it as an "
-            "attribute, the time before its last light within which a point becomes urgent, say 200 (s)"
-        )
+    needs = needs_of(sensed_by(controller))
+    for flags, signals, name, meaning in REQUIRED:
+        if needs & flags and values[constant(name)] == 0.0:
+            raise ControllerError(
+                f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
+                f"attribute, {meaning}"
+            )
     return values
+
+
+def decision_stride(controller: Controller, mission: Mission) -> int:
+    """Return how many control periods a decision is from the next; 1 unless ``decision_period_s`` is set.
+
+    Raises
+    ------
+    ControllerError
+        If ``decision_period_s`` is no whole number of control periods.
+    """
+    decision_period = float(constants_of(controller)[constant("decision_period_s")])
+    periods = decision_period / mission.control_period_s
+    if abs(periods - round(periods)) > 1e-6:
+        raise ControllerError(
+            f"controller {controller.name!r} has decision_period_s {decision_period:g}; give a whole number "
+            f"of control periods of {mission.control_period_s:g} s, or leave it out to decide in each"
+        )
+    return max(1, round(periods))
 
 
 def sensed_by(controller: Controller) -> list[str]:

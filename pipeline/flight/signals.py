@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 #: what must be computed before a signal can be read: flags, added up over all that a controller senses
-NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY = 0, 1, 2, 4, 8, 16
+NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING = 0, 1, 2, 4, 8, 16, 32
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,8 @@ class Signal:
     description : str
     needs : int
         What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
-        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, or `URGENCY`.
+        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, or the
+        push that shows what is `SETTING`.
     """
 
     unit: str
@@ -94,6 +95,16 @@ SIGNALS = {
     ),
     "urgent_along_track": Signal("", "the same along j", URGENCY),
     "urgent_cross_track": Signal("", "the same along k", URGENCY),
+    "see_push_radial": Signal(
+        "m/s", "push along i that would still show what coasting misses and is soon dark for good", SETTING
+    ),
+    "see_push_along_track": Signal("m/s", "the same along j", SETTING),
+    "see_push_cross_track": Signal("m/s", "the same along k", SETTING),
+    "aim_radial": Signal(
+        "m/s", "see_push_radial and aim_urgent_m_s times urgent_radial, together", SETTING | URGENCY
+    ),
+    "aim_along_track": Signal("m/s", "the same along j", SETTING | URGENCY),
+    "aim_cross_track": Signal("m/s", "the same along k", SETTING | URGENCY),
 }
 
 
@@ -130,10 +141,13 @@ class Constant:
         With its unit.
     is_signed : bool
         Whether it may be negative.
+    is_continuous : bool
+        Whether evolution may tune it: what is counted in control periods has nothing between two of them.
     """
 
     description: str
     is_signed: bool = False
+    is_continuous: bool = True
 
 
 CONSTANTS = {
@@ -145,10 +159,17 @@ CONSTANTS = {
     "prediction_time_s": Constant("how far ahead predicted_centre_along_track looks, s"),
     "coast_below_points": Constant("with fewer points than this missed by coasting to the end, coast"),
     "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
-    "urgency_time_s": Constant(
-        "time before its last light within which a point becomes urgent, for urgent_*, s"
+    "decision_period_s": Constant(
+        "time from one decision to the next, a whole number of control periods; a force lasts one, s",
+        is_continuous=False,
     ),
-    "skirt_distance_m": Constant("nearer than this to the chief, urgent_* turns aside from it, m"),
+    "urgency_time_s": Constant(
+        "time before its last light within which a point becomes urgent, for urgent_*, see_push_*, aim_*, s"
+    ),
+    "skirt_distance_m": Constant("nearer than this to the chief, urgent_* and see_push_* turn aside, m"),
+    "see_horizon_s": Constant("see_push_* shows points that go dark for good within this time, s"),
+    "see_damping_ks2": Constant("what keeps see_push_* small, against squared times to the look, 1e6 s^2"),
+    "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
 }
 
 

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
+from fis_tools.engines.vectors import aligned
 from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import NUM_OUTCOMES, NUM_ROWS, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -27,20 +28,18 @@ def make_workspace(world: World) -> Workspace:
     points, width = world.num_points, world.points.shape[2]
     clusters = num_clusters(points)
     return Workspace(
-        lanes=np.zeros(NUM_ROWS * LANES),
-        aims=np.zeros(world.num_attitude_steps * 4 * LANES),
+        lanes=aligned(1, CARRIED).view(np.recarray)[0],
+        aims=np.zeros((4 * world.num_attitude_steps, LANES)),
+        passed=np.zeros((7 * world.num_attitude_steps, LANES)),
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
-        signals=np.zeros(len(SIGNALS) * LANES),
-        passing=np.zeros(4 * LANES),
+        looks=np.zeros((5, width)),
+        signals=np.zeros((len(SIGNALS), LANES)),
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
         scratch=make_scratch(),
-        y_before=np.zeros((LANES, 3)),
-        is_general=np.zeros(LANES, dtype=np.bool_),
-        turned=np.zeros((LANES, 7)),
         candidates=np.zeros((3, points)),
         centres=np.zeros((LANES, clusters, 3)),
         num_centres=np.zeros(LANES, dtype=np.int64),
@@ -155,7 +154,7 @@ def fly_all(
         return _fly_planned(mission, controller, scenarios, workers, tracks)
     starts, sun_angles = stack_starts(scenarios)
     world = pack_world(mission)
-    law, numbers = law_of(controller, mission.num_controls), packed(controller)
+    law, numbers = law_of(controller, mission), packed(controller)
     many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
@@ -171,7 +170,7 @@ def _fly_planned(
     world, numbers = pack_world(mission), packed(controller)
 
     def fly_one(case: int) -> Outcomes:
-        law = law_of(planned_for(controller, scenarios[case]), mission.num_controls)
+        law = law_of(planned_for(controller, scenarios[case]), mission)
         track = None if tracks is None else tracks[case : case + 1]
         return fly_population(world, law, numbers, *stack_starts([scenarios[case]]), 1, track)
 
@@ -200,7 +199,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
         return float(evaluate(numbers, row, system)[0])
 
-    plan = law_of(controller, mission.num_controls).plan
+    plan = law_of(controller, mission).plan
     channels = channels_of(
         controller.systems, controller.force_axes, plan if len(plan) else None, constants_of(controller)
     )
@@ -238,7 +237,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if is_by_the_reference(mission):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
-    law, numbers = law_of(planned_for(controller, scenario), mission.num_controls), packed(controller)
+    law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     starts, sun_angles = stack_starts([scenario])
     fly_many(

@@ -4,20 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
-from pipeline.flight.kernel.arrays import World
+from pipeline.flight.kernel.arrays import POINTS, World
 from pipeline.flight.kernel.safety import guard_of
-from pipeline.flight.preview import preview_stride
-from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
+from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import tumbling_step
+from pipeline.physics.visibility import sight_of
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
-
-#: inspection points that are looked at together
-POINTS_SIDE_BY_SIDE = 8
 
 
 def inspection_points(mission: Mission) -> Floats:
@@ -56,17 +53,16 @@ def pack_world(mission: Mission) -> World:
     """Turn a mission into the numbers that the compiled episode reads."""
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
     points = inspection_points(mission)
-    placed = np.zeros((1, 3, padded(len(points), POINTS_SIDE_BY_SIDE)))
+    placed = np.zeros((1, 3, padded(len(points), POINTS)))
     if mission.chief.initial_angular_velocity_rad_s is None:
         placed[0, :, : len(points)] = points.T
     else:
         attitudes = chief_attitudes(mission)
-        placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS_SIDE_BY_SIDE)))
+        placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
-    radius = mission.chief.inspection_radius_m
-    stride = preview_stride(mission)
+    stride, look = preview_stride(mission), look_stride(mission)
     return World(
         num_controls=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,
@@ -81,11 +77,13 @@ def pack_world(mission: Mission) -> World:
         orbit_parts=orbit_parts(orbit, deputy),
         preview_stride=stride,
         strides=motion_over(orbit, deputy, [count * period for count in range(stride + 1)]),
+        look_stride=look,
+        looks=motion_over(
+            orbit, deputy, [count * period for count in range(0, mission.num_controls + 1, look)]
+        ),
         points=placed,
         num_points=len(points),
-        sun_threshold=radius * radius / ASTRONOMICAL_UNIT_M,
-        horizon=radius * radius,
-        cos_half_angle_squared=float(np.cos(np.radians(mission.sensor.half_angle_deg)) ** 2),
+        sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,

@@ -19,6 +19,7 @@ from pipeline.flight.world import pack_world
 from pipeline.physics.illumination import sun_angle
 from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.visibility import is_lit
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -83,7 +84,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     times = np.arange(num_controls + 1) * world.control_period
     angles = np.array([sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times])
     points = np.broadcast_to(world.points[:, :, : world.num_points], (num_controls + 1, 3, world.num_points))
-    towards = points[:, 0] * np.cos(angles)[:, np.newaxis] + points[:, 1] * np.sin(angles)[:, np.newaxis]
+    sun_x, sun_y = np.cos(angles)[:, np.newaxis], np.sin(angles)[:, np.newaxis]
     problem = Problem(
         mission=mission,
         scenario=scenario,
@@ -91,7 +92,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
         gain=gain,
         normals=np.ascontiguousarray(points) / radius,
         radius=radius,
-        is_lit=np.ascontiguousarray(towards > world.sun_threshold),
+        is_lit=np.ascontiguousarray(is_lit(world.sight, points[:, 0], points[:, 1], sun_x, sun_y)),
         sight=np.zeros(num_controls + 1),
         delta_v_per_force=world.control_period * world.acceleration_per_force,
     )

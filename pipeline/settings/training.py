@@ -74,6 +74,15 @@ class Encoding:
         Literal["free", "planes", "fixed"],
         Field(description="a gene for the term of each rule; rule tables as planes; or rules kept"),
     ]
+    stretch: Annotated[
+        PositiveInterval | None,
+        Field(description="of ranges with all their terms, in place of means and widths, as factors"),
+    ]
+    digits: Annotated[
+        Whole | None,
+        Field(ge=1, le=17, description="significant, of stretched ranges and of constants"),
+        Cure(", or null for all"),
+    ]
     ring_size_m: NotNegativeInterval | None
     ring_lead_rad: Interval | None
     dead_band_n: NotNegativeInterval | None
@@ -82,9 +91,17 @@ class Encoding:
     coast_margin_m: NotNegativeInterval | None
     urgency_time_s: NotNegativeInterval | None
     skirt_distance_m: NotNegativeInterval | None
+    see_horizon_s: NotNegativeInterval | None
+    see_damping_ks2: PositiveInterval | None
+    aim_urgent_m_s: NotNegativeInterval | None
 
     def __post_init__(self) -> None:
-        """Check the bounds that a range of their own limits."""
+        """Check the bounds that a range of their own limits, and that stretched systems have genes."""
+        if self.stretch is not None and self.rules == "free":
+            raise SettingError(
+                "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch "
+                "with rules=planes or rules=fixed: choose one of them, or set stretch=null"
+            )
         for place, value in enumerate(self.standard_deviation_fraction):
             checks.within(f"optimizer.encoding.standard_deviation_fraction[{place}]", value, 0.0, 1.0)
         if self.urgency_time_s is not None:

@@ -130,7 +130,7 @@ def _fitness_from(
     """Return the function that flies genomes from some starts and judges them by the weights of a round."""
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
-    world, law = pack_world(mission), law_of(genome.template, mission.num_controls)
+    world, law = pack_world(mission), law_of(genome.template, mission)
     places, sun_angles = stack_starts(scenarios)
     weighed = (penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent)
 
@@ -149,7 +149,7 @@ def _costs(
 ) -> Floats:
     """Return what each flight of a champion costs by the weights of a round, shape (scenarios,)."""
     mission, optimizer = experiment.mission, experiment.optimizer
-    world, law = pack_world(mission), law_of(genome.template, mission.num_controls)
+    world, law = pack_world(mission), law_of(genome.template, mission)
     numbers = genome.pack(champion[np.newaxis])
     outcomes = fly_population(world, law, numbers, *stack_starts(scenarios), optimizer.workers)
     penalty = optimizer.penalty.of_round(round_index)

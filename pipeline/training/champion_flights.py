@@ -28,7 +28,7 @@ class ChampionFlights:
 
     def __init__(self, experiment: Experiment, genome: Genome):
         mission = experiment.mission
-        self._world, self._law = pack_world(mission), law_of(genome.template, mission.num_controls)
+        self._world, self._law = pack_world(mission), law_of(genome.template, mission)
         self._genome = genome
         self._start = stack_starts([given_start(mission.deputy, experiment.sun, experiment.seed)])
         self._num_seen = 0

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.packing import Packed
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import KeptRules, Planes
+from fis_tools.genes.stretches import Stretches, rounded
 from fis_tools.model import FuzzyController
 from pipeline.flight.controller import (
     Controller,
@@ -27,24 +28,27 @@ class Genome:
     """Which gene tunes what in a controller; every vector in [0, 1] is a controller.
 
     First come the genes of the systems (`fis_tools.genes.parameters.SystemEncoding`, or fewer,
-    `fis_tools.genes.reduction`), then one for each constant that is tuned, linear between its bounds, in the
-    order of `pipeline.flight.signals.CONSTANTS`.
+    `fis_tools.genes.reduction`, or `fis_tools.genes.stretches`), then one for each constant that is tuned,
+    linear between its bounds, in the order of `pipeline.flight.signals.CONSTANTS`.
 
     Parameters
     ----------
     template : Controller
         Whose structure is tuned, with an attribute for each constant that is.
-    systems : fis_tools.genes.parameters.SystemEncoding
+    systems : SystemEncoding or Stretches
     reduction : Planes or KeptRules, optional
         What the genes of the systems are where they are fewer than the encoding's.
     constants : tuple of (str, float, float)
         Those tuned, with their bounds.
+    digits : int, optional
+        Significant digits to which they are rounded.
     """
 
     template: Controller
-    systems: SystemEncoding
+    systems: SystemEncoding | Stretches
     reduction: Planes | KeptRules | None
     constants: tuple[tuple[str, float, float], ...]
+    digits: int | None = None
 
     @property
     def num_genes(self) -> int:
@@ -68,7 +72,8 @@ class Genome:
         rows = np.repeat(constants_of(self.template)[np.newaxis], len(genomes), axis=0)
         order = list(CONSTANTS)
         for gene, (name, low, high) in enumerate(self.constants, start=self._num_system_genes):
-            rows[:, order.index(name)] = low + (high - low) * genomes[:, gene]
+            values = low + (high - low) * genomes[:, gene]
+            rows[:, order.index(name)] = [rounded(value, self.digits) for value in values]
         return replace(numbers, values=np.hstack([numbers.values, rows]))
 
     def decode(self, genome: Floats) -> FuzzyController:
@@ -76,7 +81,7 @@ class Genome:
         fuzzy = _fuzzy(self.template)
         attributes = dict(fuzzy.attributes)
         for gene, (name, low, high) in enumerate(self.constants, start=self._num_system_genes):
-            attributes[name] = repr(float(low + (high - low) * genome[gene]))
+            attributes[name] = repr(rounded(low + (high - low) * genome[gene], self.digits))
         systems = self.systems.decode(self._system_genes(np.asarray(genome)[np.newaxis])[0])
         return replace(fuzzy, systems=systems, attributes=tuple(sorted(attributes.items())))
 
@@ -109,6 +114,26 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
         If the controller has no fuzzy system.
     """
     fuzzy = _fuzzy(template)
+    systems, reduction = _systems_of(fuzzy, settings)
+    constants = []
+    for name in (name for name, kind in CONSTANTS.items() if kind.is_continuous):
+        pair = settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
+        if pair is not None:
+            constants.append((name, float(pair[0]), float(pair[1])))
+    if constants:
+        attributes = {name: "0" for name, _, _ in constants} | dict(fuzzy.attributes)
+        template = from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
+    return Genome(template, systems, reduction, tuple(constants), settings.digits)
+
+
+def _systems_of(
+    fuzzy: FuzzyController, settings: Encoding
+) -> tuple[SystemEncoding | Stretches, Planes | KeptRules | None]:
+    """Return what the genes of the systems are, and what they are where they are fewer."""
+    if settings.stretch is not None:
+        least, greatest = settings.stretch
+        factors, has_planes = (least, greatest), settings.rules == "planes"
+        return Stretches(fuzzy.systems, factors, has_planes, settings.digits), None
     least, greatest = settings.standard_deviation_fraction
     shortest, longest = settings.output_range_n
     bounds = Bounds(
@@ -117,20 +142,11 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
         output_reach=(shortest, longest),
     )
     systems = SystemEncoding(fuzzy.systems, bounds)
-    reduction: Planes | KeptRules | None = None
     if settings.rules == "planes":
-        reduction = Planes(systems)
-    elif settings.rules == "fixed":
-        reduction = KeptRules(systems, systems.encode(fuzzy.systems))
-    constants = []
-    for name in CONSTANTS:
-        pair = settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
-        if pair is not None:
-            constants.append((name, float(pair[0]), float(pair[1])))
-    if constants:
-        attributes = {name: "0" for name, _, _ in constants} | dict(fuzzy.attributes)
-        template = from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
-    return Genome(template, systems, reduction, tuple(constants))
+        return systems, Planes(systems)
+    if settings.rules == "fixed":
+        return systems, KeptRules(systems, systems.encode(fuzzy.systems))
+    return systems, None
 
 
 def _fuzzy(controller: Controller) -> FuzzyController:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import Scenario
 from pipeline.flight.world import pack_world
+from pipeline.physics.visibility import Sight, is_facing, is_in_cone, is_lit
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -23,16 +24,13 @@ class Coverage:
         m, Hill axes; one sample where the chief does not turn.
     mean_motion, period : float
         rad/s; between two samples, s.
-    sun_threshold, horizon, cos_half_angle_squared : float
-        As in `pipeline.flight.kernel.arrays.World`.
+    sight : Sight
     """
 
     points: Floats
     mean_motion: float
     period: float
-    sun_threshold: float
-    horizon: float
-    cos_half_angle_squared: float
+    sight: Sight
 
 
 def coverage_of(mission: Mission) -> Coverage:
@@ -42,9 +40,7 @@ def coverage_of(mission: Mission) -> Coverage:
         points=np.ascontiguousarray(world.points[:, :, : world.num_points]),
         mean_motion=world.mean_motion,
         period=world.control_period,
-        sun_threshold=world.sun_threshold,
-        horizon=world.horizon,
-        cos_half_angle_squared=world.cos_half_angle_squared,
+        sight=world.sight,
     )
 
 
@@ -73,9 +69,7 @@ def count_seen(coverage: Coverage, scenario: Scenario, paths: Floats, stride: in
         np.ascontiguousarray(coverage.points[::stride]),
         np.cos(angles),
         np.sin(angles),
-        coverage.sun_threshold,
-        coverage.horizon,
-        coverage.cos_half_angle_squared,
+        coverage.sight,
         counts,
     )
     return counts
@@ -87,9 +81,7 @@ def _count(
     points: Floats,
     sun_cos: Floats,
     sun_sin: Floats,
-    sun_threshold: float,
-    horizon: float,
-    cos2: float,
+    sight: Sight,
     counts: NDArray[np.int64],
 ) -> None:
     num_points = points.shape[2]
@@ -102,11 +94,11 @@ def _count(
             squared_distance = x * x + y * y + z * z
             for j in range(num_points):
                 px, py, pz = points[sample, 0, j], points[sample, 1, j], points[sample, 2, j]
-                above = px * x + py * y + pz * z
+                along = px * x + py * y + pz * z
                 dx, dy, dz = px - x, py - y, pz - z
-                # (p - r) . (-r) >= cos |p - r| |r|, both sides squared
-                inward = squared_distance - above
-                in_cone = inward * inward >= cos2 * (dx * dx + dy * dy + dz * dz) * squared_distance
-                lit = px * sun_cos[k] + py * sun_sin[k] > sun_threshold
-                seen[j] = 1.0 if lit & in_cone & (inward > 0.0) & (above >= horizon) else seen[j]
+                # the boresight is -r, as long as the distance
+                squared = (dx * dx + dy * dy + dz * dz) * squared_distance
+                is_seen = is_lit(sight, px, py, sun_cos[k], sun_sin[k]) & is_facing(sight, along)
+                is_seen &= is_in_cone(sight, squared_distance - along, squared)
+                seen[j] = 1.0 if is_seen else seen[j]
         counts[path] = int(np.sum(seen))

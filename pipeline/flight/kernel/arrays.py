@@ -1,7 +1,7 @@
 """What compiled flights work on: what they share, what they carry, and what they write down, as arrays.
 
-Up to `LANES` flights of one controller run side by side, so that vector units work on all of them. What a
-lane carries are rows of one flat array, lanes fastest: with one array the compiler knows what may overlap.
+Up to `LANES` flights of one controller run side by side: every number that a flight carries is a vector with
+a lane for each of them (`fis_tools.engines.vectors`).
 """
 
 from typing import Any, NamedTuple
@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
+from pipeline.physics.visibility import Sight
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+#: inspection points that are looked at together
+POINTS = 8
 
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
@@ -49,11 +53,11 @@ class World(NamedTuple):
     orbit_parts: Motion  # over parts of an orbit
     preview_stride: int  # control periods between the samples of a preview
     strides: Motion  # over 0, 1, … preview_stride control periods
+    look_stride: int  # control periods between the looks of a push that shows what sets
+    looks: Motion  # over 0, 1, … of these strides, to the flight's end
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
     num_points: int
-    sun_threshold: float  # a point is lit where p . s exceeds it, m
-    horizon: float  # a point is above the horizon where p . r reaches it, m^2
-    cos_half_angle_squared: float
+    sight: Sight
     boresight: Floats  # (3,) body axes
     is_spherical: bool
     inertia: Floats  # (3, 3)
@@ -80,28 +84,59 @@ class Law(NamedTuple):
     num_inputs: Integers  # (F,)
     layout: Any  # of `fis_tools.engines.packing.Packed`
     constants: int  # where the controller's constants begin among its values; -1 where it has none
+    decision_stride: int  # control periods from one decision to the next
     force_axes: int
     has_plan: bool
     plan: Floats  # (K, 3) forces in Hill axes, N; empty without a plan
 
 
+#: What flights carry, a column a lane. Positions, velocities, forces and directions in Hill axes, SI units.
+CARRIED = np.dtype(
+    [
+        ("position", np.float64, (3, LANES)),
+        ("velocity", np.float64, (3, LANES)),
+        ("attitude", np.float64, (4, LANES)),  # body from Hill, scalar last
+        ("rate", np.float64, (3, LANES)),  # inertial, body axes
+        ("asked", np.float64, (3, LANES)),  # forces as the controller's systems ask for them, in its axes
+        ("force", np.float64, (3, LANES)),  # as fired
+        ("coasts", np.float64, LANES),  # 1 where nothing is fired
+        ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
+        ("sun", np.float64, (2, LANES)),  # the same now
+        ("boresight", np.float64, (3, LANES)),
+        ("target", np.float64, (3, LANES)),  # zero where there are no candidates
+        ("num_unseen", np.float64, LANES),
+        ("num_candidates", np.float64, LANES),
+        ("spent", np.float64, LANES),  # delta-v
+        ("travelled", np.float64, LANES),  # sum of the distances
+        ("nearest", np.float64, LANES),
+        ("farthest", np.float64, LANES),
+        ("beyond", np.float64, LANES),  # the limits at worst
+        ("num_acted", np.float64, LANES),  # periods in which the safety layer did
+        ("corrected", np.float64, LANES),  # delta-v of its changes
+        ("is_unsafe", np.float64, LANES),  # 1 where it looks closer
+        ("y_before", np.float64, (3, LANES)),  # the desired attitude's y axis at the last instant
+        ("is_near_pole", np.float64, LANES),  # 1 where that follows from the one before
+        ("turns_fast", np.float64, LANES),  # 1 where attitude is integrated the general way
+    ],
+    align=True,
+)
+
+
 class Workspace(NamedTuple):
     """Arrays that flights work in; any content is right."""
 
-    lanes: Floats  # (NUM_ROWS * LANES,) rows of what each lane carries
-    aims: Floats  # (S * 4 * LANES,) desired attitudes at the instants of a control period
+    lanes: Any  # a record of `CARRIED`
+    aims: Floats  # (4 S, LANES) desired attitudes at the instants of a control period
+    passed: Floats  # (7 S, LANES) attitudes and rates at them
     unseen: Floats  # (LANES, P padded) 1 where a point is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
     deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
-    signals: Floats  # (signals * LANES,) in the order of `pipeline.flight.signals.SIGNALS`
-    passing: Floats  # (4 * LANES,) where free drift has come to, and the square of the least distance so far
+    looks: Floats  # (5, P padded) of the cheapest look at each point: cost, how short it falls, slopes
+    signals: Floats  # (signals, LANES) in the order of `pipeline.flight.signals.SIGNALS`
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
-    y_before: Floats  # (LANES, 3)
-    is_general: NDArray[np.bool_]  # (LANES,) whether a lane's attitude is integrated the general way
-    turned: Floats  # (LANES, 7) their attitudes and rates
     candidates: Floats  # (3, P) those of this sample, packed
     centres: Floats  # (LANES, C, 3)
     num_centres: Integers  # (LANES,)
@@ -110,16 +145,3 @@ class Workspace(NamedTuple):
     distances: Floats  # (P,)
     sums: Floats  # (C, 4)
     cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with
-
-
-# Rows of `Workspace.lanes`, as offsets: position, velocity, attitude, inertial rate, force as commanded,
-# force as applied, what has been spent and seen so far, the Sun at the start, what the safety layer did and
-# where it sees the forces lead: the next state, the square of the least and the greatest distance, haste.
-RX, RY, RZ, VX, VY, VZ, Q1, Q2, Q3, Q4, WX, WY, WZ = (LANES * row for row in range(13))
-GX, GY, GZ, FX, FY, FZ = (LANES * row for row in range(13, 19))
-SPENT, TRAVELLED, NEAREST, FARTHEST, LEFT, POLES, BEYOND = (LANES * row for row in range(19, 26))
-SUN_COS, SUN_SIN = (LANES * row for row in range(26, 28))
-ACTED, CORRECTED, AHEAD = (LANES * row for row in range(28, 31))
-CLOSEST, REACH, HASTE = (LANES * row for row in range(36, 39))
-COASTS = LANES * 39  # 1 where nothing is fired
-NUM_ROWS = 40

@@ -20,36 +20,15 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.kernel.arrays import (
-    FX,
-    FY,
-    FZ,
-    POLES,
-    Q1,
-    Q2,
-    Q3,
-    Q4,
-    RX,
-    RY,
-    RZ,
-    VX,
-    VY,
-    VZ,
-    WX,
-    WY,
-    WZ,
-    Workspace,
-    World,
-)
+from fis_tools.engines.vectors import Vector, least, most, select, some, splat, store
+from pipeline.flight.kernel.arrays import Workspace, World
+from pipeline.flight.kernel.lanes import four, one, three, write_four, write_three
 from pipeline.flight.log import FlightLog
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
-from pipeline.physics.motion import Motion, place_after, step_of
+from pipeline.physics.motion import place_after, step_of
 from pipeline.physics.quaternion import from_dcm
-from pipeline.physics.vectors import assign
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.uint64]
-Integers = NDArray[np.int64]
 
 #: longest step of the attitude integrator, s
 LONGEST_STEP_S = 1.0
@@ -60,43 +39,29 @@ FAST_RATE = 0.25
 LARGEST_SQUARE = 0.25
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
-def aim(aims: Floats, lanes: Floats, instants: Motion, num_instants: int) -> None:
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def aim(world: World, work: Workspace) -> None:
     """Write the desired attitudes of all lanes at all instants of a control period.
 
-    Counts in each lane the instants so near a pole that the position does not define y*.
+    Marks the lanes that come so near a pole that the position does not define y*.
     """
-    for lane in range(LANES):
-        lanes[POLES + lane] = 0.0
-    for j in range(num_instants):
-        step = step_of(instants, j)
-        at = 4 * LANES * j
-        for lane in range(LANES):
-            rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
-            vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
-            fx, fy, fz = lanes[FX + lane], lanes[FY + lane], lanes[FZ + lane]
-            x, y, z = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
-            flat2 = x * x + y * y
-            square = flat2 + z * z
-            flat2 = flat2 if flat2 > 1e-200 else 1e-200
-            square = square if square > 1e-200 else 1e-200
-            flat, distance = sqrt(flat2), sqrt(square)
-            inverse = 1.0 / (flat * distance)
-            cos_a, sin_a = x * distance * inverse, y * distance * inverse
-            cos_e, sin_e = flat2 * inverse, z * flat * inverse
-            larger = sqrt(0.5 + 0.5 * (cos_a if cos_a >= 0.0 else -cos_a))
-            half_cos_e = sqrt(0.5 + 0.5 * cos_e)
-            inverse = 0.5 / (larger * half_cos_e)
-            smaller = sin_a * half_cos_e * inverse
-            half_sin_e = sin_e * larger * inverse
-            # the larger of |cos a/2| and |sin a/2| by a root, the other by a division: neither cancels
-            half_cos_a = larger if cos_a >= 0.0 else smaller
-            half_sin_a = smaller if cos_a >= 0.0 else larger
-            aims[at + lane] = half_sin_a * half_sin_e
-            aims[at + LANES + lane] = -half_cos_a * half_sin_e
-            aims[at + 2 * LANES + lane] = half_sin_a * half_cos_e
-            aims[at + 3 * LANES + lane] = half_cos_a * half_cos_e
-            lanes[POLES + lane] += 1.0 if flat2 < POLE * POLE * square else 0.0
+    rx, ry, rz = three(work.lanes.position)
+    vx, vy, vz = three(work.lanes.velocity)
+    fx, fy, fz = three(work.lanes.force)
+    is_near = splat(0.0, LANES) > 0.0
+    for j in range(world.num_attitude_steps):
+        x, y, z = place_after(step_of(world.instants, j), rx, ry, rz, vx, vy, vz, fx, fy, fz)
+        flat_square = x * x + y * y
+        square = flat_square + z * z
+        is_near |= flat_square < POLE * POLE * square
+        flat, distance = np.sqrt(most(flat_square, 1e-200)), np.sqrt(most(square, 1e-200))
+        # by tangents, tan(a/2) = y/(flat + x) and tan(e/2) = z/(distance + flat); where x is negative that of
+        # the complement of a/2, so that nothing cancels
+        side, up = flat + abs(x), distance + flat
+        scale = 1.0 / np.sqrt(4.0 * (flat * distance) * (side * up))
+        cos_a, sin_a = select(x >= 0.0, side, y) * scale, select(x >= 0.0, y, side) * scale
+        write_four(work.aims, 4 * j, sin_a * z, -(cos_a * z), sin_a * up, cos_a * up)
+    store(work.lanes.is_near_pole, 0, select(is_near, 1.0, 0.0))
 
 
 @compiled(error_model="numpy")
@@ -105,21 +70,61 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
 
     Slower than `aim`, for where that does not hold; `y_before` is carried along.
     """
-    lanes = work.lanes
-    rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
-    vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
-    fx, fy, fz = lanes[FX + lane], lanes[FY + lane], lanes[FZ + lane]
+    r, v, f = work.lanes.position, work.lanes.velocity, work.lanes.force
+    y = np.empty(3)
+    for i in range(3):
+        y[i] = work.lanes.y_before[i, lane]
     for j in range(first, last):
-        r = np.array(place_after(step_of(world.instants, j), rx, ry, rz, vx, vy, vz, fx, fy, fz))
+        step = step_of(world.instants, j)
+        place = np.array(
+            place_after(
+                step,
+                r[0, lane],
+                r[1, lane],
+                r[2, lane],
+                v[0, lane],
+                v[1, lane],
+                v[2, lane],
+                f[0, lane],
+                f[1, lane],
+                f[2, lane],
+            )
+        )
         if world.has_pole_blending and not is_start:
-            y = blended_y(r, work.y_before[lane], world.attitude_period)
+            y = blended_y(place, y, world.attitude_period)
         else:
-            y = desired_y(r, work.y_before[lane])
+            y = desired_y(place, y)
         is_start = False
-        assign(work.y_before[lane], y)
-        quaternion = from_dcm(desired_dcm(r, y))
+        quaternion = from_dcm(desired_dcm(place, y))
         for i in range(4):
-            work.aims[(4 * j + i) * LANES + lane] = quaternion[i]
+            work.aims[4 * j + i, lane] = quaternion[i]
+    for i in range(3):
+        work.lanes.y_before[i, lane] = y[i]
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
+    """Write where all lanes should look over the control period that follows sample k."""
+    lanes = work.lanes
+    aim(world, work)
+    # of attitudes that follow from the position, y* is (k x r)/|k x r|
+    a1, a2, a3, a4 = four(work.aims, 4 * (world.num_attitude_steps - 1))
+    last_x, last_y = 2.0 * (a1 * a2 - a3 * a4), -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
+    follows = one(lanes.is_near_pole) > 0.0
+    if not (some(follows) or world.has_pole_blending):
+        write_three(lanes.y_before, 0, last_x, last_y, splat(0.0, LANES))
+        return
+    for lane in range(num_lanes):
+        if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
+            done = 1 if world.is_attitude_ideal else 0
+            aim_plainly(world, work, lane, done, world.num_attitude_steps, k + done == 0)
+            for component in range(4 * done):
+                work.aims[component, lane] = lanes.attitude[component, lane]
+    if not world.has_pole_blending:
+        x, y, z = three(lanes.y_before)
+        write_three(
+            lanes.y_before, 0, select(follows, x, last_x), select(follows, y, last_y), select(follows, z, 0.0)
+        )
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -218,10 +223,9 @@ def spin(
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def clip(x: float, limit: float) -> float:
+def clip(x: Vector, limit: float) -> Vector:
     """Return x, brought within ± the limit."""
-    x = x if x < limit else limit
-    return x if x > -limit else -limit
+    return most(least(x, limit), -limit)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -300,7 +304,7 @@ def error_and_rate(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the attitude's error from the desired one, and the rate relative to Hill, both in body axes."""
     sign = a4 * q4 + (a1 * q1 + a2 * q2 + a3 * q3)
-    sign = 1.0 if sign >= 0.0 else -1.0
+    sign = select(sign >= 0.0, 1.0, -1.0)
     e1 = sign * (a4 * q1 - q4 * a1 - (a2 * q3 - a3 * q2))
     e2 = sign * (a4 * q2 - q4 * a2 - (a3 * q1 - a1 * q3))
     e3 = sign * (a4 * q3 - q4 * a3 - (a1 * q2 - a2 * q1))
@@ -311,156 +315,115 @@ def error_and_rate(
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def torque(
-    e1: float, e2: float, e3: float, ux: float, uy: float, uz: float, kp: Floats, kd: Floats, limit: float
-) -> tuple[float, float, float]:
-    """Return ``-Kp e - Kd u``, each axis clipped."""
-    px, py, pz = times3(kp, e1, e2, e3)
-    dx, dy, dz = times3(kd, ux, uy, uz)
-    return clip(-px - dx, limit), clip(-py - dy, limit), clip(-pz - dz, limit)
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
-def turn_lanes(
-    lanes: Floats,
-    aims: Floats,
-    instant: int,
-    n: float,
-    h: float,
-    kp: Floats,
-    kd: Floats,
-    limit: float,
-    inverse_inertia: float,
-    hill_sin: float,
-    hill_cos: float,
-) -> None:
-    """Fly the attitude of all lanes for one period of the attitude clock, for a body of spherical inertia."""
-    at = 4 * LANES * instant
-    for i in range(LANES):
-        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-        wx, wy, wz = lanes[WX + i], lanes[WY + i], lanes[WZ + i]
-        a1, a2, a3, a4 = (
-            aims[at + i],
-            aims[at + LANES + i],
-            aims[at + 2 * LANES + i],
-            aims[at + 3 * LANES + i],
-        )
+def turn_balls(world: World, work: Workspace) -> None:
+    """Turn all lanes over a control period, for bodies of spherical inertia that turn slowly."""
+    lanes, n, h = work.lanes, world.mean_motion, world.attitude_period
+    hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
+    kp, kd, inverse_inertia = (
+        world.proportional_gain[0, 0],
+        world.derivative_gain[0, 0],
+        world.inverse_inertia[0, 0],
+    )
+    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    wx, wy, wz = three(lanes.rate)
+    for j in range(world.num_attitude_steps):
+        write_four(work.passed, 7 * j, q1, q2, q3, q4)
+        write_three(work.passed, 7 * j + 4, wx, wy, wz)
+        a1, a2, a3, a4 = four(work.aims, 4 * j)
         e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, n)
-        mx, my, mz = torque(e1, e2, e3, ux, uy, uz, kp, kd, limit)
+        mx = clip(-kp * e1 - kd * ux, world.max_torque)
+        my = clip(-kp * e2 - kd * uy, world.max_torque)
+        mz = clip(-kp * e3 - kd * uz, world.max_torque)
         q1, q2, q3, q4, wx, wy, wz = turn_ball(
             q1, q2, q3, q4, wx, wy, wz, mx, my, mz, h, inverse_inertia, hill_sin, hill_cos
         )
-        lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i] = q1, q2, q3, q4
-        lanes[WX + i], lanes[WY + i], lanes[WZ + i] = wx, wy, wz
+    write_four(lanes.attitude, 0, q1, q2, q3, q4)
+    write_three(lanes.rate, 0, wx, wy, wz)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def turn_lane(lanes: Floats, aims: Floats, instant: int, i: int, world: World) -> None:
-    """Fly the attitude of one lane for one period of the attitude clock, for any inertia."""
-    at = 4 * LANES * instant + i
-    q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-    wx, wy, wz = lanes[WX + i], lanes[WY + i], lanes[WZ + i]
-    a1, a2, a3, a4 = aims[at], aims[at + LANES], aims[at + 2 * LANES], aims[at + 3 * LANES]
-    e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, world.mean_motion)
-    mx, my, mz = torque(
-        e1, e2, e3, ux, uy, uz, world.proportional_gain, world.derivative_gain, world.max_torque
-    )
-    q1, q2, q3, q4, wx, wy, wz = turn_body(world, q1, q2, q3, q4, wx, wy, wz, mx, my, mz)
-    lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i] = q1, q2, q3, q4
-    lanes[WX + i], lanes[WY + i], lanes[WZ + i] = wx, wy, wz
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
-def write_instant(lanes: Floats, aims: Floats, instant: int, world: World, log: FlightLog, k: int) -> None:
-    """Log attitude, rate and torque of lane 0 at an instant of the attitude clock."""
-    at = 4 * LANES * instant
-    q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
-    wx, wy, wz = lanes[WX], lanes[WY], lanes[WZ]
-    a1, a2, a3, a4 = aims[at], aims[at + LANES], aims[at + 2 * LANES], aims[at + 3 * LANES]
-    e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, world.mean_motion)
-    mx, my, mz = torque(
-        e1, e2, e3, ux, uy, uz, world.proportional_gain, world.derivative_gain, world.max_torque
-    )
-    log.attitude_quaternion[k, instant, 0], log.attitude_quaternion[k, instant, 1] = q1, q2
-    log.attitude_quaternion[k, instant, 2], log.attitude_quaternion[k, instant, 3] = q3, q4
-    log.attitude_rate_b_rad_s[k, instant, 0], log.attitude_rate_b_rad_s[k, instant, 1] = ux, uy
-    log.attitude_rate_b_rad_s[k, instant, 2] = uz
-    log.torque_b_n_m[k, instant, 0], log.torque_b_n_m[k, instant, 1] = mx, my
-    log.torque_b_n_m[k, instant, 2] = mz
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def turn_deputies(  # noqa: PLR0912 - most branches part the fast way from the general one
-    world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int
-) -> None:
-    """Aim and turn over the control period that follows sample k."""
-    lanes, last = work.lanes, world.num_attitude_steps - 1
-    aim(work.aims, lanes, world.instants, world.num_attitude_steps)
-    for i in range(num_lanes):
-        if lanes[POLES + i] > 0.0 or world.has_pole_blending:
-            done = 1 if world.is_attitude_ideal else 0
-            aim_plainly(world, work, i, done, last + 1, k + done == 0)
-            if world.is_attitude_ideal:
-                for component in range(4):
-                    work.aims[component * LANES + i] = lanes[Q1 + LANES * component + i]
-        else:
-            at = 4 * LANES * last + i
-            a1, a2 = work.aims[at], work.aims[at + LANES]
-            a3, a4 = work.aims[at + 2 * LANES], work.aims[at + 3 * LANES]
-            work.y_before[i, 0] = 2 * (a1 * a2 - a3 * a4)
-            work.y_before[i, 1] = -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
-            work.y_before[i, 2] = 0.0
-    is_logged = len(log.position_m) > 0
-    if world.is_attitude_ideal:
-        for j in range(world.num_attitude_steps if is_logged else 0):
-            for component in range(4):
-                log.attitude_quaternion[k, j, component] = work.aims[(4 * j + component) * LANES]
-        return
-    n, h = world.mean_motion, world.attitude_period
-    hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
-    is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
-    # a lane that might turn too far for the series within this period goes the general way
-    gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
-    num_general = 0
-    for i in range(num_lanes):
-        wx, wy, wz = lanes[WX + i], lanes[WY + i], lanes[WZ + i]
-        is_slow = h * (sqrt(wx * wx + wy * wy + wz * wz) + gained) < sqrt(LARGEST_SQUARE)
-        work.is_general[i] = not (is_one_step_of_a_ball and is_slow)
-        if work.is_general[i]:
-            num_general += 1
-            for j in range(world.num_attitude_steps):
-                if is_logged:
-                    write_instant(lanes, work.aims, j, world, log, k)
-                turn_lane(lanes, work.aims, j, i, world)
-            for component in range(7):
-                work.turned[i, component] = lanes[Q1 + LANES * component + i]
-    if num_general < num_lanes:
-        for j in range(world.num_attitude_steps):
-            if is_logged:
-                write_instant(lanes, work.aims, j, world, log, k)
-            turn_lanes(
-                lanes,
-                work.aims,
-                j,
-                n,
-                h,
-                world.proportional_gain,
-                world.derivative_gain,
-                world.max_torque,
-                world.inverse_inertia[0, 0],
-                hill_sin,
-                hill_cos,
-            )
-    for i in range(num_lanes if num_general > 0 else 0):
-        if work.is_general[i]:
-            for component in range(7):
-                lanes[Q1 + LANES * component + i] = work.turned[i, component]
-    for i in range(LANES):  # exponentials keep the norm but for rounding
-        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-        scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
-        lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i] = (
-            q1 * scale,
-            q2 * scale,
-            q3 * scale,
-            q4 * scale,
+def turn_any(world: World, work: Workspace, lane: int) -> None:
+    """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
+    state = np.empty(7)
+    for component in range(7):
+        state[component] = work.passed[component, lane]
+    for j in range(world.num_attitude_steps):
+        for component in range(7):
+            work.passed[7 * j + component, lane] = state[component]
+        mx, my, mz, _, _, _ = torque_at(world, work, lane, j)
+        state[0], state[1], state[2], state[3], state[4], state[5], state[6] = turn_body(
+            world, state[0], state[1], state[2], state[3], state[4], state[5], state[6], mx, my, mz
         )
+    for component in range(4):
+        work.lanes.attitude[component, lane] = state[component]
+    for component in range(3):
+        work.lanes.rate[component, lane] = state[4 + component]
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def torque_at(
+    world: World, work: Workspace, lane: int, instant: int
+) -> tuple[float, float, float, float, float, float]:
+    """Return one lane's torque at an instant that it passed, N m, and its rate relative to Hill, rad/s."""
+    aims, passed, at = work.aims, work.passed, 7 * instant
+    e1, e2, e3, ux, uy, uz = error_and_rate(
+        passed[at, lane],
+        passed[at + 1, lane],
+        passed[at + 2, lane],
+        passed[at + 3, lane],
+        aims[4 * instant, lane],
+        aims[4 * instant + 1, lane],
+        aims[4 * instant + 2, lane],
+        aims[4 * instant + 3, lane],
+        passed[at + 4, lane],
+        passed[at + 5, lane],
+        passed[at + 6, lane],
+        world.mean_motion,
+    )
+    px, py, pz = times3(world.proportional_gain, e1, e2, e3)
+    dx, dy, dz = times3(world.derivative_gain, ux, uy, uz)
+    limit = world.max_torque
+    return clip(-px - dx, limit), clip(-py - dy, limit), clip(-pz - dz, limit), ux, uy, uz
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def write_instants(world: World, work: Workspace, log: FlightLog, k: int) -> None:
+    """Log attitudes, rates and torques of lane 0 at the instants of the attitude clock."""
+    for j in range(world.num_attitude_steps):
+        for component in range(4):
+            if world.is_attitude_ideal:
+                log.attitude_quaternion[k, j, component] = work.aims[4 * j + component, 0]
+            else:
+                log.attitude_quaternion[k, j, component] = work.passed[7 * j + component, 0]
+        if not world.is_attitude_ideal:
+            torques = torque_at(world, work, 0, j)
+            for component in range(3):
+                log.torque_b_n_m[k, j, component] = torques[component]
+                log.attitude_rate_b_rad_s[k, j, component] = torques[3 + component]
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
+    """Turn all lanes over the control period that they are aimed for."""
+    lanes, h = work.lanes, world.attitude_period
+    wx, wy, wz = three(lanes.rate)
+    # what might turn too far for the series within this period goes the general way
+    gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
+    is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
+    slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_one_step_of_a_ball else 0.0
+    is_fast = wx * wx + wy * wy + wz * wz >= slow * slow
+    store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))
+    if slow > 0.0:
+        turn_balls(world, work)
+    else:
+        q1, q2, q3, q4 = four(lanes.attitude, 0)
+        write_four(work.passed, 0, q1, q2, q3, q4)
+        write_three(work.passed, 4, wx, wy, wz)
+    if some(is_fast):
+        for lane in range(num_lanes):
+            if lanes.turns_fast[lane] > 0.0:
+                turn_any(world, work, lane)
+    # exponentials keep the norm but for rounding
+    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
+    write_four(lanes.attitude, 0, q1 * scale, q2 * scale, q3 * scale, q4 * scale)

@@ -5,27 +5,16 @@ track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). Written out plainly 
 `pipeline.flight.reference.channels`.
 """
 
-from math import cos, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import least, most, select, store
 from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.kernel.arrays import (
-    RX,
-    RY,
-    RZ,
-    SUN_COS,
-    SUN_SIN,
-    VX,
-    VY,
-    VZ,
-    Law,
-    Workspace,
-    World,
-)
+from pipeline.flight.kernel.arrays import Law, Workspace, World
+from pipeline.flight.kernel.lanes import three, two, write_three, write_two
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import ORBIT_PARTS, drifted_place, place_of
 
@@ -41,41 +30,31 @@ PREDICTION_TIME = constant("prediction_time_s")
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def sense_orbit(world: World, law: Law, values: Floats, work: Workspace, k: int) -> None:
+def sense_orbit(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Write the signals of natural motion of every lane."""
     n = world.mean_motion
     size = values[law.constants + RING_SIZE] if law.constants >= 0 else 0.0
     lead = values[law.constants + RING_LEAD] if law.constants >= 0 else 0.0
     ahead_s = values[law.constants + PREDICTION_TIME] if law.constants >= 0 else 0.0
     drift = 1.5 * n * ahead_s
-    turned = n * world.control_period * k
-    turned_cos, turned_sin = cos(turned), sin(turned)
     along, across = size * cos(lead), size * sin(lead)
-    lanes, signals = work.lanes, work.signals
-    for i in range(LANES):
-        sun_cos = lanes[SUN_COS + i] * turned_cos + lanes[SUN_SIN + i] * turned_sin
-        sun_sin = lanes[SUN_SIN + i] * turned_cos - lanes[SUN_COS + i] * turned_sin
-        rx, ry, vx, vy = lanes[RX + i], lanes[RY + i], lanes[VX + i], lanes[VY + i]
-        ahead = 2.0 * vy / n
-        signals[LANES * CENTRE + i] = 4.0 * rx + ahead
-        signals[LANES * (CENTRE + 1) + i] = ry - 2.0 * vx / n
-        signals[LANES * PREDICTED_CENTRE + i] = (
-            signals[LANES * (CENTRE + 1) + i] - drift * signals[LANES * CENTRE + i]
-        )
-        reach = max(sqrt(rx * rx + ry * ry), MIN_PROJECTION_M)
-        signals[LANES * SUN_BEARING + i] = (rx * sun_cos + ry * sun_sin) / reach
-        signals[LANES * (SUN_BEARING + 1) + i] = (rx * sun_sin - ry * sun_cos) / reach
-        tx = signals[LANES * TARGET_DIRECTION + i]
-        ty = signals[LANES * (TARGET_DIRECTION + 1) + i]
-        tz = signals[LANES * (TARGET_DIRECTION + 2) + i]
-        length = max(sqrt(tx * tx + ty * ty + tz * tz), MIN_PROJECTION_M)
-        signals[LANES * TARGET_DIRECTION + i] = tx / length
-        signals[LANES * (TARGET_DIRECTION + 1) + i] = ty / length
-        signals[LANES * (TARGET_DIRECTION + 2) + i] = tz / length
-        signals[LANES * TARGET_SETTING + i] = (sun_cos * ty - sun_sin * tx) / length
-        place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
-        signals[LANES * RING_ERROR + i] = -3.0 * rx - ahead - place_cos
-        signals[LANES * (RING_ERROR + 1) + i] = vx / n - place_sin
+    signals = work.signals
+    sun_cos, sun_sin = two(work.lanes.sun)
+    rx, ry, _ = three(work.lanes.position)
+    vx, vy, _ = three(work.lanes.velocity)
+    ahead = 2.0 * vy / n
+    centre_x, centre_y = 4.0 * rx + ahead, ry - 2.0 * vx / n
+    write_two(signals, CENTRE, centre_x, centre_y)
+    store(signals, PREDICTED_CENTRE, centre_y - drift * centre_x)
+    reach = most(np.sqrt(rx * rx + ry * ry), MIN_PROJECTION_M)
+    bearing_along, bearing_across = rx * sun_cos + ry * sun_sin, rx * sun_sin - ry * sun_cos
+    write_two(signals, SUN_BEARING, bearing_along / reach, bearing_across / reach)
+    tx, ty, tz = three(work.lanes.target)
+    length = most(np.sqrt(tx * tx + ty * ty + tz * tz), MIN_PROJECTION_M)
+    write_three(signals, TARGET_DIRECTION, tx / length, ty / length, tz / length)
+    store(signals, TARGET_SETTING, (sun_cos * ty - sun_sin * tx) / length)
+    place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
+    write_two(signals, RING_ERROR, -3.0 * rx - ahead - place_cos, vx / n - place_sin)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -84,26 +63,17 @@ def sense_approach(world: World, work: Workspace) -> None:
 
     Chords between places on the way, as in `pipeline.physics.motion.closest_approach`.
     """
-    lanes, passing = work.lanes, work.passing
-    for i in range(LANES):
-        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
-        passing[i], passing[LANES + i], passing[2 * LANES + i] = rx, ry, rz
-        passing[3 * LANES + i] = rx * rx + ry * ry + rz * rz
+    rx, ry, rz = three(work.lanes.position)
+    vx, vy, vz = three(work.lanes.velocity)
+    px, py, pz = rx, ry, rz
+    nearest = rx * rx + ry * ry + rz * rz
     for part in range(ORBIT_PARTS):
-        place = place_of(world.orbit_parts, part)
-        for i in range(LANES):
-            px, py, pz = passing[i], passing[LANES + i], passing[2 * LANES + i]
-            rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
-            x, y, z = drifted_place(place, rx, ry, rz, lanes[VX + i], lanes[VY + i], lanes[VZ + i])
-            dx, dy, dz = x - px, y - py, z - pz
-            length = dx * dx + dy * dy + dz * dz
-            share = -(px * dx + py * dy + pz * dz) / (length if length > 0.0 else 1.0)
-            share = share if share > 0.0 else 0.0
-            share = share if share < 1.0 else 1.0
-            gx, gy, gz = px + share * dx, py + share * dy, pz + share * dz
-            squared = gx * gx + gy * gy + gz * gz
-            nearest = passing[3 * LANES + i]
-            passing[3 * LANES + i] = squared if squared < nearest else nearest
-            passing[i], passing[LANES + i], passing[2 * LANES + i] = x, y, z
-    for i in range(LANES):
-        work.signals[LANES * CLOSEST_APPROACH + i] = sqrt(passing[3 * LANES + i])
+        x, y, z = drifted_place(place_of(world.orbit_parts, part), rx, ry, rz, vx, vy, vz)
+        dx, dy, dz = x - px, y - py, z - pz
+        length = dx * dx + dy * dy + dz * dz
+        share = -(px * dx + py * dy + pz * dz) / select(length > 0.0, length, 1.0)
+        share = least(most(share, 0.0), 1.0)
+        gx, gy, gz = px + share * dx, py + share * dy, pz + share * dz
+        nearest = least(gx * gx + gy * gy + gz * gz, nearest)
+        px, py, pz = x, y, z
+    store(work.signals, CLOSEST_APPROACH, np.sqrt(nearest))

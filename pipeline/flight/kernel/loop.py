@@ -15,54 +15,27 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES, infer
+from fis_tools.engines.vectors import borrowed, load, select, splat, store
 from pipeline.flight.kernel.arrays import (
-    ACTED,
-    BEYOND,
-    COASTS,
-    CORRECTED,
     DELTA_V,
-    FARTHEST,
-    FX,
-    FY,
-    FZ,
-    GX,
-    GY,
-    GZ,
     INSPECTED,
-    LEFT,
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
-    NEAREST,
     OUTSIDE,
-    Q1,
-    Q2,
-    Q3,
-    Q4,
-    RX,
-    RY,
-    RZ,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
-    SPENT,
-    SUN_COS,
-    SUN_SIN,
-    TRAVELLED,
-    VX,
-    VY,
-    VZ,
-    WX,
-    WY,
-    WZ,
     Guard,
     Law,
     Workspace,
     World,
 )
-from pipeline.flight.kernel.attitude import aim_plainly, clip, turn_deputies
+from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, clip, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
+from pipeline.flight.kernel.lanes import four, one, three, write_four, write_three
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
+from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import FlightLog
@@ -74,6 +47,7 @@ from pipeline.flight.signals import (
     HILL,
     ORBIT,
     PREVIEW,
+    SETTING,
     URGENCY,
     constant,
     slot,
@@ -90,19 +64,18 @@ COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_marg
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def move(world: World, lanes: Floats) -> None:
+def move(world: World, work: Workspace) -> None:
     """Move all lanes by a control period and add up what they spend."""
-    step = step_of(world.motion, 0)
+    lanes, step = work.lanes, step_of(world.motion, 0)
+    rx, ry, rz = three(lanes.position)
+    vx, vy, vz = three(lanes.velocity)
+    fx, fy, fz = three(lanes.force)
     spent_per_force = world.control_period * world.acceleration_per_force
-    for i in range(LANES):
-        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
-        vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
-        fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
-        lanes[SPENT + i] += (abs(fx) + abs(fy) + abs(fz)) * spent_per_force
-        px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
-        ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
-        lanes[RX + i], lanes[RY + i], lanes[RZ + i] = px, py, pz
-        lanes[VX + i], lanes[VY + i], lanes[VZ + i] = ux, uy, uz
+    store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
+    px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
+    ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
+    write_three(lanes.position, 0, px, py, pz)
+    write_three(lanes.velocity, 0, ux, uy, uz)
 
 
 @compiled(error_model="numpy")
@@ -111,114 +84,103 @@ def may_coast(law: Law, values: Floats) -> bool:
     return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
 
 
+@compiled(error_model="numpy")
+def is_decision(law: Law, k: int) -> bool:
+    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
+    return k % law.decision_stride == 0
+
+
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
     lanes, signals = work.lanes, work.signals
-    for i in range(LANES):
-        lanes[COASTS + i] = 1.0 if world.coasts_when_complete and lanes[LEFT + i] == 0.0 else 0.0
+    coasts = one(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
     if may_coast(law, values):
-        most = values[law.constants + COAST_BELOW]
-        nearest = world.min_distance + values[law.constants + COAST_MARGIN]
-        farthest = world.max_distance - values[law.constants + COAST_MARGIN]
-        for i in range(LANES):
-            if (
-                signals[LANES * MISSED + i] < most
-                and signals[LANES * COASTING_NEAREST + i] >= nearest
-                and signals[LANES * COASTING_FARTHEST + i] <= farthest
-            ):
-                lanes[COASTS + i] = 1.0
+        margin = values[law.constants + COAST_MARGIN]
+        is_enough = load(signals, MISSED, LANES) < values[law.constants + COAST_BELOW]
+        is_enough &= load(signals, COASTING_NEAREST, LANES) >= world.min_distance + margin
+        is_enough &= load(signals, COASTING_FARTHEST, LANES) <= world.max_distance - margin
+        coasts |= is_enough
+    store(lanes.coasts, 0, select(coasts, 1.0, 0.0))
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def command(  # noqa: PLR0912 - one for each kind of law, and one for the log
+def command(
     world: World,
     law: Law,
     values: Floats,
     rules: Integers,
     work: Workspace,
-    num_lanes: int,
     log: FlightLog,
     k: int,
 ) -> None:
-    """Infer the forces of all lanes and turn them to Hill axes, clipped; flights that are complete coast."""
-    lanes, signals, inputs, outputs = work.lanes, work.signals, work.inputs, work.outputs
+    """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
+    lanes, inputs, outputs = work.lanes, work.inputs, work.outputs
     is_logged = len(log.position_m) > 0
-    for i in range(3 * LANES):
-        lanes[GX + i] = 0.0
-    if law.has_plan:
-        for axis in range(3):
-            for i in range(LANES):
-                lanes[GX + LANES * axis + i] = law.plan[k, axis]
-    else:
+    for axis in range(3):
+        store(lanes.asked, axis, splat(law.plan[k, axis] if law.has_plan else 0.0, LANES))
+    if not law.has_plan and is_decision(law, k):
+        coasts = one(lanes.coasts) > 0.0
         for system in range(len(law.axes)):
             for place in range(3):
-                signal = LANES * law.signals[system, place]
-                for i in range(LANES):
-                    inputs[LANES * place + i] = signals[signal + i]
+                store(inputs, LANES * place, load(work.signals, law.signals[system, place], LANES))
             infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
-            force = GX + LANES * law.axes[system]
-            dead_band = values[law.constants + DEAD_BAND + law.axes[system]] if law.constants >= 0 else 0.0
-            for i in range(num_lanes):
-                is_still = lanes[COASTS + i] > 0.0 or abs(outputs[i]) < dead_band
-                lanes[force + i] += 0.0 if is_still else outputs[i]
-            if is_logged and not (world.coasts_when_complete and lanes[LEFT] == 0.0):
+            axis = law.axes[system]
+            dead_band = values[law.constants + DEAD_BAND + axis] if law.constants >= 0 else 0.0
+            output = one(outputs)
+            is_still = coasts | (abs(output) < dead_band)
+            store(lanes.asked, axis, load(lanes.asked, axis, LANES) + select(is_still, 0.0, output))
+            if is_logged and not (world.coasts_when_complete and lanes.num_unseen[0] == 0.0):
                 log.is_decided[k] = True
                 log.fis_output_n[k, system] = outputs[0]
                 for place in range(law.num_inputs[system]):
                     log.fis_input[k, system, place] = inputs[LANES * place]
-    for i in range(LANES):
-        gx, gy, gz = lanes[GX + i], lanes[GY + i], lanes[GZ + i]
-        q1, q2, q3, q4 = lanes[Q1 + i], lanes[Q2 + i], lanes[Q3 + i], lanes[Q4 + i]
-        fx, fy, fz = gx, gy, gz
-        if law.force_axes == BODY:
-            fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
-            fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
-            fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
-            fy += 2 * (q2 * q3 - q1 * q4) * gz
-            fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
-            fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
-        lanes[FX + i] = clip(fx, world.max_force)
-        lanes[FY + i] = clip(fy, world.max_force)
-        lanes[FZ + i] = clip(fz, world.max_force)
+    fx, fy, fz = three(lanes.asked)
+    if law.force_axes == BODY:
+        gx, gy, gz = fx, fy, fz
+        q1, q2, q3, q4 = four(lanes.attitude, 0)
+        fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
+        fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
+        fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
+        fy += 2 * (q2 * q3 - q1 * q4) * gz
+        fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
+        fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
+    limit = world.max_force
+    write_three(lanes.force, 0, clip(fx, limit), clip(fy, limit), clip(fz, limit))
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_sample(
-    world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float, count: int, target: Floats
-) -> None:
+def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float) -> None:
     """Log what is known at a sample before the force is, of lane 0."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
-        log.position_m[k, component] = lanes[RX + LANES * component]
-        log.velocity_m_s[k, component] = lanes[VX + LANES * component]
+        log.position_m[k, component] = lanes.position[component, 0]
+        log.velocity_m_s[k, component] = lanes.velocity[component, 0]
+        log.target_m[k, component] = lanes.target[component, 0]
     for component in range(4):
-        log.quaternion_b_from_h[k, component] = lanes[Q1 + LANES * component]
+        log.quaternion_b_from_h[k, component] = lanes.attitude[component, 0]
     if not world.is_attitude_ideal:
-        q1, q2, q3, q4 = lanes[Q1], lanes[Q2], lanes[Q3], lanes[Q4]
-        log.angular_velocity_b_rad_s[k, 0] = lanes[WX] - n * 2 * (q1 * q3 - q2 * q4)
-        log.angular_velocity_b_rad_s[k, 1] = lanes[WY] - n * 2 * (q2 * q3 + q1 * q4)
-        log.angular_velocity_b_rad_s[k, 2] = lanes[WZ] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
-    log.num_candidates[k] = count
-    for component in range(3 if count > 0 else 0):
-        log.target_m[k, component] = target[component]
-    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LANES * LAMBDA_U], work.signals[LANES * ETA_U]
+        dcm = dcm_b_from_h(log.quaternion_b_from_h[k])
+        for component in range(3):
+            log.angular_velocity_b_rad_s[k, component] = lanes.rate[component, 0] - n * dcm[component, 2]
+    log.num_candidates[k] = int(lanes.num_candidates[0])
+    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
     log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0
-    log.delta_v_m_s[k] = lanes[SPENT]
+    log.delta_v_m_s[k] = lanes.spent[0]
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def write_force(work: Workspace, law: Law, log: FlightLog, k: int, dcm: Floats) -> None:
     """Log the force of lane 0: as asked for in body axes, and as applied."""
     for row in range(3):
-        log.force_hill_n[k, row] = work.lanes[FX + LANES * row]
-        asked = work.lanes[GX + LANES * row]
+        log.force_hill_n[k, row] = work.lanes.force[row, 0]
+        asked = work.lanes.asked[row, 0]
         if law.force_axes == HILL:
             asked = 0.0
             for column in range(3):
-                asked += dcm[row, column] * work.lanes[GX + LANES * column]
+                asked += dcm[row, column] * work.lanes.asked[column, 0]
         log.force_body_n[k, row] = asked
 
 
@@ -227,22 +189,34 @@ def start_lanes(
     world: World, work: Workspace, starts: Floats, sun_angles: Floats, first: int, num_lanes: int
 ) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
-    lanes = work.lanes
-    lanes[:] = 0.0
+    lanes, nothing = work.lanes, splat(0.0, LANES)
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
     work.clustered[:] = 0.0
     for lane in range(LANES):
-        start = starts[first + min(lane, num_lanes - 1)]
-        for component in range(6):
-            lanes[RX + LANES * component + lane] = start[component]
-        sun_angle = sun_angles[first + min(lane, num_lanes - 1)]
-        lanes[SUN_COS + lane], lanes[SUN_SIN + lane] = cos(sun_angle), sin(sun_angle)
-        lanes[Q4 + lane] = 1.0
-        lanes[WZ + lane] = 2.0 * world.mean_motion  # inertial: n relative to Hill, and Hill's own
-        lanes[NEAREST + lane] = np.inf
+        row = first + min(lane, num_lanes - 1)
+        for component in range(3):
+            lanes.position[component, lane] = starts[row, component]
+            lanes.velocity[component, lane] = starts[row, 3 + component]
+        lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(sun_angles[row]), sin(sun_angles[row])
         work.unseen[lane, : world.num_points] = 1.0
-        work.y_before[lane, 0], work.y_before[lane, 1], work.y_before[lane, 2] = 0.0, 1.0, 0.0
+    write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
+    # inertial: n relative to Hill, and Hill's own
+    write_three(lanes.rate, 0, nothing, nothing, splat(2.0 * world.mean_motion, LANES))
+    write_three(lanes.force, 0, nothing, nothing, nothing)
+    write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
+    store(lanes.num_unseen, 0, splat(world.num_points, LANES))
+    store(lanes.nearest, 0, splat(np.inf, LANES))
+    for total in (
+        lanes.coasts,
+        lanes.spent,
+        lanes.travelled,
+        lanes.farthest,
+        lanes.beyond,
+        lanes.num_acted,
+        lanes.corrected,
+    ):
+        store(total, 0, nothing)
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
@@ -284,53 +258,59 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
     start_lanes(world, work, starts, sun_angles, first, num_lanes)
-    if law.needs & URGENCY:
+    if law.needs & (URGENCY | SETTING):
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
-    target, count = np.zeros(3), 0
     for k in range(world.num_controls + 1):
-        for lane in range(num_lanes if world.is_attitude_ideal else 0):
-            for component in range(3):
-                lanes[FX + LANES * component + lane] = 0.0
-            aim_plainly(world, work, lane, 0, 1, k == 0)
-            for component in range(4):
-                lanes[Q1 + LANES * component + lane] = work.aims[component * LANES + lane]
-        count = sense(world, clusters, work, num_lanes, k, needs_angles, target)
-        if law.needs & ORBIT:
-            sense_orbit(world, law, values, work, k)
-        if law.needs & APPROACH:
+        decides = is_decision(law, k)
+        if world.is_attitude_ideal:
+            write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
+            for lane in range(num_lanes):
+                aim_plainly(world, work, lane, 0, 1, k == 0)
+                for component in range(4):
+                    lanes.attitude[component, lane] = work.aims[component, lane]
+        sense(world, clusters, work, num_lanes, k, needs_angles)
+        if decides and law.needs & ORBIT:
+            sense_orbit(world, law, values, work)
+        if decides and law.needs & APPROACH:
             sense_approach(world, work)
-        if needs_preview:
+        if decides and needs_preview:
             preview(world, work, num_lanes, k)
-        if not law.has_plan:
+        if decides and not law.has_plan:
             decide_to_coast(world, law, values, work)
-        if law.needs & URGENCY:
+        if decides and law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+        if decides and law.needs & SETTING:
+            sense_push(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             for component in range(3):
-                tracks[flight + lane, k, component] = lanes[RX + LANES * component + lane]
+                tracks[flight + lane, k, component] = lanes.position[component, lane]
         if is_logged:
-            write_sample(world, work, log, k, sun_angles[first], count, target)
+            write_sample(world, work, log, k, sun_angles[first])
         if k == world.num_controls:
             break
-        command(world, law, values, rules, work, num_lanes, log, k)
+        command(world, law, values, rules, work, log, k)
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
             write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
-        turn_deputies(world, work, num_lanes, log, k)
-        move(world, lanes)
+        aim_deputies(world, work, num_lanes, k)
+        if not world.is_attitude_ideal:
+            turn_deputies(world, work, num_lanes)
+        if is_logged:
+            write_instants(world, work, log, k)
+        move(world, work)
 
     for lane in range(num_lanes):
         row = outcomes[flight + lane]
-        row[DELTA_V] = lanes[SPENT + lane]
-        row[INSPECTED] = world.num_points - lanes[LEFT + lane]
-        row[MEAN_DISTANCE] = lanes[TRAVELLED + lane] / (world.num_controls + 1)
-        row[MIN_DISTANCE] = lanes[NEAREST + lane]
-        row[MAX_DISTANCE] = lanes[FARTHEST + lane]
-        row[OUTSIDE] = lanes[BEYOND + lane]
-        row[SAFETY_PERIODS] = lanes[ACTED + lane]
-        row[SAFETY_DELTA_V] = lanes[CORRECTED + lane]
+        row[DELTA_V] = lanes.spent[lane]
+        row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
+        row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
+        row[MIN_DISTANCE] = lanes.nearest[lane]
+        row[MAX_DISTANCE] = lanes.farthest[lane]
+        row[OUTSIDE] = lanes.beyond[lane]
+        row[SAFETY_PERIODS] = lanes.num_acted[lane]
+        row[SAFETY_DELTA_V] = lanes.corrected[lane]
 
 
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})
@@ -355,6 +335,20 @@ def fly_many(
     Without the safety layer `guard` is None, without guidance by clusters `clusters`: numba leaves out what
     depends on them, and nobody waits for the compilation of what is not flown.
     """
+    world, guard, law, work, log = (
+        borrowed(world),
+        borrowed(guard),
+        borrowed(law),
+        borrowed(work),
+        borrowed(log),
+    )
+    values, rules, starts, sun_angles = (
+        borrowed(values),
+        borrowed(rules),
+        borrowed(starts),
+        borrowed(sun_angles),
+    )
+    tracks, outcomes = borrowed(tracks), borrowed(outcomes)
     num_starts = len(starts)
     flight = first
     while flight < last:

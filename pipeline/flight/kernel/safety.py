@@ -35,26 +35,9 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.kernel.arrays import (
-    ACTED,
-    AHEAD,
-    CLOSEST,
-    CORRECTED,
-    FX,
-    FY,
-    FZ,
-    HASTE,
-    REACH,
-    RX,
-    RY,
-    RZ,
-    VX,
-    VY,
-    VZ,
-    Guard,
-    Workspace,
-    World,
-)
+from fis_tools.engines.vectors import least, most, select, some, splat, store
+from pipeline.flight.kernel.arrays import Guard, Workspace, World
+from pipeline.flight.kernel.lanes import three
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
 from pipeline.physics.motion import (
     Motion,
@@ -95,37 +78,31 @@ MOST_SWEEPS, LEAST_CHANGE = 200, 1e-12
 HALVINGS = 30
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def look_ahead(world: World, lanes: Floats) -> None:
-    """Write where all lanes are led by their forces: the next state, how fast, how near and how far."""
-    guard, step = world.guard, step_of(world.motion, 0)
-    for i in range(LANES):
-        rx, ry, rz = lanes[RX + i], lanes[RY + i], lanes[RZ + i]
-        vx, vy, vz = lanes[VX + i], lanes[VY + i], lanes[VZ + i]
-        fx, fy, fz = lanes[FX + i], lanes[FY + i], lanes[FZ + i]
-        x, y, z = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
-        u, v, w = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
-        lanes[AHEAD + i], lanes[AHEAD + LANES + i], lanes[AHEAD + 2 * LANES + i] = x, y, z
-        lanes[AHEAD + 3 * LANES + i], lanes[AHEAD + 4 * LANES + i] = u, v
-        lanes[AHEAD + 5 * LANES + i] = w
-        speed, distance = sqrt(u * u + v * v + w * w), sqrt(x * x + y * y + z * z)
-        braking_x, braking_y, braking_z = stopping_forces(guard.stop, x, z, u, v, w)
-        braking = max(abs(braking_x), abs(braking_z), abs(braking_y))
-        lanes[HASTE + i] = max(
-            speed - guard.speed_at_chief - guard.speed_slope * distance, braking - guard.braking_force
-        )
-        lanes[CLOSEST + i], lanes[REACH + i] = np.inf, 0.0
+@compiled(error_model="numpy", fastmath={"contract"})
+def look_ahead(world: World, work: Workspace) -> bool:
+    """Mark the lanes that their forces may lead out of what is safe; tell whether there are any."""
+    guard, lanes, step = world.guard, work.lanes, step_of(world.motion, 0)
+    rx, ry, rz = three(lanes.position)
+    vx, vy, vz = three(lanes.velocity)
+    fx, fy, fz = three(lanes.force)
+    x, y, z = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
+    u, v, w = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
+    speed, distance = np.sqrt(u * u + v * v + w * w), np.sqrt(x * x + y * y + z * z)
+    stop_x, stop_y, stop_z = stopping_forces(guard.stop, x, z, u, v, w)
+    braking = most(most(abs(stop_x), abs(stop_z)), abs(stop_y))
+    closest, reach = splat(np.inf, LANES), splat(0.0, LANES)
     for row in range(len(guard.places.transition)):
-        place = place_of(guard.places, row)
-        beyond = 0.0 if row < guard.num_kept_out else np.inf
-        inside = 1.0 if row < guard.num_kept_in else 0.0
-        for i in range(LANES):
-            x, y, z = lanes[AHEAD + i], lanes[AHEAD + LANES + i], lanes[AHEAD + 2 * LANES + i]
-            u, v, w = lanes[AHEAD + 3 * LANES + i], lanes[AHEAD + 4 * LANES + i], lanes[AHEAD + 5 * LANES + i]
-            px, py, pz = drifted_place(place, x, y, z, u, v, w)
-            square = px * px + py * py + pz * pz
-            lanes[CLOSEST + i] = min(lanes[CLOSEST + i], square + beyond)
-            lanes[REACH + i] = max(lanes[REACH + i], square * inside)
+        px, py, pz = drifted_place(place_of(guard.places, row), x, y, z, u, v, w)
+        square = px * px + py * py + pz * pz
+        if row < guard.num_kept_out:
+            closest = least(square, closest)
+        if row < guard.num_kept_in:
+            reach = most(square, reach)
+    is_unsafe = speed - guard.speed_at_chief - guard.speed_slope * distance > 0.0
+    is_unsafe |= braking > guard.braking_force
+    is_unsafe |= (closest < guard.keep_out**2) | (reach > guard.keep_in**2)
+    store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))
+    return some(is_unsafe)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -349,25 +326,23 @@ def corrected(world: World, state: Floats, asked: Floats) -> Floats:
 def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
     lanes = work.lanes
-    look_ahead(world, lanes)
-    nearest, farthest = world.guard.keep_out**2, world.guard.keep_in**2
+    if not look_ahead(world, work):
+        return
     state, asked, force = np.empty(6), np.empty(3), np.empty(3)
     per_force = world.control_period * world.acceleration_per_force
     for lane in range(num_lanes):
-        is_outside = lanes[CLOSEST + lane] < nearest or lanes[REACH + lane] > farthest
-        if not is_outside and lanes[HASTE + lane] <= 0.0:
+        if lanes.is_unsafe[lane] == 0.0:
             continue
-        for i in range(6):
-            state[i] = lanes[RX + LANES * i + lane]
         for j in range(3):
-            asked[j] = lanes[FX + LANES * j + lane]
+            state[j], state[3 + j] = lanes.position[j, lane], lanes.velocity[j, lane]
+            asked[j] = lanes.force[j, lane]
         limit = correct(world, state, asked, work.cuts, force)
         if limit == SAFE:
             continue  # by rounding
-        lanes[ACTED + lane] += 1.0
+        lanes.num_acted[lane] += 1.0
         for j in range(3):
-            lanes[CORRECTED + lane] += abs(force[j] - asked[j]) * per_force
-            lanes[FX + LANES * j + lane] = force[j]
+            lanes.corrected[lane] += abs(force[j] - asked[j]) * per_force
+            lanes.force[j, lane] = force[j]
         if len(log.position_m) > 0:
             log.safety_limit[k] = limit
             for j in range(3):

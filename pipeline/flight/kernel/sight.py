@@ -1,269 +1,188 @@
-"""What the deputies of all lanes see and sense: points inspected, targets chosen, signals for the controller.
+"""What the deputies of all lanes see and sense: points inspected, targets chosen, signals for controllers.
 
-All points are looked at at once, without branches. Written out plainly in `pipeline.flight.reference.loop`.
+Points are looked at eight at a time. Written out plainly in `pipeline.flight.reference.loop`.
 """
 
-from math import atan2, cos, pi, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import Vector, count, least, load, most, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_centre
-from pipeline.flight.kernel.arrays import (
-    BEYOND,
-    FARTHEST,
-    LEFT,
-    NEAREST,
-    Q1,
-    Q2,
-    Q3,
-    Q4,
-    RX,
-    RY,
-    RZ,
-    SUN_COS,
-    SUN_SIN,
-    TRAVELLED,
-    VX,
-    VY,
-    VZ,
-    Workspace,
-    World,
-)
+from pipeline.flight.kernel.arrays import POINTS, Workspace, World
+from pipeline.flight.kernel.elementary import arctangent
+from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
 from pipeline.flight.signals import slot
+from pipeline.physics.visibility import is_facing, is_in_cone, is_lit
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 
 DISTANCE, LAMBDA_U, ETA_U = slot("distance"), slot("lambda_u"), slot("eta_u")
 VELOCITY_BODY = slot("velocity_body_x", "velocity_body_y", "velocity_body_z")
-TARGET_DIRECTION = slot("target_radial", "target_along_track", "target_cross_track")
-#: position, then velocity
-STATE_HILL = slot(
-    "position_radial",
-    "position_along_track",
-    "position_cross_track",
-    "velocity_radial",
-    "velocity_along_track",
-    "velocity_cross_track",
-)
-
-
-# Sums over points may be taken in any order: that is what lets them run on vector units.
-@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def look(
-    points: Floats,
-    sample: int,
-    unseen: Floats,
-    lane: int,
-    candidate: Floats,
-    rx: float,
-    ry: float,
-    rz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    sx: float,
-    sy: float,
-    sun_threshold: float,
-    horizon: float,
-    cos2: float,
-) -> tuple[float, float, float, float, float]:
-    """Inspect what is lit and in view, then sum up what is lit and still to be seen.
-
-    Returns the number of points not inspected yet, of candidates, and the sum of the candidates' positions.
-    """
-    unseen_count, count, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(len(candidate)):
-        px, py, pz = points[sample, 0, j], points[sample, 1, j], points[sample, 2, j]
-        dx, dy, dz = px - rx, py - ry, pz - rz
-        towards = dx * bx + dy * by + dz * bz
-        squared = dx * dx + dy * dy + dz * dz
-        lit = unseen[lane, j] if px * sx + py * sy > sun_threshold else 0.0
-        seen = lit if px * rx + py * ry + pz * rz >= horizon else 0.0
-        seen = seen if towards > 0.0 else 0.0
-        seen = seen if towards * towards >= cos2 * squared else 0.0
-        unseen[lane, j] -= seen
-        left = lit - seen
-        candidate[j] = left
-        unseen_count += unseen[lane, j]
-        count += left
-        cx += left * px
-        cy += left * py
-        cz += left * pz
-    return unseen_count, count, cx, cy, cz
+POSITION_HILL = slot("position_radial", "position_along_track", "position_cross_track")
+VELOCITY_HILL = slot("velocity_radial", "velocity_along_track", "velocity_cross_track")
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def relative_angle(target_a: float, target_b: float, position_a: float, position_b: float) -> float:
+def turn_suns(world: World, work: Workspace, k: int) -> None:
+    """Write where the Sun is at a sample in every lane."""
+    turned = world.mean_motion * world.control_period * k
+    turned_cos, turned_sin = cos(turned), sin(turned)
+    # by the addition theorem, so that no lane calls the library's functions
+    sun_cos, sun_sin = two(work.lanes.sun_at_start)
+    sun_x = sun_cos * turned_cos + sun_sin * turned_sin
+    write_two(work.lanes.sun, 0, sun_x, sun_sin * turned_cos - sun_cos * turned_sin)
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def look(world: World, work: Workspace, lane: int, sample: int) -> None:
+    """Inspect what is lit and in view of a lane's camera; the target is the mean of what else is lit."""
+    lanes, sight, points = work.lanes, world.sight, world.points
+    rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
+    bx, by, bz = lanes.boresight[0, lane], lanes.boresight[1, lane], lanes.boresight[2, lane]
+    sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+    # of points on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
+    squares = sight.horizon + (rx * rx + ry * ry + rz * rz)
+    along_boresight = rx * bx + ry * by + rz * bz
+    num_seen, num_left = 0, 0
+    nothing = splat(0.0, POINTS)
+    cx, cy, cz = nothing, nothing, nothing
+    for j in range(0, points.shape[2], POINTS):
+        before = load(work.unseen, (lane, j), POINTS)
+        is_unseen = before > 0.0
+        if not some(is_unseen):
+            store(work.candidate, j, nothing)
+            continue
+        px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+        pz = load(points, (sample, 2, j), POINTS)
+        along = px * rx + py * ry + pz * rz
+        towards = (px * bx + py * by + pz * bz) - along_boresight
+        lit = is_unseen & is_lit(sight, px, py, sun_x, sun_y)
+        seen = lit & is_facing(sight, along) & is_in_cone(sight, towards, squares - 2.0 * along)
+        left = lit ^ seen
+        store(work.unseen, (lane, j), select(seen, nothing, before))
+        store(work.candidate, j, select(left, 1.0, nothing))
+        num_seen += count(seen)
+        num_left += count(left)
+        cx += select(left, px, nothing)
+        cy += select(left, py, nothing)
+        cz += select(left, pz, nothing)
+    lanes.num_unseen[lane] -= num_seen
+    lanes.num_candidates[lane] = num_left
+    divisor = max(num_left, 1)
+    lanes.target[0, lane] = total(cx) / divisor
+    lanes.target[1, lane] = total(cy) / divisor
+    lanes.target[2, lane] = total(cz) / divisor
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, position_b: Vector) -> Vector:
     """Return the angle from the position's to the target's projection, in (-pi, pi]; 0 where one vanishes."""
-    least = MIN_PROJECTION_M * MIN_PROJECTION_M
-    if (
-        target_a * target_a + target_b * target_b < least
-        or position_a * position_a + position_b * position_b < least
-    ):
-        return 0.0
-    angle = atan2(
-        position_a * target_b - position_b * target_a, position_a * target_a + position_b * target_b
+    least_square = MIN_PROJECTION_M * MIN_PROJECTION_M
+    has_both = (target_a * target_a + target_b * target_b >= least_square) & (
+        position_a * position_a + position_b * position_b >= least_square
     )
-    return pi if angle == -pi else angle
+    across = select(has_both, position_a * target_b - position_b * target_a, 0.0)
+    along = select(has_both, position_a * target_a + position_b * target_b, 1.0)
+    return arctangent(across, along)
 
 
-@compiled(error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def are_new(candidate: Floats, clustered: Floats, lane: int) -> bool:
+@compiled(error_model="numpy", forceinline=True)
+def are_new(work: Workspace, lane: int) -> bool:
     """Tell whether the candidates differ from those clustered last, and note them as clustered."""
-    num_different = 0.0
-    for j in range(len(candidate)):
-        num_different += 1.0 if candidate[j] != clustered[lane, j] else 0.0
-        clustered[lane, j] = candidate[j]
-    return num_different > 0.0
+    num_different = 0
+    for j in range(0, len(work.candidate), POINTS):
+        now = load(work.candidate, j, POINTS)
+        num_different += count(now != load(work.clustered, (lane, j), POINTS))
+        store(work.clustered, (lane, j), now)
+    return num_different > 0
 
 
 @compiled(error_model="numpy")
-def choose_cluster(
-    points: Floats,
-    sample: int,
-    candidate: Floats,
-    count: int,
-    r: Floats,
-    is_new: bool,
-    candidates: Floats,
-    centres: Floats,
-    num_centres: int,
-    labels: Integers,
-    distances: Floats,
-    sums: Floats,
-) -> int:
-    """Cluster the candidates of a sample, seen from `r`, where the chosen centre is left.
+def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> None:
+    """Cluster the candidates of a lane, and make the centre nearest to the deputy its target.
 
-    Candidates that are not new leave the centres as they are. Returns the number of centres.
+    Candidates that are not new leave the centres as they are.
     """
-    filled = 0
-    for j in range(len(candidate) if is_new else 0):
-        if candidate[j] != 0.0:
-            for axis in range(3):
-                candidates[axis, filled] = points[sample, axis, j]
-            filled += 1
-    if is_new:
-        num_centres = cluster_centres(candidates, count, r, centres, num_centres, labels, distances, sums)
-    chosen = nearest_centre(centres, num_centres, r)
+    lanes, position, centres = work.lanes, np.empty(3), work.centres[lane]
+    num_candidates = int(lanes.num_candidates[lane])
+    if num_candidates == 0:
+        work.num_centres[lane] = 0
+        work.clustered[lane, 0] = -1.0  # whatever comes next is new
+        return
     for axis in range(3):
-        r[axis] = centres[chosen, axis]
-    return num_centres
+        position[axis] = lanes.position[axis, lane]
+    if are_new(work, lane) or len(world.points) > 1:
+        filled = 0
+        for j in range(world.num_points):
+            if work.candidate[j] != 0.0:
+                for axis in range(3):
+                    work.candidates[axis, filled] = world.points[sample, axis, j]
+                filled += 1
+        work.num_centres[lane] = cluster_centres(
+            work.candidates,
+            num_candidates,
+            position,
+            centres,
+            work.num_centres[lane],
+            work.labels,
+            work.distances,
+            work.sums,
+        )
+    chosen = nearest_centre(centres, work.num_centres[lane], position)
+    for axis in range(3):
+        lanes.target[axis, lane] = centres[chosen, axis]
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def sense(
-    world: World,
-    clusters: bool | None,
-    work: Workspace,
-    num_lanes: int,
-    k: int,
-    needs_angles: bool,
-    target: Floats,
-) -> int:
-    """Inspect, choose the target and write the signals of every lane.
+    world: World, clusters: bool | None, work: Workspace, num_lanes: int, k: int, needs_angles: bool
+) -> None:
+    """Inspect, choose the target and write the signals of every lane."""
+    lanes, signals = work.lanes, work.signals
+    turn_suns(world, work, k)
+    rx, ry, rz = three(lanes.position)
+    vx, vy, vz = three(lanes.velocity)
+    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
+    store(lanes.travelled, 0, one(lanes.travelled) + distance)
+    store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
+    store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
+    if k > 0:
+        beyond = most(world.min_distance - distance, distance - world.max_distance)
+        store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
 
-    Leaves the last lane's target in `target` where there are candidates, and returns how many it has.
-    """
-    lanes = work.lanes
-    turned = world.mean_motion * world.control_period * k
-    turned_cos, turned_sin = cos(turned), sin(turned)
-    count = 0.0
+    c11, c12, c13 = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)
+    c21, c22, c23 = 2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)
+    c31, c32, c33 = 2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4
+    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
+    write_three(
+        lanes.boresight,
+        0,
+        c11 * b1 + c21 * b2 + c31 * b3,
+        c12 * b1 + c22 * b2 + c32 * b3,
+        c13 * b1 + c23 * b2 + c33 * b3,
+    )
+    sample = k if len(world.points) > 1 else 0
     for lane in range(num_lanes):
-        # by the addition theorem, so that no lane calls the library's functions
-        sun_cos = lanes[SUN_COS + lane] * turned_cos + lanes[SUN_SIN + lane] * turned_sin
-        sun_sin = lanes[SUN_SIN + lane] * turned_cos - lanes[SUN_COS + lane] * turned_sin
-        rx, ry, rz = lanes[RX + lane], lanes[RY + lane], lanes[RZ + lane]
-        vx, vy, vz = lanes[VX + lane], lanes[VY + lane], lanes[VZ + lane]
-        q1, q2, q3, q4 = lanes[Q1 + lane], lanes[Q2 + lane], lanes[Q3 + lane], lanes[Q4 + lane]
-        distance = sqrt(rx * rx + ry * ry + rz * rz)
-        lanes[TRAVELLED + lane] += distance
-        lanes[NEAREST + lane] = min(lanes[NEAREST + lane], distance)
-        lanes[FARTHEST + lane] = max(lanes[FARTHEST + lane], distance)
-        if k > 0:
-            beyond = max(world.min_distance - distance, distance - world.max_distance)
-            lanes[BEYOND + lane] = max(lanes[BEYOND + lane], beyond)
+        look(world, work, lane, sample)
+        if clusters is not None:
+            choose_cluster(world, work, lane, sample)
 
-        c11, c12, c13 = (
-            q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4,
-            2 * (q1 * q2 + q3 * q4),
-            2 * (q1 * q3 - q2 * q4),
-        )
-        c21, c22, c23 = (
-            2 * (q1 * q2 - q3 * q4),
-            -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4,
-            2 * (q2 * q3 + q1 * q4),
-        )
-        c31, c32, c33 = (
-            2 * (q1 * q3 + q2 * q4),
-            2 * (q2 * q3 - q1 * q4),
-            -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4,
-        )
-        sample = k if len(world.points) > 1 else 0
-        b = world.boresight
-        unseen_count, count, tx, ty, tz = look(
-            world.points,
-            sample,
-            work.unseen,
-            lane,
-            work.candidate,
-            rx,
-            ry,
-            rz,
-            c11 * b[0] + c21 * b[1] + c31 * b[2],
-            c12 * b[0] + c22 * b[1] + c32 * b[2],
-            c13 * b[0] + c23 * b[1] + c33 * b[2],
-            sun_cos,
-            sun_sin,
-            world.sun_threshold,
-            world.horizon,
-            world.cos_half_angle_squared,
-        )
-        lanes[LEFT + lane] = unseen_count
-
-        lambda_u, eta_u = 0.0, 0.0
-        if count > 0.0:
-            target[0], target[1], target[2] = tx / count, ty / count, tz / count
-            if clusters is not None:
-                target[0], target[1], target[2] = rx, ry, rz
-                is_new = are_new(work.candidate, work.clustered, lane) or len(world.points) > 1
-                num_centres = choose_cluster(
-                    world.points,
-                    sample,
-                    work.candidate,
-                    int(count),
-                    target,
-                    is_new,
-                    work.candidates,
-                    work.centres[lane],
-                    work.num_centres[lane],
-                    work.labels,
-                    work.distances,
-                    work.sums,
-                )
-                work.num_centres[lane] = num_centres
-            if needs_angles:
-                lambda_u = relative_angle(target[0], target[1], rx, ry)
-                eta_u = relative_angle(target[0], target[2], rx, rz)
-        else:
-            work.num_centres[lane] = 0
-            work.clustered[lane, 0] = -1.0  # whatever comes next is new
-
-        signals = work.signals
-        for component in range(
-            3
-        ):  # a position yet; `pipeline.flight.kernel.free_motion` makes it a direction
-            signals[LANES * (TARGET_DIRECTION + component) + lane] = target[component] if count > 0.0 else 0.0
-        signals[LANES * DISTANCE + lane] = distance
-        signals[LANES * VELOCITY_BODY + lane] = c11 * vx + c12 * vy + c13 * vz
-        signals[LANES * (VELOCITY_BODY + 1) + lane] = c21 * vx + c22 * vy + c23 * vz
-        signals[LANES * (VELOCITY_BODY + 2) + lane] = c31 * vx + c32 * vy + c33 * vz
-        signals[LANES * LAMBDA_U + lane] = lambda_u
-        signals[LANES * ETA_U + lane] = eta_u
-        for component in range(6):
-            signals[LANES * (STATE_HILL + component) + lane] = lanes[RX + LANES * component + lane]
-    return int(count)
+    store(signals, DISTANCE, distance)
+    write_three(signals, POSITION_HILL, rx, ry, rz)
+    write_three(signals, VELOCITY_HILL, vx, vy, vz)
+    write_three(
+        signals,
+        VELOCITY_BODY,
+        c11 * vx + c12 * vy + c13 * vz,
+        c21 * vx + c22 * vy + c23 * vz,
+        c31 * vx + c32 * vy + c33 * vz,
+    )
+    if needs_angles:
+        tx, ty, tz = three(lanes.target)
+        store(signals, LAMBDA_U, relative_angle(tx, ty, rx, ry))
+        store(signals, ETA_U, relative_angle(tx, tz, rx, rz))

@@ -4,26 +4,18 @@ A point's deadline is the last sample of the flight at which it is lit. Written 
 `pipeline.flight.reference.urgency`.
 """
 
-from math import cos, exp, sin, sqrt
+from math import cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import load, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.kernel.arrays import (
-    COASTS,
-    RX,
-    RY,
-    RZ,
-    SUN_COS,
-    SUN_SIN,
-    Law,
-    Workspace,
-    World,
-)
+from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
+from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.signals import constant, slot
+from pipeline.physics.visibility import is_lit
 
 Floats = NDArray[np.float64]
 
@@ -33,26 +25,34 @@ URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_dista
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def note_deadlines(world: World, work: Workspace, num_lanes: int) -> None:
-    """Write when each point is lit for the last time, s, for every lane; zero for points never lit."""
-    is_turning = len(world.points) > 1
+    """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
+
+    At the start, when nothing is inspected.
+    """
+    lanes, points, deadlines = work.lanes, world.points, work.deadlines
     for lane in range(num_lanes):
-        work.deadlines[lane] = 0.0
-        num_missing = world.num_points
+        start_x, start_y = lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane]
+        for j in range(0, points.shape[2], POINTS):
+            store(deadlines, (lane, j), splat(0.0, POINTS))
+        is_missing_some = True
         k = world.num_controls
-        while num_missing > 0 and k > 0:
+        while is_missing_some and k > 0:
             now = world.control_period * k
             turned_cos, turned_sin = cos(world.mean_motion * now), sin(world.mean_motion * now)
-            sx = work.lanes[SUN_COS + lane] * turned_cos + work.lanes[SUN_SIN + lane] * turned_sin
-            sy = work.lanes[SUN_SIN + lane] * turned_cos - work.lanes[SUN_COS + lane] * turned_sin
-            sample = k if is_turning else 0
-            num_missing = 0
-            for j in range(world.num_points):
-                is_missing = work.deadlines[lane, j] == 0.0
-                is_lit = (
-                    world.points[sample, 0, j] * sx + world.points[sample, 1, j] * sy > world.sun_threshold
-                )
-                work.deadlines[lane, j] = now if is_missing and is_lit else work.deadlines[lane, j]
-                num_missing += is_missing and not is_lit
+            sun_x, sun_y = (
+                start_x * turned_cos + start_y * turned_sin,
+                start_y * turned_cos - start_x * turned_sin,
+            )
+            sample = k if len(points) > 1 else 0
+            is_missing_some = False
+            for j in range(0, points.shape[2], POINTS):
+                latest = load(deadlines, (lane, j), POINTS)
+                missing = (latest == 0.0) & (load(work.unseen, (lane, j), POINTS) > 0.0)
+                if some(missing):
+                    px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+                    lit = missing & is_lit(world.sight, px, py, sun_x, sun_y)
+                    store(deadlines, (lane, j), select(lit, now, latest))
+                    is_missing_some |= some(missing ^ lit)
             k -= 1
 
 
@@ -61,38 +61,40 @@ def sense_urgency(
     world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
 ) -> None:
     """Write the urgent direction of every lane that may fire; of all where it is logged."""
-    signals, now = work.signals, world.control_period * k
-    turned_cos, turned_sin = cos(world.mean_motion * now), sin(world.mean_motion * now)
+    lanes, signals, points, now = work.lanes, work.signals, world.points, world.control_period * k
     rate = 1.0 / values[law.constants + URGENCY_TIME]
     skirt = values[law.constants + SKIRT_DISTANCE]
-    sample = k if len(world.points) > 1 else 0
+    sample = k if len(points) > 1 else 0
     for lane in range(num_lanes):
         for component in range(3):
-            signals[LANES * (URGENT + component) + lane] = 0.0
-        if work.lanes[COASTS + lane] > 0.0 and not is_logged:
+            signals[URGENT + component, lane] = 0.0
+        if lanes.coasts[lane] > 0.0 and not is_logged:
             continue
-        sx = work.lanes[SUN_COS + lane] * turned_cos + work.lanes[SUN_SIN + lane] * turned_sin
-        sy = work.lanes[SUN_SIN + lane] * turned_cos - work.lanes[SUN_COS + lane] * turned_sin
-        total, ux, uy, uz = 0.0, 0.0, 0.0, 0.0
-        for j in range(world.num_points):
-            px, py, pz = world.points[sample, 0, j], world.points[sample, 1, j], world.points[sample, 2, j]
-            if work.unseen[lane, j] == 0.0 or px * sx + py * sy <= world.sun_threshold:
-                continue
-            weight = exp((now - work.deadlines[lane, j]) * rate)
-            total += weight
-            ux += weight * px
-            uy += weight * py
-            uz += weight * pz
+        sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+        nothing = splat(0.0, POINTS)
+        weights, sum_x, sum_y, sum_z = nothing, nothing, nothing, nothing
+        for j in range(0, points.shape[2], POINTS):
+            px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+            counts = load(work.unseen, (lane, j), POINTS) > 0.0
+            counts &= is_lit(world.sight, px, py, sun_x, sun_y)
+            if some(counts):
+                time_left = now - load(work.deadlines, (lane, j), POINTS)
+                weight = select(counts, exponential(time_left * rate), 0.0)
+                weights += weight
+                sum_x += weight * px
+                sum_y += weight * py
+                sum_z += weight * load(points, (sample, 2, j), POINTS)
+        ux, uy, uz = total(sum_x), total(sum_y), total(sum_z)
         length = sqrt(ux * ux + uy * uy + uz * uz)
-        if length <= MIN_PROJECTION_M * total:
+        if length <= MIN_PROJECTION_M * total(weights):
             continue
-        rx, ry, rz = work.lanes[RX + lane], work.lanes[RY + lane], work.lanes[RZ + lane]
+        rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
         distance = sqrt(rx * rx + ry * ry + rz * rz)
         turned_away = 0.0
         if distance < skirt and skirt > world.min_distance:
             inward = max(0.0, -(ux * rx + uy * ry + uz * rz) / (length * distance))
             nearness = min(1.0, (skirt - distance) / (skirt - world.min_distance))
             turned_away = 2.0 * nearness * inward / distance
-        signals[LANES * URGENT + lane] = ux / length + turned_away * rx
-        signals[LANES * (URGENT + 1) + lane] = uy / length + turned_away * ry
-        signals[LANES * (URGENT + 2) + lane] = uz / length + turned_away * rz
+        signals[URGENT, lane] = ux / length + turned_away * rx
+        signals[URGENT + 1, lane] = uy / length + turned_away * ry
+        signals[URGENT + 2, lane] = uz / length + turned_away * rz

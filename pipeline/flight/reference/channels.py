@@ -38,8 +38,10 @@ TARGET_DIRECTION = slot("target_radial", "target_along_track", "target_cross_tra
 SUN_BEARING, TARGET_SETTING = slot("sun_alignment", "sun_ahead"), slot("target_setting")
 FORESEEN = slot("missed", "coasting_nearest", "coasting_farthest")
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
+PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
+AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
 RING_SIZE, RING_LEAD = constant("ring_size_m"), constant("ring_lead_rad")
-PREDICTION_TIME = constant("prediction_time_s")
+PREDICTION_TIME, AIM_URGENT = constant("prediction_time_s"), constant("aim_urgent_m_s")
 
 NUM_SIGNALS = len(SIGNALS)
 MAX_INPUTS = 3
@@ -155,6 +157,7 @@ def measure(
     sun_angle: float,
     foreseen: Floats,
     urgent: Floats,
+    push: Floats,
     channels: Channels,
 ) -> Floats:
     """Return every signal, in its slot, in the unit of `pipeline.flight.signals.SIGNALS`.
@@ -176,6 +179,9 @@ def measure(
         What `pipeline.flight.reference.preview.preview` gives; zeros where it is not sensed.
     urgent : array, shape (3,)
         What `pipeline.flight.reference.urgency.around_the_chief` gives; zeros where it is not sensed.
+    push : array, shape (3,)
+        What `pipeline.flight.reference.see_push.push_of` gives, turned aside near the chief, m/s; zeros where
+        it is not sensed.
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
@@ -199,4 +205,6 @@ def measure(
     signals[SUN_BEARING : SUN_BEARING + 2] = sun_bearing(position_h, sun_angle)
     signals[FORESEEN : FORESEEN + 3] = foreseen
     signals[URGENT : URGENT + 3] = urgent
+    signals[PUSH : PUSH + 3] = push
+    signals[AIM : AIM + 3] = push + channels.constants[AIM_URGENT] * urgent
     return signals

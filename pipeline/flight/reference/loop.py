@@ -26,9 +26,10 @@ from pipeline.flight.reference.guidance import (
 )
 from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
+from pipeline.flight.reference.see_push import cheapest_looks, push_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
-from pipeline.flight.signals import DEAD_BAND, PREVIEW, URGENCY, constant
+from pipeline.flight.signals import DEAD_BAND, PREVIEW, SETTING, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.motion import propagate
@@ -43,7 +44,9 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+DECISION_PERIOD = constant("decision_period_s")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
+SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
@@ -234,7 +237,9 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
     has_plan, constants = len(channels.plan_h) > 0, channels.constants
-    last_lit = deadlines(world, initial_sun_angle) if channels.needs & URGENCY else np.zeros(num_points)
+    senses_dark = channels.needs & (URGENCY | SETTING)
+    last_lit = deadlines(world, initial_sun_angle) if senses_dark else np.zeros(num_points)
+    decision_stride = max(1, round(constants[DECISION_PERIOD] / world.control_period))
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -275,18 +280,26 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             break
 
         is_complete = bool(is_inspected.all())
-        is_decided = not has_plan and not (is_complete and world.coasts_when_complete)
+        is_decided = not (has_plan or k % decision_stride or (is_complete and world.coasts_when_complete))
         commanded = np.zeros(3)
         if is_decided:
             foreseen = np.zeros(3)
             if channels.needs & PREVIEW:
                 foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
-            urgent = np.zeros(3)
+            time = k * world.control_period
+            urgent, push = np.zeros(3), np.zeros(3)
             if channels.needs & URGENCY:
                 is_wanted = is_lit & ~is_inspected
-                time = k * world.control_period
                 urgent = urgent_direction(points_h, is_wanted, last_lit, time, constants[URGENCY_TIME])
                 urgent = around_the_chief(urgent, position, constants[SKIRT_DISTANCE], world.min_distance)
+            if channels.needs & SETTING:
+                horizon = constants[SEE_HORIZON]
+                is_setting = ~is_inspected & (last_lit > time) & (last_lit <= time + horizon)
+                looks = cheapest_looks(
+                    world, state, k, initial_sun_angle, quaternion_c, rate_c, is_setting, horizon
+                )
+                push = push_of(looks, last_lit, time, constants[URGENCY_TIME], constants[SEE_DAMPING])
+                push = around_the_chief(push, position, constants[SKIRT_DISTANCE], world.min_distance)
             is_coasting = (
                 foreseen[0] < constants[COAST_BELOW]
                 and foreseen[1] >= world.min_distance + constants[COAST_MARGIN]
@@ -303,6 +316,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 angle,
                 foreseen,
                 urgent,
+                push,
                 channels,
             )
             for f in range(len(channels.axes)):

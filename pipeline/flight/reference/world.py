@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from pipeline.flight.preview import preview_stride
+from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
 from pipeline.physics.rigid_body import tumbling_step
@@ -63,6 +63,9 @@ class PlainWorld(NamedTuple):
     max_distance: float
     #: control periods between the places that a preview looks at
     preview_stride: int
+    #: the same for the push that shows what sets, and motion over 0, 1, … of them, to the flight's end
+    look_stride: int
+    looks: Motion
 
 
 def world_of(mission: Mission) -> PlainWorld:
@@ -110,6 +113,15 @@ def world_of(mission: Mission) -> PlainWorld:
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
         preview_stride=preview_stride(mission),
+        look_stride=look_stride(mission),
+        looks=motion_over(
+            mission.orbit,
+            deputy,
+            [
+                count * mission.control_period_s
+                for count in range(0, mission.num_controls + 1, look_stride(mission))
+            ],
+        ),
     )
 
 

@@ -21,6 +21,7 @@ from fis_tools.engines.vectors import (
     CACHE_LINE,
     aligned,
     bits,
+    borrowed,
     count,
     gather,
     highest,
@@ -311,7 +312,7 @@ def test_widths_that_are_no_constant_are_refused() -> None:
 
 
 @when_compiled
-@pytest.mark.parametrize("array", [np.zeros(16)[::2], np.zeros(8, dtype=np.float32), np.zeros((2, 2, 8))])
+@pytest.mark.parametrize("array", [np.zeros(16)[::2], np.zeros(8, dtype=np.float32), np.zeros((1, 1, 1, 8))])
 def test_arrays_that_hold_no_vectors_are_refused(array: Floats) -> None:
     @njit
     def run(a: Floats) -> float:
@@ -319,6 +320,44 @@ def test_arrays_that_hold_no_vectors_are_refused(array: Floats) -> None:
 
     with pytest.raises(TypingError, match="pass an array of float64 in C order"):
         run(array)
+
+
+@when_compiled
+def test_indices_that_lead_to_no_element_are_refused() -> None:
+    @njit
+    def run(a: Floats) -> float:
+        return total(load(a, (0, 0), 8))
+
+    with pytest.raises(TypingError, match="pass a whole number for each dimension"):
+        run(np.zeros((2, 2, 8)))
+
+
+def test_vectors_are_read_and_written_anywhere_in_a_row() -> None:
+    @njit
+    def run(a: Floats, row: int, out: Floats) -> None:
+        store(out, (row, 1, 3), load(a, (row, 0, 2), 4))
+        store(out, (0, 0, 4), load(a, (1, row, 0), 4))
+
+    room = np.arange(2 * 3 * 10.0).reshape(2, 3, 10)
+    found, expected = np.zeros((2, 3, 10)), np.zeros((2, 3, 10))
+    expected[1, 1, 3:7] = room[1, 0, 2:6]
+    expected[0, 0, 4:8] = room[1, 1, :4]
+    run(room, 1, found)
+    same(found, expected)
+
+
+def test_borrowed_arrays_are_the_same_and_still_their_owners() -> None:
+    @njit
+    def run(pair: tuple[Floats, tuple[Floats, int]]) -> float:
+        row, (other, number) = borrowed(pair)
+        row[0] = other[1] + number
+        return total(load(borrowed(row), 0, 4))
+
+    row, other = np.arange(4.0), np.array([5.0, 6.0])
+    before = sys.getrefcount(row), sys.getrefcount(other)
+    for _ in range(100):
+        assert run((row, (other, 2))) == 8.0 + 1.0 + 2.0 + 3.0
+    assert (sys.getrefcount(row), sys.getrefcount(other)) == before
 
 
 @when_compiled

@@ -172,6 +172,46 @@ HURRYING = controller(
     skirt_distance_m=70.0,
     coast_below_points=12.0,
 )
+#: the same, every half minute
+PAUSING = replace(
+    HURRYING,
+    fuzzy=replace(
+        HURRYING.fuzzy, attributes=tuple(sorted((*HURRYING.fuzzy.attributes, ("decision_period_s", "30"))))
+    ),
+)
+#: senses the push that shows what sets for good, and coasts where enough is foreseen
+SEEING = controller(
+    (
+        leaning_system(
+            "force_x",
+            0.02,
+            ("see_push_radial", "m/s", 0.2),
+            ("aim_radial", "m/s", 0.1),
+            ("urgent_radial", "", 1.0),
+        ),
+        leaning_system(
+            "force_y",
+            0.03,
+            ("see_push_along_track", "m/s", 0.2),
+            ("aim_along_track", "m/s", 0.1),
+            ("urgent_along_track", "", 1.0),
+        ),
+        leaning_system(
+            "force_z",
+            0.02,
+            ("see_push_cross_track", "m/s", 0.2),
+            ("aim_cross_track", "m/s", 0.1),
+            ("urgent_cross_track", "", 1.0),
+        ),
+    ),
+    "hill",
+    urgency_time_s=400.0,
+    skirt_distance_m=70.0,
+    see_horizon_s=1500.0,
+    see_damping_ks2=0.08,
+    aim_urgent_m_s=0.04,
+    coast_below_points=3.0,
+)
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))

@@ -22,7 +22,9 @@ from tests.pipeline.flight.cases import (
     MIXED,
     ORBITAL,
     OVER_POLES,
+    PAUSING,
     RESTORING,
+    SEEING,
     SPARSE,
     STARTS,
     STEERING,
@@ -77,6 +79,8 @@ FLOWN = {
     "where drift leads": (mission(), LOOKING_AHEAD, STARTS),
     "what coasting shows": (mission(), FORESEEING, STARTS),
     "what goes dark soon": (mission(), HURRYING, STARTS),
+    "a decision every half minute": (mission(), PAUSING, STARTS),
+    "the push that shows what sets": (mission(), SEEING, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,
@@ -98,6 +102,14 @@ POINTED = {
     "what coasting shows of a tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), FORESEEING, STARTS),
     "what goes dark soon": (mission(attitude=IDEAL), HURRYING, [*STARTS, *OVER_POLES]),
     "what goes dark soon on a tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), HURRYING, STARTS),
+    "a decision every half minute": (mission(attitude=IDEAL), PAUSING, [*STARTS, *OVER_POLES]),
+    "the push that shows what sets": (mission(attitude=IDEAL), SEEING, [*STARTS, *OVER_POLES]),
+    "the push that shows what sets on a tumbling chief": (
+        mission(attitude=IDEAL, chief=TUMBLING),
+        SEEING,
+        STARTS[:1],
+    ),
+    "a decision every half minute, safety layer": (guarded(PASSIVE), PAUSING, starts_at_rest(3, 47)),
     "safety layer, a few forces changed": (guarded(PASSIVE), STEERING, [*STARTS, *starts_at_rest(3, 47)]),
     "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),
     "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS),
@@ -106,7 +118,7 @@ POINTED = {
 
 
 def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
-    plan = None if controller.plan is None else law_of(controller, what.num_controls).plan
+    plan = None if controller.plan is None else law_of(controller, what).plan
     channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
     return fly_logged(what, controller, start), fly(what, start, channels, inference_of(controller.systems))
 

@@ -24,7 +24,7 @@ def test_a_genome_its_json_and_its_yaml_fly_the_same_bit_for_bit(workers: int, t
     encoding = SystemEncoding(PAPER.systems, Bounds())
     genomes = np.random.default_rng(8).random((5, encoding.num_genes))
     genomes[0] = encoding.encode(PAPER.systems)
-    law = law_of(from_fuzzy(PAPER), MISSION.num_controls)
+    law = law_of(from_fuzzy(PAPER), MISSION)
     tracks = np.empty((5 * len(FLIGHTS), MISSION.num_controls + 1, 3), dtype=np.float32)
     population = fly_population(
         pack_world(MISSION), law, encoding.pack(genomes), *stack_starts(FLIGHTS), workers, tracks

@@ -15,10 +15,13 @@ from pipeline.flight.controller import (
     packed,
 )
 from pipeline.flight.signals import AXES, slot
+from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import steering_systems
 
 BODY = (("force_axes", "body"),)
 X, Y, Z = steering_systems()
+#: four control periods
+SHORT = mission(duration_s=40.0)
 
 
 def renamed(system: FuzzySystem, **changes: str) -> FuzzySystem:
@@ -74,7 +77,7 @@ def test_what_cannot_fly_is_told_why(
 
 
 def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
-    law = law_of(from_fuzzy(FuzzyController("tried", (Z, X), BODY)), 360)
+    law = law_of(from_fuzzy(FuzzyController("tried", (Z, X), BODY)), mission())
     np.testing.assert_array_equal(law.axes, [AXES["force_z"], AXES["force_x"]])
     sensed = [
         [slot(name) for name in names]
@@ -86,10 +89,10 @@ def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
 
 
 def test_a_plan_is_flown_without_force_after_its_last_row() -> None:
-    law = law_of(open_loop("plan", np.ones((2, 3))), 4)
+    law = law_of(open_loop("plan", np.ones((2, 3))), SHORT)
     np.testing.assert_array_equal(law.plan, [[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]])
     assert law.has_plan
-    assert law_of(coast(), 4).plan.shape == (4, 3)
+    assert law_of(coast(), SHORT).plan.shape == (4, 3)
     assert packed(coast()).values.shape == (1, 0)
 
 
@@ -97,4 +100,4 @@ def test_a_plan_longer_than_the_flight_is_refused() -> None:
     with pytest.raises(
         ControllerError, match=r"'plan' has 5 forces, the flight 4 control periods; shorten the plan"
     ):
-        law_of(open_loop("plan", np.ones((5, 3))), 4)
+        law_of(open_loop("plan", np.ones((5, 3))), SHORT)

@@ -12,12 +12,22 @@ from pipeline.flight.signals import (
     NOTHING,
     ORBIT,
     PREVIEW,
+    SETTING,
     SIGNALS,
     URGENCY,
     Signal,
     slot,
 )
-from tests.pipeline.flight.cases import FORESEEING, HURRYING, LOOKING_AHEAD, ORBITAL, STEERING, leaning_system
+from tests.pipeline.flight.cases import (
+    FORESEEING,
+    HURRYING,
+    LOOKING_AHEAD,
+    ORBITAL,
+    SEEING,
+    STEERING,
+    leaning_system,
+    mission,
+)
 
 BODY = (("force_axes", "body"),)
 
@@ -26,7 +36,7 @@ def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch: pytest.Mo
     """It once was taken for urgent, whose constants it has not."""
     monkeypatch.setitem(SIGNALS, "added", Signal("m", "a signal that every flight knows", NOTHING))
     system = leaning_system("force_x", 0.02, ("added", "m", 100.0))
-    law = law_of(from_fuzzy(FuzzyController("tried", (system,), BODY)), 10)
+    law = law_of(from_fuzzy(FuzzyController("tried", (system,), BODY)), mission())
     assert law.signals[0, 0] == len(SIGNALS) - 1
     assert law.needs == NOTHING
     assert channels_of((system,)).needs == NOTHING
@@ -40,10 +50,11 @@ def test_a_signal_behind_the_last_needs_what_its_row_says(monkeypatch: pytest.Mo
         (LOOKING_AHEAD, ORBIT | APPROACH),
         (FORESEEING, ORBIT | PREVIEW),
         (HURRYING, URGENCY),
+        (SEEING, URGENCY | SETTING),
     ],
 )
 def test_what_must_be_computed_adds_up(controller, needs) -> None:
-    assert law_of(controller, 10).needs == needs
+    assert law_of(controller, mission()).needs == needs
 
 
 def test_signals_that_are_written_together_stand_together() -> None:

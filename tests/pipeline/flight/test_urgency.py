@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.flight.controller import ControllerError, constants_of, from_fuzzy
 from pipeline.flight.log import FlightLog
+from pipeline.flight.signals import constant
 from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.cases import HURRYING, STARTS, mission
@@ -64,7 +65,9 @@ def test_a_controller_that_senses_urgency_must_say_how_urgent() -> None:
     silent = tuple(pair for pair in HURRYING.fuzzy.attributes if pair[0] != "urgency_time_s")
     with pytest.raises(ControllerError, match="sets no urgency_time_s; give it"):
         from_fuzzy(replace(HURRYING.fuzzy, attributes=silent))
-    assert tuple(constants_of(HURRYING)[-2:]) == (TIME_S, SKIRT_M)
+    constants = constants_of(HURRYING)
+    assert constants[constant("urgency_time_s")] == TIME_S
+    assert constants[constant("skirt_distance_m")] == SKIRT_M
 
 
 def test_flights_side_by_side_are_those_flown_alone() -> None:

@@ -33,9 +33,10 @@ def test_the_shipped_cases_are_the_first_of_the_default_seed(sun):
     experiment = compose_experiment([*EVALUATE, f"sun={sun}", "monte_carlo.num_cases=50"]).experiment
     starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     for found, expected in zip(solved_for(experiment).scenarios, starts, strict=True):
-        np.testing.assert_array_equal(found.position_m, expected.position_m)
+        # to rounding: NumPy's functions differ in the last digit between processors
+        np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
         np.testing.assert_array_equal(found.velocity_m_s, 0.0)
-        assert found.sun_angle_rad == expected.sun_angle_rad
+        np.testing.assert_allclose(found.sun_angle_rad, expected.sun_angle_rad, rtol=1e-14)
 
 
 def test_a_plan_flown_as_a_controller_burns_the_optimum_once():

@@ -23,6 +23,8 @@ ENCODING = Encoding(
     standard_deviation_fraction=(0.04, 0.3),
     output_range_n=(0.01, 0.3),
     rules="free",
+    stretch=None,
+    digits=None,
     ring_size_m=None,
     ring_lead_rad=None,
     dead_band_n=None,
@@ -31,6 +33,9 @@ ENCODING = Encoding(
     coast_margin_m=None,
     urgency_time_s=None,
     skirt_distance_m=None,
+    see_horizon_s=None,
+    see_damping_ks2=None,
+    aim_urgent_m_s=None,
 )
 
 

@@ -22,9 +22,8 @@ def ellipsoid(genomes: np.ndarray) -> dict[str, np.ndarray]:
 
 def test_it_learns_the_covariance_of_a_turned_ellipsoid() -> None:
     begun = np.full((1, NUM_GENES), 0.6)
-    learnt = evolve(ellipsoid, NUM_GENES, cma(generations=400), seed=1, initial=begun)
-    assert learnt.fitness < 1e-6 * ellipsoid(begun)["fitness"][0]
-    np.testing.assert_allclose(learnt.champion, 0.4, atol=0.01)
+    learnt = evolve(ellipsoid, NUM_GENES, cma(generations=600), seed=1, initial=begun)
+    np.testing.assert_allclose(learnt.champion, 0.4, atol=1e-6)
 
 
 def test_the_centre_comes_first_and_is_the_champion() -> None:

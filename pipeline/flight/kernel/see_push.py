@@ -1,0 +1,165 @@
+"""The push that would still show the deputies of all lanes what coasting misses and is soon dark for good.
+
+Of every such point the cheapest look on the coasting path is sought; one regularised least-squares push
+serves them all. The page on signals derives it. Written out plainly in `pipeline.flight.reference.see_push`.
+"""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.vectors import count, load, select, some, splat, store, total
+from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
+from pipeline.flight.kernel.elementary import exponential
+from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
+from pipeline.flight.signals import constant, slot
+from pipeline.physics.motion import Place, drifted_place, place_of, slopes
+from pipeline.physics.visibility import is_lit
+
+Floats = NDArray[np.float64]
+
+PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
+AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
+URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
+URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
+SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
+AIM_URGENT = constant("aim_urgent_m_s")
+
+#: rows of `Workspace.looks`
+COST, SHORT, SLOPE = 0, 1, 2
+#: the square of a thousand seconds: a push of 1 m/s moves the deputy by about 1 km in that time
+KS2 = 1e6
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def await_dark(work: Workspace, lane: int, now: float, horizon: float) -> int:
+    """Mark the points unseen whose last light is still to come within the horizon; return how many."""
+    num_waiting = 0
+    for j in range(0, len(work.ahead), POINTS):
+        last = load(work.deadlines, (lane, j), POINTS)
+        waits = (load(work.unseen, (lane, j), POINTS) > 0.0) & (last > now) & (last <= now + horizon)
+        store(work.ahead, j, select(waits, 1.0, 0.0))
+        store(work.looks, (COST, j), splat(np.inf, POINTS))
+        num_waiting += count(waits)
+    return num_waiting
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def look_from(
+    world: World,
+    work: Workspace,
+    sample: int,
+    place: Place,
+    rx: float,
+    ry: float,
+    rz: float,
+    sun_x: float,
+    sun_y: float,
+) -> None:
+    """Strike out the points that a place of the path shows; of the others keep the cheapest look so far."""
+    points, ahead, looks, sight = world.points, work.ahead, work.looks, world.sight
+    radius = sqrt(sight.horizon)
+    per_radius = 1.0 / radius
+    near = LEAST_SHORT_M if rx * rx + ry * ry + rz * rz < SQUARED_NEAR_M2 else -np.inf
+    for j in range(0, len(ahead), POINTS):
+        before = load(ahead, j, POINTS)
+        if not some(before > 0.0):
+            continue
+        px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+        pz = load(points, (sample, 2, j), POINTS)
+        lit = (before > 0.0) & is_lit(sight, px, py, sun_x, sun_y)
+        if not some(lit):
+            continue
+        px, py, pz = px * per_radius, py * per_radius, pz * per_radius
+        short = radius - (px * rx + py * ry + pz * rz)
+        short = select(short > near, short, near)
+        _, _, _, gx, gy, gz = slopes(place, px, py, pz)
+        cost = short * short / (gx * gx + gy * gy + gz * gz)
+        cheapest = load(looks, (COST, j), POINTS)
+        is_better = lit & (cost < cheapest)
+        store(ahead, j, select(lit & (short <= 0.0), 0.0, before))
+        store(looks, (COST, j), select(is_better, cost, cheapest))
+        store(looks, (SHORT, j), select(is_better, short, load(looks, (SHORT, j), POINTS)))
+        store(looks, (SLOPE, j), select(is_better, gx, load(looks, (SLOPE, j), POINTS)))
+        store(looks, (SLOPE + 1, j), select(is_better, gy, load(looks, (SLOPE + 1, j), POINTS)))
+        store(looks, (SLOPE + 2, j), select(is_better, gz, load(looks, (SLOPE + 2, j), POINTS)))
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def fitted_push(
+    work: Workspace, lane: int, now: float, rate: float, damping: float
+) -> tuple[float, float, float]:
+    """Return the push, m/s, that brings all looks sought nearest to showing their points, damped.
+
+    Solves ``(damping I + sum w g g^T) dv = sum w g short`` by Cramer's rule.
+    """
+    nothing = splat(0.0, POINTS)
+    sum_xx, sum_yy, sum_zz, sum_xy, sum_xz, sum_yz = nothing, nothing, nothing, nothing, nothing, nothing
+    sum_x, sum_y, sum_z = nothing, nothing, nothing
+    for j in range(0, len(work.ahead), POINTS):
+        counts = load(work.ahead, j, POINTS) > 0.0
+        counts &= load(work.looks, (COST, j), POINTS) < np.inf
+        if some(counts):
+            weight = exponential((now - load(work.deadlines, (lane, j), POINTS)) * rate)
+            weight = select(counts, weight, 0.0)
+            gx, gy = load(work.looks, (SLOPE, j), POINTS), load(work.looks, (SLOPE + 1, j), POINTS)
+            gz, short = load(work.looks, (SLOPE + 2, j), POINTS), load(work.looks, (SHORT, j), POINTS)
+            gx, gy, gz = select(counts, gx, 0.0), select(counts, gy, 0.0), select(counts, gz, 0.0)
+            wx, wy, wz = weight * gx, weight * gy, weight * gz
+            short = select(counts, short, 0.0)
+            sum_xx, sum_yy, sum_zz = sum_xx + wx * gx, sum_yy + wy * gy, sum_zz + wz * gz
+            sum_xy, sum_xz, sum_yz = sum_xy + wx * gy, sum_xz + wx * gz, sum_yz + wy * gz
+            sum_x, sum_y, sum_z = sum_x + wx * short, sum_y + wy * short, sum_z + wz * short
+    least = damping * KS2
+    xx, yy, zz = least + total(sum_xx), least + total(sum_yy), least + total(sum_zz)
+    xy, xz, yz = total(sum_xy), total(sum_xz), total(sum_yz)
+    bx, by, bz = total(sum_x), total(sum_y), total(sum_z)
+    cxx, cyy, czz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
+    cxy, cxz, cyz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
+    inverse = 1.0 / (xx * cxx + xy * cxy + xz * cxz)
+    return (
+        (cxx * bx + cxy * by + cxz * bz) * inverse,
+        (cxy * bx + cyy * by + cyz * bz) * inverse,
+        (cxz * bx + cyz * by + czz * bz) * inverse,
+    )
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def sense_push(
+    world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
+) -> None:
+    """Write the push that shows what sets, and the aim, of lanes that may fire; of all where it is logged."""
+    lanes, signals, now = work.lanes, work.signals, world.control_period * k
+    look_turn = world.mean_motion * world.control_period * world.look_stride
+    look_cos, look_sin = cos(look_turn), sin(look_turn)
+    rate = 1.0 / values[law.constants + URGENCY_TIME]
+    horizon, damping = values[law.constants + SEE_HORIZON], values[law.constants + SEE_DAMPING]
+    skirt, urgent = values[law.constants + SKIRT_DISTANCE], values[law.constants + AIM_URGENT]
+    farthest = int(horizon / (world.control_period * world.look_stride) + 1e-9)
+    num_looks = min(farthest, (world.num_controls - k) // world.look_stride)
+    for lane in range(num_lanes):
+        dx, dy, dz = 0.0, 0.0, 0.0
+        is_idle = lanes.coasts[lane] > 0.0 and not is_logged
+        if not is_idle and await_dark(work, lane, now, horizon) > 0:
+            sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+            rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
+            vx, vy, vz = lanes.velocity[0, lane], lanes.velocity[1, lane], lanes.velocity[2, lane]
+            for look in range(1, num_looks + 1):
+                sun_x, sun_y = sun_x * look_cos + sun_y * look_sin, sun_y * look_cos - sun_x * look_sin
+                place = place_of(world.looks, look)
+                px, py, pz = drifted_place(place, rx, ry, rz, vx, vy, vz)
+                sample = k + look * world.look_stride if len(world.points) > 1 else 0
+                look_from(world, work, sample, place, px, py, pz, sun_x, sun_y)
+            dx, dy, dz = fitted_push(work, lane, now, rate, damping)
+            distance = sqrt(rx * rx + ry * ry + rz * rz)
+            if distance < skirt and skirt > world.min_distance:
+                inward = max(0.0, -(dx * rx + dy * ry + dz * rz) / distance)
+                nearness = min(1.0, (skirt - distance) / (skirt - world.min_distance))
+                turned_away = 2.0 * nearness * inward / distance
+                dx, dy, dz = dx + turned_away * rx, dy + turned_away * ry, dz + turned_away * rz
+        signals[PUSH, lane], signals[PUSH + 1, lane], signals[PUSH + 2, lane] = dx, dy, dz
+        for component in range(3):
+            pushed, urged = signals[PUSH + component, lane], signals[URGENT + component, lane]
+            signals[AIM + component, lane] = pushed + urgent * urged

@@ -1,0 +1,125 @@
+"""The push that would still show a deputy of the readable reference what sets for good."""
+
+from math import exp
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
+from pipeline.flight.reference.world import PlainWorld, turn_chief
+from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
+from pipeline.physics.motion import place_of, propagate, slopes
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.vectors import dot
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+#: the square of a thousand seconds
+KS2 = 1e6
+
+
+@compiled
+def cheapest_looks(
+    world: PlainWorld,
+    state: Floats,
+    k: int,
+    initial_sun_angle: float,
+    quaternion_c_from_h: Floats,
+    chief_rate_c: Floats,
+    is_sought: Booleans,
+    horizon: float,
+) -> Floats:
+    """Return for each point sought how short the cheapest look falls and how a push lengthens it.
+
+    Looks are taken every `look_stride` control periods of free motion, at lit points. A look at a point from
+    a place falls short of the point's horizon by ``R - u r``, with u the point's direction; a push changes it
+    by the slopes g. It is cheapest where the least push, ``short / |g|``, is.
+
+    Parameters
+    ----------
+    world : PlainWorld
+    state : array, shape (6,)
+        At sample k, m and m/s, Hill axes.
+    k : int
+    initial_sun_angle : float
+        At k = 0, rad.
+    quaternion_c_from_h, chief_rate_c : array, shape (4,), (3,)
+        Of the chief at sample k.
+    is_sought : array of bool, shape (P,)
+        Not inspected, and dark for good within the horizon.
+    horizon : float
+        How far ahead is looked, s.
+
+    Returns
+    -------
+    array, shape (P, 4)
+        Shortfall, m, and slopes along the Hill axes, m per m/s; zeros for points that need no push, because
+        they are not sought or free motion shows them, and for those that are lit at no look.
+    """
+    looks = np.zeros((len(is_sought), 4))
+    cost = np.full(len(is_sought), np.inf)
+    is_shown = ~is_sought
+    no_force, radius = np.zeros(3), world.points_radius
+    stride_s = world.control_period * world.look_stride
+    last = min(world.num_controls, k + int(horizon / stride_s + 1e-9) * world.look_stride)
+    for sample in range(k + 1, last + 1):
+        state = propagate(world.motion, state, no_force)
+        quaternion_c_from_h, chief_rate_c = turn_chief(world, quaternion_c_from_h, chief_rate_c)
+        if (sample - k) % world.look_stride != 0:
+            continue
+        position = state[:3].copy()
+        points_h = world.points_c @ dcm_b_from_h(quaternion_c_from_h)
+        angle = sun_angle(initial_sun_angle, world.mean_motion, sample * world.control_period)
+        sun_h = sun_direction_h(angle)
+        place = place_of(world.looks, (sample - k) // world.look_stride)
+        is_near = dot(position, position) < SQUARED_NEAR_M2
+        for i in range(len(points_h)):
+            if is_shown[i] or not is_illuminated(points_h[i], sun_h):
+                continue
+            towards = points_h[i] / radius
+            short = radius - dot(towards, position)
+            if is_near:
+                short = max(short, LEAST_SHORT_M)
+            if short <= 0.0:
+                is_shown[i] = True
+                continue
+            _, _, _, gx, gy, gz = slopes(place, towards[0], towards[1], towards[2])
+            if short**2 / (gx**2 + gy**2 + gz**2) < cost[i]:
+                cost[i] = short**2 / (gx**2 + gy**2 + gz**2)
+                looks[i] = np.array((short, gx, gy, gz))
+    for i in range(len(looks)):
+        if is_shown[i]:
+            looks[i] = 0.0
+    return looks
+
+
+@compiled
+def push_of(looks: Floats, last_lit: Floats, time: float, urgency_time: float, damping: float) -> Floats:
+    """Return the damped least-squares push that brings all looks nearest to showing their points.
+
+    Parameters
+    ----------
+    looks : array, shape (P, 4)
+        Of `cheapest_looks`.
+    last_lit : array, shape (P,)
+        When each point is lit for the last time, s.
+    time, urgency_time : float
+        s.
+    damping : float
+        1e6 s^2, above zero.
+
+    Returns
+    -------
+    array, shape (3,)
+        m/s, Hill axes.
+    """
+    matrix, right = damping * KS2 * np.eye(3), np.zeros(3)
+    for i in range(len(looks)):
+        short, slope = looks[i, 0], looks[i, 1:].copy()
+        if short > 0.0:
+            weight = exp(-(last_lit[i] - time) / urgency_time)
+            matrix += weight * np.outer(slope, slope)
+            right += weight * short * slope
+    return np.linalg.solve(matrix, right).astype(np.float64)
