@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.analysis import shapley
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -35,7 +37,7 @@ from telemetry.file.topics import CONSTANTS_METADATA, EPISODE_METADATA, FIS_META
 Floats = NDArray[np.float64]
 States = NDArray[np.int64]
 #: name of the system, inputs, firing strengths, output
-Inference = tuple[str, Floats, Floats, float]
+Inference = tuple[str, Floats, Floats, float, Floats]
 
 CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
@@ -180,9 +182,12 @@ class FlightRecorder:
         for place, system in enumerate(self._controller.systems):
             inputs = log.fis_input[decided, place, : len(system.inputs)]
             strengths = firing_strengths(self._numbers, inputs, place)
+            shares = np.zeros_like(strengths)
+            burns = np.any(log.force_hill_n[decided] != 0.0, axis=1)
+            shares[burns] = shapley.shares(compile(system), inputs[burns]).values[:, :, 0]
             for row, k in enumerate(decided.tolist()):
                 output = float(log.fis_output_n[k, place])
-                found[k].append((system.name, inputs[row], strengths[row], output))
+                found[k].append((system.name, inputs[row], strengths[row], output, shares[row]))
         return found
 
 
