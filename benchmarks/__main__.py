@@ -1,14 +1,19 @@
-"""Print the figures that the README quotes: ``python -m benchmarks``."""
+"""Print the figures that the README quotes: ``python -m benchmarks``; or attack, see `CAMPAIGNS`."""
 
 import argparse
 import os
 import platform
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import numba
 
 from benchmarks import commands, flights, inference, recording, tools
 
+#: what is attacked rather than timed, each with options of its own
+CAMPAIGNS = ("kills",)
 PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
 
 
@@ -22,8 +27,11 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def main() -> None:
-    """Run the chosen parts."""
+def main() -> int:
+    """Run a campaign, or the chosen parts."""
+    if sys.argv[1:2] and sys.argv[1] in CAMPAIGNS:
+        run: Callable[[Sequence[str]], int] = import_module(f"benchmarks.{sys.argv[1]}").main
+        return run(sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all unless given")
     parser.add_argument("--controller", default="paper_champion", help="an option of conf/controller")
@@ -49,7 +57,8 @@ def main() -> None:
     }
     for part in chosen:
         runs[part]()
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,7 +1,7 @@
 """Fuzzy systems along logged flights: the one file of this package that reads recordings."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,15 +13,18 @@ from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.extras import MissingExtra
+from fis_tools.model.thrust import COUNTED, UNKNOWN
 
 if TYPE_CHECKING:
-    from telemetry.file.reader import Recording
+    from telemetry.file.reader import Recording, TopicColumns
 
 Floats = NDArray[np.float64]
+Words = NDArray[np.str_]
 
 CONTROLLER_ATTACHMENT = "controller.json"
 TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
+CONTROL_TOPIC = "/deputy/control"
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,9 @@ class FlownSystem:
         As logged, in single precision.
     output : (n,)
         As logged.
+    reason : (n,)
+        What became of the output, one of `fis_tools.model.thrust.REASONS`; `UNKNOWN` where the log does not
+        say.
     """
 
     system: FuzzySystem
@@ -47,6 +53,45 @@ class FlownSystem:
     inputs: Floats
     firing_strengths: Floats
     output: Floats
+    reason: Words
+
+    @property
+    def is_counted(self) -> NDArray[np.bool_]:
+        """Whether the output was fired, as far as the thruster goes; true where the log does not say."""
+        return np.isin(self.reason, (*COUNTED, UNKNOWN))
+
+    def at(self, rows: NDArray[np.bool_]) -> "FlownSystem":
+        """Return what the system did at some of its inferences."""
+        return replace(
+            self,
+            time_s=self.time_s[rows],
+            inputs=self.inputs[rows],
+            firing_strengths=self.firing_strengths[rows],
+            output=self.output[rows],
+            reason=self.reason[rows],
+        )
+
+
+@dataclass(frozen=True)
+class Period:
+    """What became of one system over one control period of a flight.
+
+    Parameters
+    ----------
+    flown : FlownSystem
+        All of its inferences.
+    time_s : float
+        When the control period began.
+    reason : str
+        One of `fis_tools.model.thrust.REASONS`; `UNKNOWN` where the log does not say.
+    row : int, optional
+        Its inference at that time; None where there was none.
+    """
+
+    flown: FlownSystem
+    time_s: float
+    reason: str
+    row: int | None
 
 
 class Outcome(NamedTuple):
@@ -69,6 +114,8 @@ class Outcome(NamedTuple):
         recordings that do not say.
     constants : dict of str to str
         The meanings of the controller's attributes, by their names.
+    asked : dict of str to (n,)
+        What each system asked for at each of its inferences, fired or not.
     """
 
     delta_v_m_s: float | None
@@ -82,6 +129,7 @@ class Outcome(NamedTuple):
     num_asked: int
     reasons: dict[str, int]
     constants: dict[str, str]
+    asked: dict[str, Floats]
 
 
 def is_flight(path: Path | str) -> bool:
@@ -100,16 +148,23 @@ def read_controller(path: Path | str) -> FuzzyController:
     return _controller_of(_read(path, topics=()))
 
 
-def read_flight(path: Path | str) -> tuple[FlownSystem, ...]:
+def read_flight(path: Path | str, all_periods: bool = False) -> tuple[FlownSystem, ...]:
     """Read what each fuzzy system of a flight's controller did, in the controller's order.
+
+    Parameters
+    ----------
+    path : path
+    all_periods : bool
+        Give every inference, not only those whose output was fired.
 
     Raises
     ------
     ControllerFileError
         If the flight cannot be read, or its log does not fit the controller it carries.
     """
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*",))
-    return tuple(_flown(recording, system) for system in _controller_of(recording).systems)
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPIC))
+    flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
+    return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
 
 def read_outcome(path: Path | str) -> Outcome:
@@ -143,11 +198,10 @@ def read_outcome(path: Path | str) -> Outcome:
     if control is not None and len(control):
         num_periods = len(control)
         num_fired = int(np.any(control["force_hill_n"] != 0.0, axis=1).sum())
-        if "force_asked_n" in control.columns:
+        if control["force_asked_n"].size:
             num_asked = int(np.any(control["force_asked_n"] != 0.0, axis=1).sum())
-        if "reason" in control.columns:
-            words = control["reason"].astype(str).reshape(num_periods, -1)
-            reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
+        words = control["reason"].reshape(num_periods, -1)
+        reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
     return Outcome(
         **end,
         nearest_m=nearest,
@@ -159,22 +213,51 @@ def read_outcome(path: Path | str) -> Outcome:
         num_asked=num_asked,
         reasons=reasons,
         constants=dict(recording.metadata.get(CONSTANTS_METADATA, {})),
+        asked={
+            name.removeprefix(TOPIC_PREFIX): topic["output_n"].astype(np.float64)
+            for name, topic in topics.items()
+            if name.startswith(TOPIC_PREFIX)
+        },
     )
 
 
-def span_of_inference(flown_systems: Iterable[FlownSystem]) -> tuple[float, float] | None:
-    """Return from when until when the inferences of a flight hold, in seconds; None where there are none.
+def read_periods(path: Path | str, time_s: float) -> tuple[Period, ...]:
+    """Read what became of each fuzzy system of a flight's controller over the control period of a time.
 
-    Each holds until the next; the last is taken to hold for as long as the one before it did.
+    A period holds until the next; the last is taken to hold for as long as the one before it did.
+
+    Raises
+    ------
+    ControllerFileError
+        If the flight cannot be read, its log does not fit the controller it carries, or it was not flown at
+        that time.
     """
-    times = np.unique(np.concatenate([np.empty(0), *(flown.time_s for flown in flown_systems)]))
-    if not len(times):
-        return None
-    hold = times[-1] - times[-2] if len(times) > 1 else 0.0
-    return float(times[0]), float(times[-1] + hold)
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPIC))
+    flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
+    control = _control_of(recording)
+    times = [flown.time_s for flown in flown_systems] if control is None else [control.time_s]
+    starts = np.unique(np.concatenate([np.empty(0), *times]))
+    hold = float(starts[-1] - starts[-2]) if len(starts) > 1 else 0.0
+    if not len(starts) or not starts[0] <= time_s <= starts[-1] + hold:
+        span = f"covers {starts[0]:g} to {starts[-1] + hold:g} s" if len(starts) else "has none"
+        raise ControllerFileError(
+            f"{time_s:g} s is on no control period of {path}, which {span}; choose a time among these"
+        )
+    place = int(np.searchsorted(starts, time_s, side="right")) - 1
+    return tuple(_period(flown, float(starts[place]), recording) for flown in flown_systems)
 
 
-def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[str, RuleUsage]:
+def _period(flown: FlownSystem, start_s: float, recording: "Recording") -> Period:
+    rows = np.flatnonzero(flown.time_s == start_s)
+    if len(rows):
+        return Period(flown, start_s, str(flown.reason[rows[0]]), int(rows[0]))
+    reason = recording.reasons(flown.system.outputs[0].name, np.array([start_s]))[0]
+    return Period(flown, start_s, str(reason), None)
+
+
+def usage_along(
+    paths: Iterable[Path | str], threshold: float = FIRED, all_periods: bool = False
+) -> dict[str, RuleUsage]:
     """Summarise how the rules of a controller fired along one flight or several.
 
     Parameters
@@ -183,28 +266,32 @@ def usage_along(paths: Iterable[Path | str], threshold: float = FIRED) -> dict[s
         Flights of the same controller.
     threshold : float
         The firing strength from which a rule counts as fired.
+    all_periods : bool
+        Count every inference, not only those whose output was fired.
 
     Returns
     -------
     dict
-        By the system's name; a system that never decided anything is missing.
+        By the system's name; a system that never fired is missing.
 
     Raises
     ------
     ControllerFileError
         If a flight cannot be read, or the flights carry different rules.
     """
-    gathered = _gather(paths, "firing_strengths")
+    gathered = _gather(paths, "firing_strengths", all_periods)
     return {name: rule_usage(rows, threshold) for name, rows in gathered.items() if len(rows)}
 
 
-def inputs_along(paths: Iterable[Path | str]) -> dict[str, Floats]:
+def inputs_along(paths: Iterable[Path | str], all_periods: bool = False) -> dict[str, Floats]:
     """Return what the systems of a controller sensed along one flight or several.
 
     Parameters
     ----------
     paths : iterable of paths
         Flights of the same controller.
+    all_periods : bool
+        Return what they sensed at every inference, not only at those whose output was fired.
 
     Returns
     -------
@@ -216,14 +303,14 @@ def inputs_along(paths: Iterable[Path | str]) -> dict[str, Floats]:
     ControllerFileError
         If a flight cannot be read, or the flights carry different rules.
     """
-    return _gather(paths, "inputs")
+    return _gather(paths, "inputs", all_periods)
 
 
-def _gather(paths: Iterable[Path | str], column: str) -> dict[str, Floats]:
+def _gather(paths: Iterable[Path | str], column: str, all_periods: bool) -> dict[str, Floats]:
     rows: dict[str, list[Floats]] = {}
     systems: dict[str, FuzzySystem] = {}
     for path in paths:
-        for flown in read_flight(path):
+        for flown in read_flight(path, all_periods):
             name = flown.system.name
             if systems.setdefault(name, flown.system) != flown.system:
                 raise ControllerFileError(
@@ -281,4 +368,12 @@ def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
             )
         columns[field] = values.reshape(count, width)
     output = np.asarray(messages["output_n"], dtype=np.float64)
-    return FlownSystem(system, messages.time_s, columns["inputs"], columns["firing_strengths"], output)
+    reason = recording.reasons(system.outputs[0].name, messages.time_s)
+    return FlownSystem(
+        system, messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason
+    )
+
+
+def _control_of(recording: "Recording") -> "TopicColumns | None":
+    control = recording.topics.get(CONTROL_TOPIC)
+    return control if control is not None and len(control) else None

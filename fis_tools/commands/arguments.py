@@ -41,6 +41,16 @@ def add_flights(
 ) -> None:
     """Let a command look at what systems sensed along flights."""
     command.add_argument("--flights", nargs="+", metavar="FLIGHT", help=f"logged flights (.mcap) {use}")
+    add_periods(command)
+
+
+def add_periods(command: argparse.ArgumentParser) -> None:
+    """Let a command count every inference along flights."""
+    command.add_argument(
+        "--all-periods",
+        action="store_true",
+        help="along flights, count every inference, not only those whose force was fired",
+    )
 
 
 def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> dict[str, Floats] | None:
@@ -52,7 +62,7 @@ def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> 
     paths = arguments.flights or [p for p in [arguments.controller] if flights.is_flight(p)]
     if not paths:
         return None
-    sensed = flights.inputs_along(paths)
+    sensed = flights.inputs_along(paths, arguments.all_periods)
     flown = {
         system.name: [v.name for v in system.inputs] for system in flights.read_controller(paths[0]).systems
     }

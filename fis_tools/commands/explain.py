@@ -12,7 +12,7 @@ from fis_tools.commands.arguments import (
     chosen,
     flown_inputs,
 )
-from fis_tools.commands.instant import add_instant, samples
+from fis_tools.commands.instant import add_instant, instants
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation import explain, shares
 from fis_tools.source import read_controller
@@ -26,6 +26,8 @@ With --inputs or --time it tells of one inference the share of each rule in the 
 values: they add up to its way from the output of no rule), what would be missing without the
 rule ("needed": nothing where others say the same), and the smallest change of one input that
 flips the output's sign. With --flights (or a flight as CONTROLLER) it tells the shares over them.
+Of a flight it tells about forces that were fired; where none was, it says why. --all-periods tells
+about every inference.
 
 examples:
   python -m fis_tools explain controller.yaml --inputs distance=80,velocity_body_x=0.05
@@ -69,14 +71,20 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _explain_instant(arguments: argparse.Namespace) -> None:
+    found = list(instants(arguments))
+    told = [f"{one.told}\n" for one in found if one.told]
+    silent = [{"system": one.system.name, "words": one.told} for one in found if one.inputs is None]
     if arguments.steps:
-        print("\n".join(text.explain(infer(system, inputs)) for system, inputs in samples(arguments)), end="")
+        steps = [text.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
+        print("\n".join([*steps, *told]), end="")
         return
-    found = [explain(system, inputs, arguments.crossing or 0.0) for system, inputs in samples(arguments)]
+    explained = [
+        explain(one.system, one.inputs, arguments.crossing or 0.0) for one in found if one.inputs is not None
+    ]
     if arguments.json:
-        _print_json("explanations", [one.plain() for one in found])
+        _print_json("explanations", [one.plain() for one in explained], not_fired=silent)
     else:
-        print("\n".join(one.text(everything=arguments.all) for one in found), end="")
+        print("\n".join([*(one.text(everything=arguments.all) for one in explained), *told]), end="")
 
 
 def _explain_flights(arguments: argparse.Namespace) -> None:
@@ -92,7 +100,7 @@ def _explain_flights(arguments: argparse.Namespace) -> None:
         _print_json("shares", [one.plain() for one in found.values() if one is not None])
         return
     told = [
-        f"{name}: it never decided anything on these flights\n"
+        f"{name}: it never fired anything on these flights\n"
         if one is None
         else one.text(everything=arguments.all)
         for name, one in found.items()
@@ -100,8 +108,8 @@ def _explain_flights(arguments: argparse.Namespace) -> None:
     print("\n".join(told), end="")
 
 
-def _print_json(key: str, entries: list[dict[str, Any]]) -> None:
-    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, key: entries}
+def _print_json(key: str, entries: list[dict[str, Any]], **more: list[dict[str, Any]]) -> None:
+    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, key: entries} | more
     print(json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False))
 
 

@@ -5,11 +5,12 @@ import argparse
 import numpy as np
 
 from fis_tools.analysis import arrays, flights
-from fis_tools.commands.arguments import chosen
+from fis_tools.commands.arguments import add_periods, chosen
 from fis_tools.words import text
 
 EPILOG = """\
-fired: in how many of the inferences the rule fired at the threshold or more; leading: in how many no
+Counted are the inferences whose force was fired; with --all-periods, all that were logged.
+fired: in how many of them the rule fired at the threshold or more; leading: in how many no
 rule fired more strongly; mean, max: its strength over all of them.
 
 examples:
@@ -31,6 +32,7 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="STRENGTH",
         help=f"a rule counts as fired from this strength on (default: {arrays.FIRED:g})",
     )
+    add_periods(command)
 
 
 def _strength(word: str) -> float:
@@ -45,12 +47,12 @@ def _strength(word: str) -> float:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print which rules fired along logged flights."""
-    usages = flights.usage_along(arguments.flights, arguments.threshold)
+    usages = flights.usage_along(arguments.flights, arguments.threshold, arguments.all_periods)
     controller = chosen(flights.read_controller(arguments.flights[0]), arguments.system)
     blocks = []
     for system in controller.systems:
         if system.name not in usages:
-            blocks.append([f"{system.name}: it never decided anything on these flights"])
+            blocks.append([f"{system.name}: it never fired anything on these flights"])
             continue
         usage = usages[system.name]
         order = np.argsort(-usage.fired, kind="stable")

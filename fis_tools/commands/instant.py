@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,8 +10,10 @@ from fis_tools.analysis import flights
 from fis_tools.commands.arguments import UserMistake, assignments, chosen
 from fis_tools.engines.inference import Floats
 from fis_tools.model import FuzzySystem
+from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
+from fis_tools.words.text import number
 
 
 def add_instant(command: argparse.ArgumentParser) -> None:
@@ -24,31 +27,64 @@ def add_instant(command: argparse.ArgumentParser) -> None:
     )
 
 
-def samples(arguments: argparse.Namespace) -> Iterator[tuple[FuzzySystem, Floats]]:
+@dataclass(frozen=True)
+class Instant:
+    """A system at an instant.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+    inputs : (num_inputs,), optional
+        None where nothing was fired, and there is nothing to tell about.
+    told : str
+        What became of the force, in words; empty where it was fired as asked for, or nothing is known of it.
+    """
+
+    system: FuzzySystem
+    inputs: Floats | None
+    told: str = ""
+
+
+def instants(arguments: argparse.Namespace) -> Iterator[Instant]:
     """Yield each system that is meant with its inputs, given by hand or logged."""
     if arguments.time is None:
-        yield from _given(arguments)
+        yield from (Instant(system, inputs) for system, inputs in _given(arguments))
         return
     if not flights.is_flight(arguments.controller):
         raise UserMistake("--time is for logged flights (.mcap); give --inputs for a controller file")
-    flown_systems = flights.read_flight(arguments.controller)
-    names = [flown.system.name for flown in flown_systems]
+    periods = flights.read_periods(arguments.controller, arguments.time)
+    names = [period.flown.system.name for period in periods]
     if arguments.system is not None and arguments.system not in names:
         raise UserMistake(
             f"the flight has no system {arguments.system!r}; {nearest(arguments.system, names)}"
         )
-    span = flights.span_of_inference(flown_systems)
-    if span is not None and not arguments.time <= span[1]:
-        raise UserMistake(
-            f"--time {arguments.time:g} is not on this flight, whose inferences cover "
-            f"{span[0]:g} to {span[1]:g} s; choose a time among these"
-        )
-    for flown in flown_systems:
-        if arguments.system in (None, flown.system.name):
-            place = int(np.searchsorted(flown.time_s, arguments.time, side="right")) - 1
-            if place < 0:
-                raise UserMistake(f"{flown.system.name!r} decided nothing up to {arguments.time:g} s")
-            yield flown.system, flown.inputs[place]
+    for period in periods:
+        if arguments.system in (None, period.flown.system.name):
+            yield _instant(period, arguments.all_periods)
+
+
+def _instant(period: flights.Period, all_periods: bool) -> Instant:
+    system = period.flown.system
+    told = "" if period.reason in ("fired", UNKNOWN) else _in_words(period)
+    is_counted = period.reason in (*COUNTED, UNKNOWN) or all_periods
+    if period.row is None or not is_counted:
+        return Instant(system, None, told or f"{system.name}: at {period.time_s:g} s nothing was inferred")
+    return Instant(system, period.flown.inputs[period.row], told)
+
+
+def _in_words(period: flights.Period) -> str:
+    """Say what became of what a system asked for, and when it fired before and after."""
+    flown = period.flown
+    words = f"{flown.system.name}: at {period.time_s:g} s "
+    if period.row is not None:
+        unit = flown.system.outputs[0].unit
+        words += f"it asked for {number(float(flown.output[period.row]))} {unit}".rstrip() + "; "
+    words += REASONS.get(period.reason, "nothing was fired")
+    fired = flown.time_s[flown.is_counted]
+    before, after = fired[fired < period.time_s], fired[fired > period.time_s]
+    words += f"; it last fired at {before[-1]:g} s" if len(before) else "; it had not fired before"
+    words += f" and next at {after[0]:g} s" if len(after) else " and did not fire again"
+    return words
 
 
 def _given(arguments: argparse.Namespace) -> Iterator[tuple[FuzzySystem, Floats]]:

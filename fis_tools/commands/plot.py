@@ -7,8 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from fis_tools.analysis import flights
-from fis_tools.commands.arguments import UserMistake, add_controller, chosen, file_name, place_for
-from fis_tools.commands.instant import add_instant, samples
+from fis_tools.commands.arguments import (
+    UserMistake,
+    add_controller,
+    add_periods,
+    chosen,
+    file_name,
+    place_for,
+)
+from fis_tools.commands.instant import add_instant, instants
 from fis_tools.engines.inference import Floats, infer
 from fis_tools.source import read_controller
 
@@ -49,6 +56,7 @@ def add(command: argparse.ArgumentParser) -> None:
         "inference when --inputs or --time say which; firing when CONTROLLER is a flight)",
     )
     add_instant(command)
+    add_periods(command)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -56,11 +64,11 @@ def run(arguments: argparse.Namespace) -> None:
     from fis_tools.render import THEMES, save  # noqa: PLC0415 - the other commands start without matplotlib
 
     theme, kinds = THEMES[arguments.theme], _kinds(arguments)
-    instants = list(samples(arguments)) if "inference" in kinds else []
+    inferences = _fired(arguments) if "inference" in kinds else []
     taken: Counter[str] = Counter()
     for drawn in (
         _of_systems(arguments, kinds, theme),
-        _of_instants(instants, theme),
+        _of_instants(inferences, theme),
         _of_flights(arguments, kinds, theme),
     ):
         for system, name, figure in drawn:
@@ -71,6 +79,19 @@ def run(arguments: argparse.Namespace) -> None:
             path = place_for(Path(arguments.output) / f"{picture}.{arguments.format}")
             save(figure, path)
             print(path)
+
+
+def _fired(arguments: argparse.Namespace) -> "list[tuple[FuzzySystem, Floats]]":
+    """Return the inferences that there are to draw."""
+    found = list(instants(arguments))
+    drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
+    if not drawn:
+        raise UserMistake("; ".join(one.told for one in found))
+    return drawn
+
+
+def _flown(arguments: argparse.Namespace) -> "tuple[flights.FlownSystem, ...]":
+    return flights.read_flight(arguments.controller, arguments.all_periods)
 
 
 def _kinds(arguments: argparse.Namespace) -> list[str]:
@@ -95,7 +116,7 @@ def _of_systems(arguments: argparse.Namespace, kinds: list[str], theme: "Theme")
     from fis_tools import render  # noqa: PLC0415 - as above
 
     path = arguments.controller
-    sensed = flights.inputs_along([path]) if flights.is_flight(path) else {}
+    sensed = flights.inputs_along([path], arguments.all_periods) if flights.is_flight(path) else {}
     for system in chosen(read_controller(path), arguments.system).systems:
         if "memberships" in kinds:
             yield system, "memberships", render.memberships_figure(system, theme=theme)
@@ -107,17 +128,17 @@ def _of_systems(arguments: argparse.Namespace, kinds: list[str], theme: "Theme")
             yield from ((system, *named) for named in drawn)
 
 
-def _of_instants(instants: "list[tuple[FuzzySystem, Floats]]", theme: "Theme") -> "Pictures":
+def _of_instants(inferences: "list[tuple[FuzzySystem, Floats]]", theme: "Theme") -> "Pictures":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    for system, inputs in instants:
+    for system, inputs in inferences:
         yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
 
 
 def _of_flights(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    for flown in flights.read_flight(arguments.controller) if "firing" in kinds else ():
+    for flown in _flown(arguments) if "firing" in kinds else ():
         if arguments.system in (None, flown.system.name) and len(flown.time_s):
             figure = render.firing_figure(flown.system, flown.time_s, flown.firing_strengths, theme=theme)
             yield flown.system, "firing", figure

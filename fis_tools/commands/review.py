@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fis_tools.commands.arguments import add_controller, chosen, place_for
+from fis_tools.commands.arguments import add_controller, add_periods, chosen, place_for
 from fis_tools.source import read_controller
 
 EPILOG = """\
@@ -35,6 +35,7 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--evidence", metavar="FILE", help="the evidence.json that tells what became of the requirements"
     )
+    add_periods(command)
     command.add_argument(
         "-o", "--output", metavar="FILE", default="review.html", help="where to (default: review.html)"
     )
@@ -49,7 +50,9 @@ def run(arguments: argparse.Namespace) -> None:
     if not paths and Path(arguments.controller).suffix == ".mcap":
         paths = [arguments.controller]
     print(f"reviewing {controller.name}", file=sys.stderr)
-    text = page.write(controller, paths, arguments.system, arguments.evidence)
+    text = page.write(
+        controller, paths, arguments.system, arguments.evidence, all_periods=arguments.all_periods
+    )
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)

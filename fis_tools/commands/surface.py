@@ -11,6 +11,7 @@ from fis_tools.analysis import arrays
 from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
+    add_periods,
     assignments,
     count,
     flown_inputs,
@@ -53,6 +54,7 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) to lay over the picture"
     )
+    add_periods(command)
     command.add_argument(
         "-o", "--output", metavar="FILE", help=".png, .svg, .pdf, or CSV (default: CSV, printed)"
     )

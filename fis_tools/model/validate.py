@@ -26,6 +26,14 @@ Vocabulary = dict[str, dict[str, None]]
 MOST_NAMES = 50
 #: Memberships that rounding may put outside [0, 1].
 ROUNDING = 1e-12
+#: Problems of a system that are listed; whoever has so many needs no more.
+MOST_PROBLEMS = 200
+#: Inputs of a system, terms of a variable and rules: beyond, no page can be read and no analysis ends.
+MOST_INPUTS, MOST_TERMS, MOST_RULES = 12, 2_000, 50_000
+#: Systems of a controller.
+MOST_SYSTEMS = 50
+#: Memberships of all terms at all points of a system.
+MOST_MEMBERSHIPS = 4_000_000
 #: How deep and, or and not may be nested in one antecedent.
 MAX_NESTING = 20
 
@@ -55,6 +63,11 @@ def controller_problems(controller: FuzzyController) -> list[str]:
     found += _duplicates(f"controller {controller.name!r}", "systems", (s.name for s in controller.systems))
     for kind, facts in (("attributes", controller.attributes), ("provenance", controller.provenance)):
         found += _duplicates(f"controller {controller.name!r}", kind, (key for key, _ in facts))
+    if len(controller.systems) > MOST_SYSTEMS:
+        return [
+            f"controller {controller.name!r} has {len(controller.systems)} systems; at most {MOST_SYSTEMS} "
+            "are read, so split it"
+        ]
     for system in controller.systems:
         found += problems(system)
     return found
@@ -68,19 +81,44 @@ def problems(system: FuzzySystem) -> list[str]:
     system : FuzzySystem
         Any system, however broken.
     """
+    too_large = list(_size_problems(system))
+    return too_large or list(islice(_problems(system), MOST_PROBLEMS))
+
+
+def _size_problems(system: FuzzySystem) -> Iterator[str]:
+    """Tell what makes a system too large to be looked at any further."""
     where = f"system {system.name!r}"
-    found = list(_name_problems("a system", system.name))
-    found += (f"{where}: {problem}" for problem in _choice_problems(system))
+    everything = (*system.inputs, *system.outputs)
+    most_terms = max((len(variable.terms) for variable in everything), default=0)
+    memberships = sum(
+        len(variable.terms) * variable.num_points
+        for variable in everything
+        if isinstance(variable.num_points, int | np.integer)
+    )
+    for what, count, most in (
+        ("inputs", len(system.inputs), MOST_INPUTS),
+        ("outputs", len(system.outputs), MOST_TERMS),
+        ("terms of one variable", most_terms, MOST_TERMS),
+        ("rules", len(system.rules), MOST_RULES),
+        ("memberships, terms times points", memberships, MOST_MEMBERSHIPS),
+    ):
+        if count > most:
+            yield f"{where} has {count} {what}; at most {most} are read, so make it smaller"
+
+
+def _problems(system: FuzzySystem) -> Iterator[str]:
+    where = f"system {system.name!r}"
+    yield from _name_problems("a system", system.name)
+    yield from (f"{where}: {problem}" for problem in _choice_problems(system))
     for kind, variables in (("inputs", system.inputs), ("outputs", system.outputs)):
         if not variables:
-            found.append(f"{where} has no {kind}; a system needs at least one, so add a variable")
+            yield f"{where} has no {kind}; a system needs at least one, so add a variable"
     everything = (*system.inputs, *system.outputs)
-    found += _duplicates(where, "variables", (variable.name for variable in everything))
+    yield from _duplicates(where, "variables", (variable.name for variable in everything))
     for variable in everything:
-        found += (f"{where}, {problem}" for problem in _variable_problems(variable))
-    found += (f"{where}, {problem}" for problem in _output_problems(system))
-    found += (f"{where}, {problem}" for problem in _rule_base_problems(system))
-    return found
+        yield from (f"{where}, {problem}" for problem in _variable_problems(variable))
+    yield from (f"{where}, {problem}" for problem in _output_problems(system))
+    yield from (f"{where}, {problem}" for problem in _rule_base_problems(system))
 
 
 _CHOICES = {

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fis_tools.analysis.flights import Outcome
 from fis_tools.model import FuzzyController
-from fis_tools.review.flown import Flight
 
 #: ends of names that tell a unit
 UNITS = {
@@ -41,15 +41,15 @@ class Constant(NamedTuple):
 
 
 def constants(
-    controller: FuzzyController, flown: Sequence[Flight], meanings: Mapping[str, str]
+    controller: FuzzyController, went: Sequence[Outcome], meanings: Mapping[str, str]
 ) -> list[Constant]:
     """Return a row for each attribute that is a number.
 
     Parameters
     ----------
     controller : FuzzyController
-    flown : sequence of Flight
-        On which it is counted how many digits of a dead band matter.
+    went : sequence of Outcome
+        Of the flights on which it is counted how many digits of a dead band matter.
     meanings : mapping of str to str
         What the attributes mean, with or without a unit after a comma, by their names.
     """
@@ -61,16 +61,16 @@ def constants(
             continue
         unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
         meaning = meanings.get(name, "").removesuffix(f", {unit}")
-        found.append(Constant(name, f"{value:.4g}", text, unit, meaning, _digits(name, value, flown)))
+        found.append(Constant(name, f"{value:.4g}", text, unit, meaning, _digits(name, value, went)))
     return found
 
 
-def _digits(name: str, value: float, flown: Sequence[Flight]) -> str:
+def _digits(name: str, value: float, went: Sequence[Outcome]) -> str:
     """Say with how many digits of a dead band every output of the flights is judged as it was."""
     outputs = [
-        np.abs(one.output)
-        for flight in flown
-        for system, one in flight.flown.items()
+        np.abs(asked)
+        for one in went
+        for system, asked in one.asked.items()
         if name.startswith(f"{DEAD_BAND}{system}")
     ]
     asked = np.concatenate([np.empty(0), *outputs])

@@ -45,8 +45,12 @@ class Samples:
     are_flown: bool
 
 
-def read_flights(paths: Sequence[Path | str], controller: FuzzyController) -> list[Flight]:
+def read_flights(
+    paths: Sequence[Path | str], controller: FuzzyController, all_periods: bool = False
+) -> list[Flight]:
     """Read the flights to review a controller along, each once; one is called as its file, or as its path.
+
+    Of each the inferences whose force was fired are read, or all.
 
     Raises
     ------
@@ -54,7 +58,9 @@ def read_flights(paths: Sequence[Path | str], controller: FuzzyController) -> li
         If one cannot be read, or its systems have other inputs than the controller's.
     """
     once = unique(paths)
-    return [_flight(name, path, controller) for name, path in zip(_names(once), once, strict=True)]
+    return [
+        _flight(name, path, controller, all_periods) for name, path in zip(_names(once), once, strict=True)
+    ]
 
 
 def unique(paths: Sequence[Path | str]) -> list[Path]:
@@ -62,8 +68,8 @@ def unique(paths: Sequence[Path | str]) -> list[Path]:
     return list({Path(path).resolve(): Path(path) for path in paths}.values())
 
 
-def _flight(name: str, path: Path, controller: FuzzyController) -> Flight:
-    flown = _flown(path, controller)
+def _flight(name: str, path: Path, controller: FuzzyController, all_periods: bool) -> Flight:
+    flown = _flown(path, controller, all_periods)
     own = {system.name: system for system in controller.systems}
     return Flight(name, flown, all(one.system == own[key] for key, one in flown.items()))
 
@@ -76,9 +82,10 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return next((names for names in candidates if len(set(names)) == len(set(parts))), [])
 
 
-def _flown(path: Path | str, controller: FuzzyController) -> dict[str, FlownSystem]:
+def _flown(path: Path | str, controller: FuzzyController, all_periods: bool) -> dict[str, FlownSystem]:
     known = {system.name: system for system in controller.systems}
-    flown = {one.system.name: one for one in flights.read_flight(path) if one.system.name in known}
+    read = flights.read_flight(path, all_periods)
+    flown = {one.system.name: one for one in read if one.system.name in known}
     if not flown:
         names = ", ".join(known)
         raise ControllerFileError(f"{path} was flown without any of the systems {names}; give another flight")

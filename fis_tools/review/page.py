@@ -53,6 +53,7 @@ def write(
     flight_paths: Sequence[Path | str] = (),
     part: str | None = None,
     evidence: Path | str | None = None,
+    all_periods: bool = False,
 ) -> str:
     """Write the review page of a controller.
 
@@ -67,6 +68,8 @@ def write(
         The system's name, where the controller is only that part of a larger one.
     evidence : path, optional
         A file that tells what became of the requirements.
+    all_periods : bool
+        Count every inference along flights, not only those whose force was fired.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def write(
     """
     systems = controller.systems
     paths = unique(outcomes.recordings(flight_paths))
-    flown = read_flights(paths, controller)
+    flown = read_flights(paths, controller, all_periods)
     went = [read_outcome(path) for path in paths]
     meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
     fingerprint = serialize.fingerprint(controller)
@@ -100,7 +103,7 @@ def write(
         data,
         controller=controller,
         facts=content.facts(controller.provenance),
-        constants=constants(controller, flown, meanings),
+        constants=constants(controller, went, meanings),
         others=content.facts(content.texts(controller)),
         outcome_heads=outcomes.HEADS,
         outcomes=outcomes.rows(flight_paths, [flight.name for flight in flown], went),

@@ -78,7 +78,7 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     first = arguments[0] if arguments else ""
     if first and first[0] not in "+-~" and "=" not in first:
         raise ConfigError(
-            f"there is no subcommand {first} (there are none); an experiment is started with "
+            f"there is no subcommand {first} (verify is the only one); an experiment is started with "
             "+experiment=NAME and settings with key=value, see python -m pipeline --help"
         )
     parser = _Parser(add_help=False, allow_abbrev=False)

@@ -27,7 +27,7 @@ from pipeline.command_line.overrides import (
     single_runs,
 )
 from pipeline.command_line.runs import MISTAKE, OK
-from pipeline.run import artifacts
+from pipeline.run import artifacts, maker
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
@@ -64,9 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _dispatch(arguments: Sequence[str]) -> int:
     """Tell what is only printed from what is run."""
+    if arguments[:1] == ["verify"]:
+        from pipeline.command_line.verify import verify  # noqa: PLC0415 - it reads recordings
+
+        return verify(arguments[1:])
     asked = read_arguments(arguments)
     if asked.version:
-        sys.stdout.write(f"{artifacts.DISTRIBUTION} {artifacts.product_version()}\n")
+        sys.stdout.write(f"{maker.DISTRIBUTION} {maker.product_version()}\n")
         return OK
     if asked.help or not (asked.overrides or asked.resume or asked.cfg):
         from pipeline.command_line.guide import help_text  # noqa: PLC0415 - it loads compiled code
@@ -86,7 +90,7 @@ def _experiment(asked: Asked) -> int:
         return runs.resume(asked.resume, overrides)
     folder = None if asked.multirun else _run_folder(overrides)
     if folder is not None:
-        if any((folder / name).exists() for name in (artifacts.CONFIG, artifacts.MANIFEST)):
+        if (folder / artifacts.MANIFEST).exists():
             return runs.repeat(folder, overrides, asked)
         keys = {override.key_or_group for override in overrides}
         if "stages" in keys and EXPERIMENT not in keys:

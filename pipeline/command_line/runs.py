@@ -13,16 +13,19 @@ from hydra.core.override_parser.types import Override
 from pipeline.command_line.arguments import Asked
 from pipeline.command_line.config import Composed, compose_experiment, differences
 from pipeline.command_line.overrides import EXPERIMENT, ConfigError
+from pipeline.flight.chief import num_chief_steps
 from pipeline.run import artifacts
+from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
+from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import experiment_from
 
 OK, MISTAKE = 0, 2
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
-OWN_GROUPS = {"record": ("telemetry",), "report": ("report",)}
+OWN_GROUPS = {"record": ("telemetry",), "assure": ("assurance",), "report": ("report",)}
 
 
 def sentence(error: Exception) -> str:
@@ -51,16 +54,19 @@ def start(jobs: Sequence[Composed], commands: Sequence[Sequence[str]]) -> int:
 
 def _start(job: Composed, command: Sequence[str]) -> int:
     try:
-        _check_vacant(job)
+        with held(job.folder):
+            _check_vacant(job)
+            return _run(job.config, job.experiment, job.folder, command=command)
     except (ValueError, OSError) as error:
         sys.stderr.write(f"error: {error}\n")
         return MISTAKE
-    return _run(job.config, job.experiment, job.folder, command=command)
 
 
 def _check_vacant(job: Composed) -> None:
     """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
+        if (job.folder / artifacts.CONFIG).exists():
+            _experiment_of(job.folder, _config_of(job.folder))
         return
     if artifacts.read_manifest(job.folder)["config_hash"] != artifacts.config_hash(job.config):
         shown = _shown(job.folder)
@@ -98,6 +104,12 @@ def _run(
 
 def resume(folder: Path, overrides: Sequence[Override]) -> int:
     """Resume a run with its own configuration; return the exit code."""
+    _config_of(folder)
+    with held(folder):
+        return _resume(folder, overrides)
+
+
+def _resume(folder: Path, overrides: Sequence[Override]) -> int:
     config = _config_of(folder)
     experiment = _experiment_of(folder, config)
     for override in overrides:
@@ -118,6 +130,12 @@ def resume(folder: Path, overrides: Sequence[Override]) -> int:
 
 def repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
+    _config_of(folder)
+    with held(folder):
+        return _repeat(folder, overrides, asked)
+
+
+def _repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
     config = _config_of(folder)
     experiment = _experiment_of(folder, config)
     stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
@@ -144,11 +162,13 @@ def repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
 def _config_of(folder: Path) -> dict[str, Any]:
     """Read a run's configuration and refuse one that was edited since."""
     config = artifacts.read_config(folder)
-    if not (folder / artifacts.MANIFEST).exists():
+    if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
             f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
             "outputs/NAME/TIME"
         )
+    if not (folder / artifacts.MANIFEST).exists():
+        return config
     if artifacts.config_hash(config) != artifacts.read_manifest(folder)["config_hash"]:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
@@ -170,12 +190,15 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise what a stage would raise, before any folder is made."""
+    num_chief_steps(experiment.mission)
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(
             "guidance.engine is sklearn, which flies one flight at a time; "
             "train with guidance.engine=compiled"
         )
+    if "assure" in experiment.stages:
+        _check_requirements(experiment.assurance.requirements)
     if "optimum" in experiment.stages:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
 
@@ -188,6 +211,13 @@ def check_before(experiment: Experiment) -> None:
     _check_controller(experiment)
     if "compare" in experiment.stages:
         _check_compared(experiment)
+
+
+def _check_requirements(name: str) -> None:
+    """Read the requirements, whose mistakes are pointed at."""
+    from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - as above
+
+    read(requirements_path(name).read_text(encoding="utf-8"), name)
 
 
 def _check_compared(experiment: Experiment) -> None:

@@ -7,10 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.model.thrust import REASONS
+
 Floats = NDArray[np.float64]
 
 #: what the safety layer acted for at a sample, see `FlightLog.safety_limit`
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
+
+#: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
+FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY = range(len(REASONS))
+#: the safety layer changed a component where it changed it by more than this, N; less is rounding
+LEAST_CHANGE_N = 1e-9
 
 
 @dataclass(frozen=True)
@@ -46,16 +53,26 @@ class FlightLog(NamedTuple):
         controller commands Hill axes).
     force_hill_n : (K, 3)
         As applied over the control period that follows.
+    force_asked_n : (K, 3)
+        As the controller's systems or plan asked for it, in the controller's own axes, before dead bands,
+        clip and safety layer; zero where nothing was asked for.
+    reason : (K, 3) int
+        Why each of these components was, or was not, fired: `FIRED`, `SILENT`, `DEAD_BAND`, `WAITING`,
+        `COASTING`, `COMPLETE`, `CLIPPED` or `SAFETY`. Clip and safety layer act along Hill axes; where the
+        controller's are the body's, they mark all three.
+    foreseen : (K, 3)
+        What coasting was decided by: points that coasting to the end would miss, least and greatest distance
+        on the way, m; NaN where that was not asked.
     num_candidates : (K+1,) int
         Points lit and not yet inspected, after the inspection of sample k.
     target_m : (K+1, 3)
         The point p_u; zeros without candidates.
     lambda_u_rad, eta_u_rad : (K+1,)
     fis_input : (K, F, 3)
-        Before clipping; unused places are zero.
+        Before clipping; unused places are zero, and all where `is_decided` is false.
     fis_output_n : (K, F)
     is_decided : (K,) bool
-        Whether inference decided the force at sample k.
+        Whether inference decided the force at sample k: not while coasting, nor between two decisions.
     sun_angle_rad : (K+1,)
     is_inspected : (K+1, P) bool
     delta_v_m_s : (K+1,)
@@ -77,6 +94,9 @@ class FlightLog(NamedTuple):
     torque_b_n_m: Floats
     force_body_n: Floats
     force_hill_n: Floats
+    force_asked_n: Floats
+    reason: NDArray[np.int64]
+    foreseen: Floats
     num_candidates: NDArray[np.int64]
     target_m: Floats
     lambda_u_rad: Floats
@@ -92,7 +112,7 @@ class FlightLog(NamedTuple):
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
-    """Allocate the log of a flight, all zeros.
+    """Allocate the log of a flight: zeros, and nothing foreseen.
 
     Parameters
     ----------
@@ -111,6 +131,9 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         torque_b_n_m=np.zeros((controls, num_attitude_steps, 3)),
         force_body_n=np.zeros((controls, 3)),
         force_hill_n=np.zeros((controls, 3)),
+        force_asked_n=np.zeros((controls, 3)),
+        reason=np.zeros((controls, 3), dtype=np.int64),
+        foreseen=np.full((controls, 3), np.nan),
         num_candidates=np.zeros(samples, dtype=np.int64),
         target_m=np.zeros((samples, 3)),
         lambda_u_rad=np.zeros(samples),

@@ -184,4 +184,4 @@ HILL, BODY = 0, 1
 FORCE_AXES = {"hill": HILL, "body": BODY}
 
 #: a component smaller than this is not fired: the first of three, in the order of `AXES`
-DEAD_BAND = constant("dead_band_force_x_n")
+FIRST_DEAD_BAND = constant("dead_band_force_x_n")

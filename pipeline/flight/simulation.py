@@ -78,13 +78,19 @@ def fly_population(
     starts : (m, 6), sun_angles : (m,)
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
-    tracks : (n * m, K+1, 3) float32, optional
-        Filled with positions, m, Hill axes.
+    tracks : (n * m, K+1, 3 or 8) float32, optional
+        Filled with positions, m, Hill axes, and where there is room velocities (m/s), the delta-v spent
+        (m/s) and the numbers of points not yet inspected.
 
     Returns
     -------
     Outcomes
         Arrays of shape (n, m).
+
+    Raises
+    ------
+    FlightError
+        If a flight did not stay finite.
     """
     num_pairs = len(numbers.values) * len(starts)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
@@ -127,7 +133,22 @@ def _parts_in_use(world: World) -> tuple[Guard | None, bool | None]:
     return world.guard if world.guard.is_on else None, world.has_clusters or None
 
 
+class FlightError(ValueError):
+    """A flight whose state became infinite or not a number: it tells nothing."""
+
+
+def _check_finite(*numbers: Floats) -> None:
+    """Raise FlightError unless all numbers of a flight are finite."""
+    if not all(np.isfinite(some).all() for some in numbers):
+        raise FlightError(
+            "a flight did not stay finite: its position, attitude or force became infinite or not a number; "
+            "lower attitude.proportional_gain, deputy.max_torque_n_m or attitude_period_s, with which it "
+            "cannot be flown"
+        )
+
+
 def _outcomes(rows: Floats) -> Outcomes:
+    _check_finite(rows)
     return Outcomes(
         delta_v_m_s=rows[..., arrays.DELTA_V],
         inspected_count=np.rint(rows[..., arrays.INSPECTED]).astype(np.int64),
@@ -217,7 +238,7 @@ def _outcomes_of_logs(
     for case, scenario in enumerate(scenarios):
         log = fly_logged(mission, controller, scenario)
         if tracks is not None:
-            tracks[case] = log.position_m
+            tracks[case] = tracked(log)[:, : tracks.shape[2]]
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
         rows[case, arrays.DELTA_V] = log.delta_v_m_s[-1]
@@ -230,6 +251,12 @@ def _outcomes_of_logs(
         per_force = mission.control_period_s / limits.mass_kg
         rows[case, arrays.SAFETY_DELTA_V] = np.abs(log.safety_force_hill_n).sum() * per_force
     return _outcomes(rows)
+
+
+def tracked(log: FlightLog) -> Floats:
+    """Return the track of a logged flight, (K+1, 8), in double precision; see `fly_population`."""
+    left = np.count_nonzero(~log.is_inspected, axis=1)
+    return np.column_stack([log.position_m, log.velocity_m_s, log.delta_v_m_s, left])
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
@@ -256,4 +283,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         np.empty((1, NUM_OUTCOMES)),
     )
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
+    _check_finite(
+        log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
+    )
     return log

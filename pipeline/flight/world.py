@@ -4,14 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
+from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.kernel.arrays import POINTS, World
 from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.rigid_body import tumbling_step
-from pipeline.physics.visibility import sight_of
+from pipeline.physics.rigid_body import tumble
+from pipeline.physics.sight import sight_of
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -34,17 +35,17 @@ def chief_attitudes(mission: Mission) -> Floats:
     inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
     inverse = np.linalg.inv(inertia).astype(np.float64)
     quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
-    steps = max(1, int(np.ceil(mission.control_period_s)))
+    steps = num_chief_steps(mission)
     for k in range(1, len(attitudes)):
-        for _ in range(steps):
-            quaternion, rate_c = tumbling_step(
-                quaternion,
-                rate_c,
-                inertia,
-                inverse,
-                mission.orbit.mean_motion_rad_s,
-                mission.control_period_s / steps,
-            )
+        quaternion, rate_c = tumble(
+            quaternion,
+            rate_c,
+            inertia,
+            inverse,
+            mission.orbit.mean_motion_rad_s,
+            mission.control_period_s,
+            steps,
+        )
         attitudes[k] = quaternion
     return attitudes
 

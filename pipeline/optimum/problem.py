@@ -19,7 +19,7 @@ from pipeline.flight.world import pack_world
 from pipeline.physics.illumination import sun_angle
 from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.visibility import is_lit
+from pipeline.physics.sight import is_lit
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

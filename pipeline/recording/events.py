@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.model.thrust import ThrustLogic
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, FlightLog, points_needed
 from pipeline.settings.experiment import Mission
 
@@ -33,7 +34,9 @@ class Event:
     text: str
 
 
-def events(mission: Mission, log: FlightLog, near_limit_m: float) -> list[Event]:
+def events(
+    mission: Mission, log: FlightLog, near_limit_m: float, logic: ThrustLogic | None = None
+) -> list[Event]:
     """Tell a flight's events, in the order of time.
 
     Parameters
@@ -43,6 +46,8 @@ def events(mission: Mission, log: FlightLog, near_limit_m: float) -> list[Event]
     near_limit_m : float
         A distance limit is near when it is nearer than this. The warning is given once, and again only after
         the deputy has been twice as far from the limits.
+    logic : ThrustLogic, optional
+        Of the controller, which tells why it coasts.
 
     Returns
     -------
@@ -50,6 +55,7 @@ def events(mission: Mission, log: FlightLog, near_limit_m: float) -> list[Event]
         The last one sums the flight up.
     """
     found = [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    found += _coasting(mission, log, logic) if logic is not None else ()
     found.append(_summary(mission, log))
     return sorted(found, key=lambda event: event.sample)
 
@@ -96,6 +102,32 @@ def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[E
         elif margin < near_limit_m and not is_warned:
             yield Event(sample, "warning", f"{distance:.1f} m from the chief: {margin:.1f} m from {limit}")
             is_warned = True
+
+
+def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[Event]:
+    """Say when the controller begins and ceases to coast, and what coasting to the end would come to."""
+    num_points, margin = log.is_inspected.shape[1], logic.coast_margin_m
+    low, high = mission.deputy.min_distance_m + margin, mission.deputy.max_distance_m - margin
+    was_coasting = False
+    for sample in np.flatnonzero(np.isfinite(log.foreseen[:, 0])).tolist():
+        missed, nearest, farthest = log.foreseen[sample].tolist()
+        unseen = f"{missed:.0f} of {num_points} points unseen"
+        is_coasting = not log.is_decided[sample]
+        if is_coasting and not was_coasting:
+            yield Event(
+                sample,
+                "info",
+                f"coasting begins: to the end it leaves {unseen}, fewer than "
+                f"{logic.coast_below_points:.3g}, {nearest:.1f} to {farthest:.1f} m from the chief",
+            )
+        elif was_coasting and not is_coasting:
+            why = f"it would now leave {unseen}"
+            if missed < logic.coast_below_points and nearest < low:
+                why = f"it would now come to {nearest:.1f} m from the chief, nearer than {low:.1f} m"
+            elif missed < logic.coast_below_points and farthest > high:
+                why = f"it would now lead {farthest:.1f} m from the chief, farther than {high:.1f} m"
+            yield Event(sample, "info", f"coasting ends: {why}")
+        was_coasting = is_coasting
 
 
 def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:

@@ -18,6 +18,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.flight.controller import Controller, packed
 from pipeline.flight.log import FlightLog, Scenario
@@ -28,11 +29,17 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import transposed_times
 from pipeline.physics.visibility import is_in_view
 from pipeline.recording.events import Event, events
-from pipeline.run import artifacts
+from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import CONSTANTS_METADATA, EPISODE_METADATA, FIS_METADATA_PREFIX, PointState
+from telemetry.file.topics import (
+    CONSTANTS_METADATA,
+    EPISODE_METADATA,
+    FIS_METADATA_PREFIX,
+    PointState,
+    Reason,
+)
 
 Floats = NDArray[np.float64]
 States = NDArray[np.int64]
@@ -41,6 +48,9 @@ Inference = tuple[str, Floats, Floats, float, Floats]
 
 CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
+
+#: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
+REASON_OF = tuple(Reason[word.upper()] for word in REASONS)
 
 DARK, LIT = int(PointState.DARK), int(PointState.LIT)
 IN_VIEW_BUT_DARK, INSPECTED = int(PointState.IN_VIEW_BUT_DARK), int(PointState.INSPECTED)
@@ -75,7 +85,7 @@ class FlightRecorder:
         self._seed = seed
         self._near_limit_m = near_limit_m
         self._config_hash = artifacts.config_hash(config)
-        self._product_version = artifacts.product_version()
+        self._product_version = maker.product_version()
         self._attachments = {
             CONFIG_ATTACHMENT: artifacts.config_text(config).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),
@@ -92,6 +102,7 @@ class FlightRecorder:
             mission.num_attitude_steps, dtype=np.float64
         )
         self._numbers = packed(controller)
+        self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
@@ -148,7 +159,7 @@ class FlightRecorder:
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
         words: dict[int, list[Event]] = {}
-        for event in events(self._mission, log, self._near_limit_m):
+        for event in events(self._mission, log, self._near_limit_m, self._logic):
             words.setdefault(event.sample, []).append(event)
         for k in range(len(log.position_m)):
             time_s = k * period
@@ -202,7 +213,15 @@ def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int,
     """Write what is applied over the control period that follows."""
     attitudes, rates = log.attitude_quaternion[k], log.attitude_rate_b_rad_s[k]
     writer.attitude_history(time_s, offsets, attitudes, rates, log.torque_b_n_m[k])
-    writer.control(time_s, log.force_body_n[k], log.force_hill_n[k])
+    is_asked = bool(np.isfinite(log.foreseen[k]).all())
+    writer.control(
+        time_s,
+        log.force_body_n[k],
+        log.force_hill_n[k],
+        log.force_asked_n[k],
+        [REASON_OF[place] for place in log.reason[k].tolist()],
+        log.foreseen[k] if is_asked else None,
+    )
 
 
 def describe(system: FuzzySystem) -> FisDescription:

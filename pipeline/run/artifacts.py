@@ -1,20 +1,16 @@
 """The files of a run's folder: their names, how they are written whole or not at all, and the manifest.
 
-The manifest says what a run's files come from: the hash of its configuration, the versions of everything
-that took part, the seed, the revision of the sources where they lie in a git repository, the finished stages,
-and the SHA-256 of each file. It also says, for programs that know nothing of this one, which file has which
-role (`ROLES`) and what the scene of its flights is (`docs/reference/run-folder.md`).
+The manifest says what a run's files come from: the hash of its configuration, everything that took part
+(`pipeline.run.maker`), the seed, the finished stages, and the SHA-256 of each file. It also says, for
+programs that know nothing of this one, which file has which role (`ROLES`) and what the scene of its flights
+is (`docs/reference/run-folder.md`).
 """
 
 import hashlib
 import json
 import os
-import platform
-import subprocess
 import tempfile
-import tomllib
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,10 +41,22 @@ OPTIMUM_SUMMARY: Final = "optimum/summary.json"
 COMPARISON_TABLE: Final = "compare/table.csv"
 COMPARISON_EPISODES: Final = "compare/episodes.parquet"
 COMPARISON: Final = "compare/summary.json"
+ASSURANCE: Final = "assure"
+REQUIREMENTS: Final = "assure/requirements.yaml"
+ASSURED_CASES: Final = "assure/cases.parquet"
+SEARCHED: Final = "assure/search.parquet"
+WORST_FLIGHTS: Final = "assure/flights"
+PROOF_BOXES: Final = "assure/boxes.parquet"
+DOMAIN: Final = "assure/domain.json"
+EVIDENCE: Final = "assure/evidence.json"
+EVIDENCE_PAGE: Final = "assure/evidence.html"
 RECORDINGS: Final = "episodes"
 FIGURES: Final = "figures"
 REPORT: Final = "report.html"
 REVIEW: Final = "review.html"
+
+#: ends the hidden name of a file while it is written
+UNFINISHED: Final = ".unfinished"
 
 #: which stage writes what another may miss
 WRITTEN_BY: Final[Mapping[str, str]] = {
@@ -69,14 +77,20 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     COMPARISON_TABLE: "compare",
     COMPARISON_EPISODES: "compare",
     COMPARISON: "compare",
+    REQUIREMENTS: "assure",
+    ASSURED_CASES: "assure",
+    SEARCHED: "assure",
+    WORST_FLIGHTS: "assure",
+    PROOF_BOXES: "assure",
+    DOMAIN: "assure",
+    EVIDENCE: "assure",
+    EVIDENCE_PAGE: "assure",
     RECORDINGS: "record",
     FIGURES: "report",
     REPORT: "report",
     REVIEW: "report",
 }
 
-DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
-SOURCES: Final = Path(__file__).resolve().parents[2]
 #: 2 added the roles of files, the scene and the command; runs of version 1 are read and gone on with
 MANIFEST_VERSION: Final = 2
 VERSIONS_READ: Final = (1, 2)
@@ -92,21 +106,6 @@ ROLES: Final[Mapping[str, str]] = {
 }
 #: what is read of a manifest again
 MANIFEST_KEYS: Final[Mapping[str, type]] = {"config_hash": str, "finished_stages": list}
-#: packages whose version may change a result or a file
-LIBRARIES: Final = (
-    "numpy",
-    "scipy",
-    "numba",
-    "scikit-fuzzy",
-    "scikit-learn",
-    "deap",
-    "hydra-core",
-    "mcap",
-    "protobuf",
-    "pyarrow",
-    "matplotlib",
-    "rerun-sdk",
-)
 
 
 class ArtifactError(ValueError):
@@ -144,7 +143,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 def _write_beside(path: Path, content: bytes | str) -> None:
     """Write a file under another name and, once it is safely on disk, give it its own."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=UNFINISHED, dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
@@ -155,6 +154,12 @@ def _write_beside(path: Path, content: bytes | str) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def drop_unfinished(folder: Path) -> None:
+    """Remove the files that a process was writing when it was killed; nobody else may be at work there."""
+    for path in folder.rglob(f".*{UNFINISHED}"):
+        path.unlink(missing_ok=True)
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -262,6 +267,11 @@ def list_artifacts(folder: Path) -> list[str]:
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
 
 
+def holds_run(folder: Path) -> bool:
+    """Tell whether a folder holds a run, be it one that was killed before it had a manifest."""
+    return (folder / MANIFEST).exists() or list_artifacts(folder) == [CONFIG]
+
+
 def write_manifest(
     folder: Path,
     config: Mapping[str, Any],
@@ -269,6 +279,8 @@ def write_manifest(
     *,
     command: Sequence[str] = (),
     scene: Mapping[str, float] | None = None,
+    makers: Sequence[Mapping[str, Any]] = (),
+    made_by: Mapping[str, Sequence[int]] | None = None,
 ) -> None:
     """Write down what the files of a run come from.
 
@@ -285,6 +297,10 @@ def write_manifest(
     scene : mapping of str to float, optional
         What a picture of its flights needs: ``sample_period_s``, ``min_distance_m`` and ``max_distance_m``
         (limits), ``threshold_percent`` (of a success), ``chief_radius_m``.
+    makers : sequence of mapping
+        All that have worked at the run, see `pipeline.run.maker`; the last is at it now.
+    made_by : mapping of str to sequence of int, optional
+        Of each stage that was begun, the indices of its makers.
     """
     manifest: dict[str, Any] = {
         "manifest_version": MANIFEST_VERSION,
@@ -295,9 +311,11 @@ def write_manifest(
         "finished_stages": list(finished),
         "files": dict(ROLES),
         "scene": dict(scene or {}),
-        "versions": versions(),
+        "versions": makers[-1]["versions"] if makers else {},
+        "makers": [dict(maker) for maker in makers],
+        "made_by": {stage: list(indices) for stage, indices in (made_by or {}).items()},
     }
-    if revision := git_revision():
+    if makers and (revision := makers[-1]["git_revision"]):
         manifest["git_revision"] = revision
     manifest["sha256"] = {name: file_hash(folder / name) for name in list_artifacts(folder)}
     write_json(folder / MANIFEST, manifest)
@@ -324,50 +342,3 @@ def read_manifest(folder: Path) -> dict[str, Any]:
                 f"{folder / MANIFEST} is damaged, it has no proper {name}; restore it, or start a new run"
             )
     return dict(manifest)
-
-
-def product_version() -> str:
-    """Return the version of this product: of the source tree it runs from, else of what is installed.
-
-    It is ``unknown`` where the packages were copied without being installed.
-    """
-    project = SOURCES / "pyproject.toml"
-    if project.is_file():
-        table = tomllib.loads(project.read_text(encoding="utf-8")).get("project", {})
-        if table.get("name") == DISTRIBUTION:
-            return str(table["version"])
-    try:
-        return metadata.version(DISTRIBUTION)
-    except metadata.PackageNotFoundError:
-        return "unknown"
-
-
-def versions() -> dict[str, str]:
-    """Name the versions of this product, Python, the libraries that matter, and the platform."""
-    found = {
-        "product": product_version(),
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-    }
-    for library in LIBRARIES:
-        try:
-            found[library] = metadata.version(library)
-        except metadata.PackageNotFoundError:
-            found[library] = "absent"
-    return found
-
-
-def git_revision() -> str | None:
-    """Return the revision of the sources, with ``+changes`` where files differ from it; None without git."""
-    if not (SOURCES / ".git").exists():
-        return None
-    try:
-        revision = _git("rev-parse", "HEAD")
-        return revision + ("+changes" if _git("status", "--porcelain", "--untracked-files=no") else "")
-    except (OSError, subprocess.SubprocessError):
-        return None
-
-
-def _git(*arguments: str) -> str:
-    command = ["git", "-C", str(SOURCES), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=20).stdout.strip()  # noqa: S603

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.run import artifacts
+from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
 Stage = Callable[[Experiment, Path], None]
@@ -68,10 +69,14 @@ def run_stages(
     folder.mkdir(parents=True, exist_ok=True)
     earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
     finished = _finished(earlier)
+    makers, made_by = _makers(earlier), {str(k): list(v) for k, v in earlier.get("made_by", {}).items()}
     known: dict[str, Any] = {
         "command": earlier.get("command", ()) if command is None else command,
         "scene": scene_of(experiment.mission),
+        "makers": makers,
+        "made_by": made_by,
     }
+    _begin(made_by, stages[0], len(makers) - 1, is_resumed=experiment.resume)
     artifacts.write_config(folder, config)
     artifacts.write_manifest(folder, config, finished, **known)
     with _logged_to(folder / artifacts.LOG):
@@ -90,7 +95,30 @@ def run_stages(
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             # what came after is made from files that are no longer there
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
+            if index < len(stages):
+                _begin(made_by, stages[index], len(makers) - 1, is_resumed=False)
             artifacts.write_manifest(folder, config, finished, **known)
+
+
+def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the makers of a run with the present one last; tell in what it differs from the one before."""
+    before = [dict(one) for one in earlier.get("makers", [])]
+    if not before and "versions" in earlier:  # a run of a version that kept the last one alone
+        before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
+    now = present_maker()
+    if before and before[-1] != now:
+        told = "; ".join(unlike(before[-1], now)) or "another revision"
+        sys.stderr.write(
+            f"note: another maker began this run ({told}); what is made now may differ from what it would "
+            "have made, and the manifest names both\n"
+        )
+    return before if before and before[-1] == now else [*before, now]
+
+
+def _begin(made_by: dict[str, list[int]], stage: str, maker: int, *, is_resumed: bool) -> None:
+    """Note who is at a stage; one that is resumed may hold another's work."""
+    earlier = made_by.get(stage, []) if is_resumed else []
+    made_by[stage] = [*(one for one in earlier if one != maker), maker]
 
 
 def scene_of(mission: Mission) -> dict[str, float]:

@@ -6,11 +6,14 @@ Comparisons are written so that NaN, for which all are false, never passes.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, AllowInfNan, BeforeValidator, Field, Strict
+from pydantic import AfterValidator, AllowInfNan, BeforeValidator, Field, Strict, ValidationInfo
+
+from pipeline.settings.keys import unit_of
 
 
 class SettingError(ValueError):
@@ -77,17 +80,66 @@ def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ..
     return rows
 
 
+@dataclass(frozen=True)
+class Reach:
+    """The least positive and the greatest magnitude that a number with a unit can sensibly have."""
+
+    least: float
+    greatest: float
+
+
+#: by unit; "" are numbers without one. Beyond them formulas lose their digits, overflow or fill the memory
+REACHES: Mapping[str, Reach] = {
+    "": Reach(1e-9, 1e12),
+    "1/s": Reach(1e-9, 1e3),
+    "1/s^2": Reach(1e-12, 1e3),
+    "N": Reach(1e-9, 1e6),
+    "N m": Reach(1e-9, 1e6),
+    "deg": Reach(1e-6, 360.0),
+    "kg": Reach(1e-3, 1e6),
+    "kg m^2": Reach(1e-9, 1e9),
+    "m": Reach(1e-6, 1e7),
+    "m/s": Reach(1e-9, 1e12),  # of prices, too
+    "rad": Reach(1e-9, 100.0),
+    "rad/s": Reach(1e-8, 10.0),
+    "s": Reach(1e-3, 1e8),
+}
+
+
+def _not_beyond(value: float, info: ValidationInfo) -> float:
+    """Raise ValueError for a number greater than any quantity of its unit."""
+    unit = unit_of(str(info.field_name))
+    reach = REACHES.get(unit)
+    if reach is not None and not abs(value) <= reach.greatest:
+        raise ValueError(
+            f"{{key}} is {value}; it must be at most {reach.greatest:g}{{unit}}, whatever its sign"
+        )
+    return value
+
+
+def _not_vanishing(value: float, info: ValidationInfo) -> float:
+    """Raise ValueError for a positive number less than any quantity of its unit."""
+    unit = unit_of(str(info.field_name))
+    reach = REACHES.get(unit)
+    if reach is not None and 0.0 < value < reach.least:
+        raise ValueError(f"{{key}} is {value}; it must be from {reach.least:g} to {reach.greatest:g}{{unit}}")
+    return value
+
+
 Text = Annotated[str, Strict()]
 Flag = Annotated[bool, Strict()]
-Number = Annotated[float, Strict(), AllowInfNan(False)]
-Positive = Annotated[Number, Field(gt=0)]
+Number = Annotated[float, Strict(), AllowInfNan(False), AfterValidator(_not_beyond)]
+Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Whole = Annotated[int, Strict(), BeforeValidator(_whole)]
-Natural = Annotated[Whole, Field(ge=0)]
-Count = Annotated[Whole, Field(ge=1)]
+#: beyond a million of anything a run takes years or the memory of any computer
+MOST = 1_000_000
+Natural = Annotated[Whole, Field(ge=0, le=MOST)]
+Count = Annotated[Whole, Field(ge=1, le=MOST)]
+Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: threads; None is one for each processor
-Workers = Annotated[Whole | None, Field(ge=1), Cure(", or null for one a processor")]
+Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]
 Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]

@@ -20,8 +20,9 @@ from pipeline.settings.checks import (
 )
 from pipeline.settings.groups import settings
 
-#: beyond these a flight fills the memory of any computer
+#: beyond these a flight fills the memory of a computer; the last two are of a whole flight
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
+MOST_POINTS_SAMPLED, MOST_ATTITUDES = 20_000_000, 5_000_000
 #: beyond so many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
@@ -34,7 +35,8 @@ Margin = Annotated[Number, Field(ge=0.001)]
 class Orbit:
     """The chief's circular orbit."""
 
-    mean_motion_rad_s: Positive
+    #: the densest planets allow 0.0015 rad/s
+    mean_motion_rad_s: Annotated[Positive, Field(le=0.1)]
 
 
 @settings("deputy")
@@ -42,7 +44,7 @@ class Orbit:
 class Deputy:
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
-    mass_kg: Annotated[Positive, Field(ge=1e-3)]
+    mass_kg: Positive
     inertia_kg_m2: Annotated[Inertia, Field(description="about the body axes, kg m^2")]
     initial_position_m: Annotated[Vector, Field(description="relative to the chief, Hill axes, m")]
     initial_velocity_m_s: Annotated[Vector, Field(description="relative to the chief, Hill axes, m/s")]
@@ -186,17 +188,53 @@ class Mission:
                 f"makes {self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten "
                 "the first or lengthen the second"
             )
+        self._check_size()
+        self._check_gains()
+        if self.safety.kind == "filter":
+            self._check_safety()
+
+    def _check_size(self) -> None:
+        """Refuse flights of which no log fits into memory, and points that no deputy can be outside of."""
+        for key, count, most in (
+            ("chief.num_points", self.num_controls * self.chief.num_points, MOST_POINTS_SAMPLED),
+            ("attitude_period_s", self.num_controls * self.num_attitude_steps, MOST_ATTITUDES),
+        ):
+            if count > most:
+                raise SettingError(
+                    f"duration_s is {self.duration_s:g}, control_period_s {self.control_period_s:g} and "
+                    f"{key} {getattr(self, key, self.chief.num_points):g}, which makes {count:.2g} values of "
+                    f"a flight; there may be at most {most:,}: shorten the flight, or make it coarser"
+                )
+        if not self.chief.inspection_radius_m < self.deputy.max_distance_m:
+            raise SettingError(
+                f"chief.inspection_radius_m is {self.chief.inspection_radius_m:g} and deputy.max_distance_m "
+                f"{self.deputy.max_distance_m:g}; the first must be less than the second, or all points lie "
+                "beyond the deputy (m)"
+            )
+
+    def _check_gains(self) -> None:
+        """Refuse gains with which the attitude law, sampled, overshoots ever more."""
+        if self.attitude.mode != "flown":
+            return
         damping = self.attitude.derivative_gain * self.attitude_period_s
         # a torque held over a period turns a rate w into (1 - damping) w
-        if self.attitude.mode == "flown" and not damping < 2.0:
+        if not damping < 2.0:
             raise SettingError(
                 f"attitude.derivative_gain is {self.attitude.derivative_gain:g} and attitude_period_s "
                 f"{self.attitude_period_s:g}, with the product {damping:g}; it must be less than 2, or every "
                 f"period turns an error in rate into one {abs(1.0 - damping):.3g} times as great: lower one "
                 "of them"
             )
-        if self.safety.kind == "filter":
-            self._check_safety()
+        # an error of half a turn is answered by turning at the quotient of the gains, rad/s
+        proportional, derivative = self.attitude.proportional_gain, self.attitude.derivative_gain
+        turned = proportional / derivative * self.attitude_period_s
+        if not turned < 2.0:
+            raise SettingError(
+                f"attitude.proportional_gain is {proportional:g}, attitude.derivative_gain {derivative:g} "
+                f"and attitude_period_s {self.attitude_period_s:g}, with which the deputy turns by "
+                f"{turned:.3g} rad in a period; it must be less than 2, for the law acts once a period: "
+                "lower the first or the last, or raise the second"
+            )
 
     def _check_safety(self) -> None:
         """Refuse spheres without room between them, and stops that the deputy has not the force for."""

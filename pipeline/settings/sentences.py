@@ -68,15 +68,17 @@ def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any])
             return f"{value}; it must be a finite number"
         case name if name in TYPES:
             return f"{value!r}; it must be {TYPES[name]}"
-    return _limited(key, value, fault["ctx"], metadata)
+    is_count = int in (kind, *get_args(kind))
+    return _limited(key, value, fault["ctx"], metadata, is_count=is_count)
 
 
-def _limited(key: str, value: float, broken: Mapping[str, float], metadata: list[Any]) -> str:
+def _limited(
+    key: str, value: float, broken: Mapping[str, float], metadata: list[Any], *, is_count: bool
+) -> str:
     """Return a number and its allowed range."""
     limits = dict(broken)
     for one in metadata:
         limits |= {name: getattr(one, name) for name in ("gt", "ge", "le") if hasattr(one, name)}
-    is_count = isinstance(next(iter(broken.values())), int)
     shown = value if is_count else float(value)
     if "gt" in limits and value <= limits["gt"]:
         return f"{shown}; it must be greater than {limits['gt']:g}{in_unit(unit_of(key))}"

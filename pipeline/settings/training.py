@@ -25,6 +25,11 @@ from pipeline.settings.checks import (
 )
 from pipeline.settings.groups import settings
 
+#: of a population, or a tournament
+MOST_INDIVIDUALS = 100_000
+#: what prices may grow to, m/s
+MOST_PRICE = 1e15
+
 
 @settings("starts")
 @dataclass(frozen=True, kw_only=True)
@@ -140,9 +145,9 @@ class Penalty:
 class Optimizer:
     """The evolution."""
 
-    population_size: Annotated[Whole, Field(ge=2)]
+    population_size: Annotated[Whole, Field(ge=2, le=MOST_INDIVIDUALS)]
     generations: Annotated[Count, Field(description="after the first population, in each round")]
-    tournament_size: Count
+    tournament_size: Annotated[Count, Field(le=MOST_INDIVIDUALS)]
     crossover_rate: Annotated[
         Share, Field(description="of the `whole` population or the `rest` without elite")
     ]
@@ -150,7 +155,7 @@ class Optimizer:
     split: Literal["whole", "rest"]
     stall_generations: Annotated[
         Whole | None,
-        Field(ge=1, description="without improvement, after which a round ends"),
+        Field(ge=1, le=checks.MOST, description="without improvement, after which a round ends"),
         Cure(", or null for none"),
     ]
     rounds: Count
@@ -185,6 +190,13 @@ class Optimizer:
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
         if self.algorithm == "nsga2":
             self._check_front()
+        prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
+        digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
+        if digits > math.log10(MOST_PRICE):
+            raise SettingError(
+                f"optimizer.penalty.growth is {self.penalty.growth:g} and optimizer.rounds {self.rounds}, by "
+                f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
+            )
         if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "

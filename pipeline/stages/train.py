@@ -17,7 +17,7 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_population, is_by_the_reference, stack_starts
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.world import inspection_points, pack_world
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
@@ -263,8 +263,8 @@ def _provenance(
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
-        "product_version": artifacts.product_version(),
-        "git_revision": artifacts.git_revision() or "none",
+        "product_version": maker.product_version(),
+        "git_revision": maker.git_revision() or "none",
         "generations": str(len(history)),
         "interrupted": str(interrupted).lower(),
     }

@@ -41,9 +41,8 @@ def table(
 def _array(values: NDArray[np.generic]) -> "pa.Array":
     import pyarrow as pa  # noqa: PLC0415
 
-    if values.dtype.kind == "U":
-        return pa.array(values.tolist(), pa.string())
-    array = pa.array(values.ravel())
+    flat = values.ravel()
+    array = pa.array(flat.tolist(), pa.string()) if values.dtype.kind == "U" else pa.array(flat)
     for size in reversed(values.shape[1:]):
         array = _lists(array, size, values.size)
     return array

@@ -75,10 +75,19 @@ def _own_message(message_class: type[Message]) -> Callable[[Sequence[bytes]], Co
 
     def decode_own(payloads: Sequence[bytes]) -> Columns:
         messages = [message_class.FromString(payload) for payload in payloads]
-        values = {field.name: [getattr(message, field.name) for message in messages] for field in fields}
-        return {f.name: _field(values[f.name], f.name, f.type, is_repeated=f.is_repeated) for f in fields}
+        columns = {}
+        for field in fields:
+            values = [_value(message, field) for message in messages]
+            columns[field.name] = _field(values, field)
+        return columns
 
     return decode_own
+
+
+def _value(message: Message, field: Any) -> Any:
+    if field.has_presence and not message.HasField(field.name):
+        return np.nan
+    return getattr(message, field.name)
 
 
 def _attitude_history(payloads: Sequence[bytes]) -> Columns:
@@ -90,11 +99,17 @@ def _attitude_history(payloads: Sequence[bytes]) -> Columns:
     return columns
 
 
-def _field(values: list[Any], name: str, kind: int, *, is_repeated: bool) -> NDArray[np.generic]:
-    if kind == FieldDescriptor.TYPE_BYTES:
-        return _rectangle(values, name, np.dtype(np.uint8)).astype(np.bool_)
-    dtype = _DTYPE_OF_FIELD[kind]
-    return _rectangle(values, name, dtype) if is_repeated else np.array(values, dtype=dtype)
+def _field(values: list[Any], field: Any) -> NDArray[np.generic]:
+    if field.type == FieldDescriptor.TYPE_BYTES:
+        return _rectangle(values, field.name, np.dtype(np.uint8)).astype(np.bool_)
+    if field.enum_type is not None:
+        words = np.array([value.name.lower() for value in field.enum_type.values])
+        numbers = _rectangle(values, field.name, np.dtype(np.int64)).astype(np.int64)
+        # the first word is "unknown"
+        found: NDArray[np.generic] = words[np.where(numbers < len(words), numbers, 0)]
+        return found
+    dtype = _DTYPE_OF_FIELD[field.type]
+    return _rectangle(values, field.name, dtype) if field.is_repeated else np.array(values, dtype=dtype)
 
 
 def _rectangle(

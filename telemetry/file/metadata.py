@@ -161,9 +161,9 @@ class FisDescription:
 def _from_json(key: str, text: str) -> JsonValue:
     try:
         value: JsonValue = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RecordingError(
-            f"metadata {key!r} is {text!r}, but a number or a list in JSON is expected; "
+            f"metadata {key!r} is {text[:80]!r}, but a number or a list in JSON is expected; "
             "write it with telemetry.file.metadata"
         ) from error
     return value

@@ -23,7 +23,7 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from telemetry.file import arrow, columns, topics
+from telemetry.file import arrow, claims, columns, topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.messages import NANOSECONDS
 from telemetry.file.metadata import EpisodeDescription, FisDescription, unsealed
@@ -47,6 +47,7 @@ DAMAGE: Final = (
     OverflowError,
     MemoryError,
     OSError,
+    RecursionError,
 )
 
 
@@ -153,6 +154,40 @@ class Recording:
                 )
         return description
 
+    def reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
+        """Return what became of a component of the force over the control periods that begin at some times.
+
+        Parameters
+        ----------
+        component : str
+            What the output of a fuzzy system is called, such as ``force_x``.
+        time_s : (N,)
+
+        Returns
+        -------
+        (N,) array of str
+            Words of `telemetry.file.topics.Reason`; ``unknown`` where the recording does not say. In one from
+            before reasons were recorded, ``silent`` where no force was fired.
+        """
+        control = self.topics.get(topics.DEPUTY_CONTROL)
+        unknown = np.full(len(time_s), topics.Reason.UNKNOWN.name.lower())
+        if control is None or component not in topics.FORCE_COMPONENTS:
+            return unknown
+        if not len(control) or not bool(np.all(np.isin(time_s, control.time_s))):
+            return unknown
+        rows = np.searchsorted(control.time_s, time_s)
+        reasons = control["reason"].astype(np.str_)
+        if reasons.shape[1] == 0:
+            is_fired = np.any(control["force_hill_n"][rows], axis=1)
+            return np.where(is_fired, unknown, topics.Reason.SILENT.name.lower())
+        found: NDArray[np.str_] = reasons[rows, topics.FORCE_COMPONENTS.index(component)]
+        return found
+
+    def is_fired(self, name: str) -> NDArray[np.bool_]:
+        """Tell at which inferences of a fuzzy system its output was fired, as far as the recording says."""
+        output = self.fis_description(name).output_name
+        return np.isin(self.reasons(output, self[topics.fis_topic(name)].time_s), topics.FIRED)
+
 
 def read(
     path: Path | str,
@@ -188,11 +223,12 @@ def read(
     with _opened(path) as stream, damage_explained(path):
         _check_summary(stream)
         reader = SeekingReader(stream, validate_crcs=True)
+        _check_claims(reader, stream)
         _check_attachments(reader, stream)
         chosen = _chosen_channels(path, reader, wanted)
         metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
-        log_times, payloads = _messages(reader, chosen.keys(), start_s, end_s)
+        log_times, payloads = _messages(reader, chosen.keys(), start_s, end_s, path.stat().st_size)
         return Recording(
             path=path,
             topics={
@@ -278,6 +314,15 @@ def _check_summary(stream: BinaryIO) -> None:
     stream.seek(0)
 
 
+def _check_claims(reader: SeekingReader, stream: BinaryIO) -> None:
+    """Check what the chunks unpack to before any is unpacked."""
+    size = stream.seek(0, os.SEEK_END)
+    claimed = list(claims.chunk_claims(stream, size))
+    summary = reader.get_summary()
+    claims.check_index(claimed, summary.chunk_indexes if summary else ())
+    stream.seek(0)
+
+
 def _check_attachments(reader: SeekingReader, stream: BinaryIO) -> None:
     summary = reader.get_summary()
     for index in summary.attachment_indexes if summary else ():
@@ -325,16 +370,24 @@ def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None
 
 
 def _messages(
-    reader: SeekingReader, chosen: Iterable[str], start_s: float | None, end_s: float | None
+    reader: SeekingReader,
+    chosen: Iterable[str],
+    start_s: float | None,
+    end_s: float | None,
+    size: int,
 ) -> tuple[dict[str, list[int]], dict[str, list[bytes]]]:
     log_times: dict[str, list[int]] = defaultdict(list)
     payloads: dict[str, list[bytes]] = defaultdict(list)
-    for _schema, channel, message in reader.iter_messages(
+    most = claims.most_messages(size)
+    found = reader.iter_messages(
         topics=list(chosen),
         starting_at=None if start_s is None or start_s == -inf else round(start_s * NANOSECONDS),
         ending_before=None if end_s is None or end_s == inf else round(end_s * NANOSECONDS) + 1,
         log_time_order=True,
-    ):
+    )
+    for count, (_schema, channel, message) in enumerate(found, start=1):
+        if count > most:
+            raise McapError(f"it holds more than {most} messages, which is all that is read of {size} bytes")
         log_times[channel.topic].append(message.log_time)
         payloads[channel.topic].append(message.data)
     return log_times, payloads

@@ -16,7 +16,7 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from telemetry.file import topics
+from telemetry.file import claims, topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.messages import NANOSECONDS
 from telemetry.file.metadata import sealed, unsealed
@@ -81,6 +81,10 @@ class _Salvage:
         """Drop messages of channels that no intact record describes: they cannot be decoded."""
         self.channels = {i: c for i, c in self.channels.items() if c.schema_id in self.schemas}
         self.chunks = [[m for m in chunk if m.channel_id in self.channels] for chunk in self.chunks]
+
+    @property
+    def num_messages(self) -> int:
+        return sum(map(len, self.chunks))
 
     @property
     def log_times(self) -> list[int]:
@@ -149,9 +153,14 @@ def _content(path: Path) -> bytes:
 
 def _scan(content: bytes) -> _Salvage:
     salvage = _Salvage(num_bytes_read=min(len(content), len(MCAP0_MAGIC)))
+    room = claims.most_unpacked(len(content))
     for record_bytes in _whole_records(content):
         salvage.num_bytes_read += len(record_bytes)
         try:
+            if record_bytes[0] == Opcode.CHUNK:
+                room -= claims.check_chunk(record_bytes[_FRAME.size :])
+                if room < 0 or salvage.num_messages > claims.most_messages(len(content)):
+                    raise ValueError("more than a recording of this size holds")
             record = _parse(record_bytes)
             records = _chunk_records(record) if isinstance(record, Chunk) else [record]
         except DAMAGE:

@@ -49,6 +49,27 @@ class PointState(IntEnum):
     INSPECTED = 3
 
 
+#: components of the force that a fuzzy system's output may be named after, in the order of `Reason`s
+FORCE_COMPONENTS: Final = ("force_x", "force_y", "force_z")
+
+
+class Reason(IntEnum):
+    """What became of a component of the force over a control period; read as these words in lower case."""
+
+    UNKNOWN = 0
+    FIRED = 1
+    SILENT = 2
+    DEAD_BAND = 3
+    WAITING = 4
+    COASTING = 5
+    COMPLETE = 6
+    CLIPPED = 7
+    SAFETY = 8
+
+
+#: what was asked for was fired, as far as the thruster goes, or may have been
+FIRED: Final = tuple(reason.name.lower() for reason in (Reason.FIRED, Reason.CLIPPED, Reason.UNKNOWN))
+
 #: red, green, blue, alpha of each `PointState`; distinguishable by colour-blind readers (after Okabe and Ito)
 POINT_COLOURS_RGBA: Final = np.array(
     [(86, 88, 102, 255), (240, 228, 66, 255), (204, 121, 167, 255), (0, 190, 130, 255)], dtype=np.uint8

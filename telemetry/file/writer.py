@@ -1,6 +1,6 @@
 """Writes an episode to an MCAP file, which gets its final name only when it is complete."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -221,7 +221,15 @@ class EpisodeWriter:
         )
         self._write(topics.DEPUTY_ATTITUDE, time_s, message)
 
-    def control(self, time_s: float, force_body_n: ArrayLike, force_hill_n: ArrayLike) -> None:
+    def control(
+        self,
+        time_s: float,
+        force_body_n: ArrayLike,
+        force_hill_n: ArrayLike,
+        force_asked_n: ArrayLike,
+        reason: Sequence[topics.Reason],
+        foreseen: ArrayLike | None = None,
+    ) -> None:
         """Record the force during the control period that follows a sample.
 
         Parameters
@@ -232,11 +240,24 @@ class EpisodeWriter:
             Demanded by the controller, before clipping, body axes.
         force_hill_n : (3,)
             Applied, Hill axes.
+        force_asked_n : (3,)
+            Before dead bands, clip and safety layer, in the controller's axes.
+        reason : sequence of telemetry.file.topics.Reason, length 3
+            Why each of these components was, or was not, fired.
+        foreseen : (3,), optional
+            Points that coasting to the end would miss, least and greatest distance on the way, m.
         """
         message = Control(
             force_body_n=row(force_body_n, 3, "force_body_n"),
             force_hill_n=row(force_hill_n, 3, "force_hill_n"),
+            force_asked_n=row(force_asked_n, 3, "force_asked_n"),
+            reason=[topics.Reason(int(one)).name for one in row(reason, 3, "reason")],
         )
+        if foreseen is not None:
+            missed, nearest, farthest = row(foreseen, 3, "foreseen")
+            message.coasting_missed = missed
+            message.coasting_nearest_m = nearest
+            message.coasting_farthest_m = farthest
         self._write(topics.DEPUTY_CONTROL, time_s, message)
 
     def guidance(

@@ -154,7 +154,7 @@ def fis_plots(recording: Recording) -> list[Plot]:
             continue
         words = recording.fis_description(name)
         colour = (SIGNAL_COLOURS[len(outputs) % len(SIGNAL_COLOURS)],)
-        answer = _floats(topic["output_n"])[:, None]
+        answer = np.where(recording.is_fired(name), _floats(topic["output_n"]), 0.0)[:, None]
         system = f"system_{len(outputs)}"
         outputs.append(Curves(system, topic.time_s, answer, (words.output_name,), colour, True))
         told = _floats(topic["inputs"])

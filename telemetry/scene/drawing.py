@@ -44,7 +44,7 @@ class ActivationMap:
     start_s, end_s : float
         Simulation time at the left and the right edge.
     strongest : (N, bands) int
-        Index of the strongest rule of each system at each sample; -1 without an inference.
+        Index of the strongest rule of each system at each sample; -1 where no force was fired.
     strongest_middles : (N, bands) float
         Middles of those rules' rows, in pixels from the top.
     """
@@ -94,13 +94,13 @@ def sample_times(recording: Recording) -> Floats:
 
 
 def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap | None:
-    """Draw which rule fired when; None if no fuzzy system decided anything.
+    """Draw which rule fired when, where the force that it asked for was fired; None if nothing was inferred.
 
     Parameters
     ----------
     recording : Recording
     sample_time_s : (N,)
-        Times of the samples of the flight, from left to right; dark without an inference.
+        Times of the samples of the flight, from left to right; dark where no force was fired.
     """
     names = tuple(n for n in recording.fis_names if len(recording[topics.fis_topic(n)]))
     if not names:
@@ -113,14 +113,15 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
     image = np.zeros((MAP_HEIGHT, MAP_WIDTH), dtype=np.uint8)
     for band, (name, top) in enumerate(zip(names, tops, strict=True)):
         topic = recording[topics.fis_topic(name)]
-        strengths = topic["firing_strengths"]
+        is_fired = recording.is_fired(name)
+        strengths = topic["firing_strengths"][is_fired]
         num_rules = strengths.shape[1]
-        samples = np.searchsorted(sample_time_s, topic.time_s)
+        samples = np.searchsorted(sample_time_s, topic.time_s[is_fired])
         over_samples = np.zeros((len(sample_time_s), num_rules))
         over_samples[samples] = strengths
         rows = np.arange(height) * num_rules // height
         image[top : top + height] = np.round(255.0 * np.clip(over_samples[columns][:, rows].T, 0.0, 1.0))
-        strongest[samples, band] = np.argmax(strengths, axis=1)
+        strongest[samples, band] = np.argmax(strengths, axis=1) if len(strengths) else 0
         middles[:, band] = top + (np.maximum(strongest[:, band], 0) + 0.5) * height / num_rules
     return ActivationMap(
         image,
@@ -134,7 +135,7 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
 
 
 def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Describe the inputs, outputs and leading rules of the fuzzy systems at each sample.
+    """Describe the inputs, outputs and leading rules of the fuzzy systems that fired at each sample.
 
     Returns
     -------
@@ -146,10 +147,31 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
         topic = recording[topics.fis_topic(name)]
         description = recording.fis_description(name)
         indices = np.searchsorted(sample_time_s, topic.time_s)
-        columns = (topic["inputs"], topic["firing_strengths"], topic["output_n"], topic["shares_n"])
-        for index, inputs, strengths, output, shares in zip(indices, *columns, strict=True):
-            samples[index] += _one_inference(description, inputs, strengths, float(output), shares)
-    return [drawable("\n".join(lines)) or NO_INFERENCE for lines in samples]
+        columns = (
+            topic["inputs"],
+            topic["firing_strengths"],
+            topic["output_n"],
+            topic["shares_n"],
+            recording.is_fired(name),
+        )
+        for index, inputs, strengths, output, shares, is_fired in zip(indices, *columns, strict=True):
+            if is_fired:
+                samples[index] += _one_inference(description, inputs, strengths, float(output), shares)
+    at_rest = _rest_in_words(recording, sample_time_s)
+    return [drawable("\n".join(lines)) or rest for lines, rest in zip(samples, at_rest, strict=True)]
+
+
+def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
+    """Say for each sample why nothing was fired."""
+    control = recording[topics.DEPUTY_CONTROL]
+    if not len(control) or not control["reason"].shape[1]:
+        return [NO_INFERENCE] * len(sample_time_s)
+    kinds = [", ".join(dict.fromkeys(row)).replace("_", " ") for row in control["reason"].tolist()]
+    words = dict(zip(control.time_s.tolist(), kinds, strict=True))
+    return [
+        f"*Nothing is fired: {words[time_s]}.*" if time_s in words else NO_INFERENCE
+        for time_s in sample_time_s.tolist()
+    ]
 
 
 def _one_inference(

@@ -58,7 +58,7 @@ def lines(recording: Recording, sample_time_s: Floats) -> list[str]:
 def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
     control = recording[topics.DEPUTY_CONTROL]
     force = control["force_hill_n"][row].astype(np.float64)
-    reasons = control["reason"][row].tolist() if "reason" in control.columns else []
+    reasons = control["reason"][row].tolist()
     if np.any(force):
         limits = [WHY[reason] for reason in ("clipped", "safety") if reason in reasons]
         words = [f"Firing {_force(force)}{_leader(recording, row)}", *limits]
@@ -80,7 +80,7 @@ def _leader(recording: Recording, row: int) -> str:
     found = []
     for name in recording.fis_names:
         topic = recording[topics.fis_topic(name)]
-        for shares in topic["shares_n"][topic.time_s == time] if "shares_n" in topic.columns else ():
+        for shares in topic["shares_n"][topic.time_s == time]:
             if np.any(shares):
                 found.append((float(np.abs(shares).max()), int(np.abs(shares).argmax()) + 1, name))
     return ", most by rule {} of {}".format(*max(found)[1:]) if found else ""
@@ -93,7 +93,7 @@ def _points(count: int) -> str:
 def _foreseen(recording: Recording, row: int, left: int) -> str:
     """Say how many of the points left will be seen if nothing is fired any more, where that is recorded."""
     control = recording[topics.DEPUTY_CONTROL]
-    missed = control["coasting_missed"][row] if "coasting_missed" in control.columns else np.nan
+    missed = control["coasting_missed"][row]
     if not np.isfinite(missed):
         return ""
     return ", all foreseen" if missed == 0 else f", {left - int(missed)} of them foreseen"

@@ -14,7 +14,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from fis_tools.formats.serialize import load
-from pipeline.run import artifacts
+from pipeline.run import artifacts, maker
 from tests.places import PROJECT
 from tests.smoke.command_line import run_module
 
@@ -99,13 +99,13 @@ def test_it_flies_from_any_folder_with_experiments_of_ones_own(
     folder = tmp_path / done.stdout.strip()
     assert (folder / "episodes" / "start.mcap").is_file()
     versions = artifacts.read_manifest(folder)["versions"]
-    assert versions["product"] == artifacts.product_version()
+    assert versions["product"] == maker.product_version()
     listed = run_module(
         "pipeline", "--help", "--config-dir", "mine", folder=tmp_path, environment=environment
     )
     assert "Drift for ten minutes." in listed.stdout
     where = run_module("pipeline", "--version", folder=tmp_path, environment=environment).stdout
-    assert where == f"{artifacts.DISTRIBUTION} {artifacts.product_version()}\n"
+    assert where == f"{maker.DISTRIBUTION} {maker.product_version()}\n"
 
 
 class Environment:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import PointState
+from telemetry.file.topics import PointState, Reason
 
 Floats = NDArray[np.float64]
 
@@ -252,7 +252,8 @@ def write_sample(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None
             flight.attitude_rate_rad_s[k],
             flight.torque_n_m[k],
         )
-        writer.control(time_s, flight.force_body_n[k], flight.force_hill_n[k])
+        asked = flight.force_body_n[k]
+        writer.control(time_s, asked, flight.force_hill_n[k], asked, [Reason.FIRED] * 3)
         for index, name in enumerate(FIS_NAMES):
             writer.fis(
                 time_s,

@@ -30,7 +30,7 @@ from fis_tools.words.text import antecedent_words
 
 _Choice = TypeVar("_Choice")
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?")
 
 
 def number(word: str, where: str) -> float:

@@ -1,6 +1,7 @@
 """JSON text to plain data and back: strict when reading, laid out for people when writing."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -48,8 +49,8 @@ def write(mapping: Mapping[str, Any]) -> str:
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     mapping = dict(pairs)
     if len(mapping) != len(pairs):
-        keys = [key for key, _ in pairs]
-        repeated = next(key for key in keys if keys.count(key) > 1)
+        times = Counter(key for key, _ in pairs)
+        repeated = next(key for key, _ in pairs if times[key] > 1)
         raise Unreadable(f"the key {repeated!r} appears twice in one place; keep one of them")
     return mapping
 

@@ -16,7 +16,7 @@ import yaml
 from fis_tools.formats.own.plain import LINE_WIDTH, MAX_DEPTH, Unreadable, is_scalar, rule_rows
 
 #: The YAML reader is written in Python; this much takes it some seconds.
-MAX_YAML_BYTES = 2 * 1024 * 1024
+MAX_YAML_BYTES = 256 * 1024
 
 
 class _Loader(yaml.SafeLoader):

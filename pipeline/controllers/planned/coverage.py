@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.log import Scenario
 from pipeline.flight.world import pack_world
-from pipeline.physics.visibility import Sight, is_facing, is_in_cone, is_lit
+from pipeline.physics.sight import Sight, is_facing, is_in_cone, is_lit
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
-from pipeline.physics.visibility import Sight
+from pipeline.physics.sight import Sight
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -22,6 +22,8 @@ POINTS = 8
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
 SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
+#: columns of a whole track: position, velocity, delta-v spent, points not yet inspected
+NUM_TRACKED = 8
 
 
 class Guard(NamedTuple):

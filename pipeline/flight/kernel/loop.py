@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES, infer
-from fis_tools.engines.vectors import borrowed, load, select, splat, store
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import borrowed, splat, store
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
     INSPECTED,
@@ -30,26 +30,23 @@ from pipeline.flight.kernel.arrays import (
     Workspace,
     World,
 )
-from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, clip, turn_deputies, write_instants
+from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
-from pipeline.flight.kernel.lanes import four, one, three, write_four, write_three
+from pipeline.flight.kernel.lanes import one, three, write_four, write_three
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import FlightLog
 from pipeline.flight.signals import (
     ANGLES,
     APPROACH,
-    BODY,
-    DEAD_BAND,
-    HILL,
     ORBIT,
     PREVIEW,
     SETTING,
     URGENCY,
-    constant,
     slot,
 )
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -58,9 +55,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LAMBDA_U, ETA_U, MISSED = slot("lambda_u"), slot("eta_u"), slot("missed")
-COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
-COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
+LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -76,77 +71,6 @@ def move(world: World, work: Workspace) -> None:
     ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
     write_three(lanes.position, 0, px, py, pz)
     write_three(lanes.velocity, 0, ux, uy, uz)
-
-
-@compiled(error_model="numpy")
-def may_coast(law: Law, values: Floats) -> bool:
-    """Tell whether a controller coasts where that shows enough."""
-    return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
-
-
-@compiled(error_model="numpy")
-def is_decision(law: Law, k: int) -> bool:
-    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
-    return k % law.decision_stride == 0
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
-    """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
-    lanes, signals = work.lanes, work.signals
-    coasts = one(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
-    if may_coast(law, values):
-        margin = values[law.constants + COAST_MARGIN]
-        is_enough = load(signals, MISSED, LANES) < values[law.constants + COAST_BELOW]
-        is_enough &= load(signals, COASTING_NEAREST, LANES) >= world.min_distance + margin
-        is_enough &= load(signals, COASTING_FARTHEST, LANES) <= world.max_distance - margin
-        coasts |= is_enough
-    store(lanes.coasts, 0, select(coasts, 1.0, 0.0))
-
-
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def command(
-    world: World,
-    law: Law,
-    values: Floats,
-    rules: Integers,
-    work: Workspace,
-    log: FlightLog,
-    k: int,
-) -> None:
-    """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
-    lanes, inputs, outputs = work.lanes, work.inputs, work.outputs
-    is_logged = len(log.position_m) > 0
-    for axis in range(3):
-        store(lanes.asked, axis, splat(law.plan[k, axis] if law.has_plan else 0.0, LANES))
-    if not law.has_plan and is_decision(law, k):
-        coasts = one(lanes.coasts) > 0.0
-        for system in range(len(law.axes)):
-            for place in range(3):
-                store(inputs, LANES * place, load(work.signals, law.signals[system, place], LANES))
-            infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
-            axis = law.axes[system]
-            dead_band = values[law.constants + DEAD_BAND + axis] if law.constants >= 0 else 0.0
-            output = one(outputs)
-            is_still = coasts | (abs(output) < dead_band)
-            store(lanes.asked, axis, load(lanes.asked, axis, LANES) + select(is_still, 0.0, output))
-            if is_logged and not (world.coasts_when_complete and lanes.num_unseen[0] == 0.0):
-                log.is_decided[k] = True
-                log.fis_output_n[k, system] = outputs[0]
-                for place in range(law.num_inputs[system]):
-                    log.fis_input[k, system, place] = inputs[LANES * place]
-    fx, fy, fz = three(lanes.asked)
-    if law.force_axes == BODY:
-        gx, gy, gz = fx, fy, fz
-        q1, q2, q3, q4 = four(lanes.attitude, 0)
-        fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
-        fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
-        fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy
-        fy += 2 * (q2 * q3 - q1 * q4) * gz
-        fz = 2 * (q1 * q3 - q2 * q4) * gx + 2 * (q2 * q3 + q1 * q4) * gy
-        fz += (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * gz
-    limit = world.max_force
-    write_three(lanes.force, 0, clip(fx, limit), clip(fy, limit), clip(fz, limit))
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -169,19 +93,6 @@ def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angl
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0
     log.delta_v_m_s[k] = lanes.spent[0]
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
-def write_force(work: Workspace, law: Law, log: FlightLog, k: int, dcm: Floats) -> None:
-    """Log the force of lane 0: as asked for in body axes, and as applied."""
-    for row in range(3):
-        log.force_hill_n[k, row] = work.lanes.force[row, 0]
-        asked = work.lanes.asked[row, 0]
-        if law.force_axes == HILL:
-            asked = 0.0
-            for column in range(3):
-                asked += dcm[row, column] * work.lanes.asked[column, 0]
-        log.force_body_n[k, row] = asked
 
 
 @compiled(error_model="numpy")
@@ -219,6 +130,36 @@ def start_lanes(
         store(total, 0, nothing)
 
 
+@compiled(error_model="numpy")
+def write_tracks(work: Workspace, num_lanes: int, k: int, tracks: NDArray[np.float32], flight: int) -> None:
+    """Write a sample of the tracks from row `flight` on: positions, or all of the `NUM_TRACKED` columns."""
+    lanes = work.lanes
+    for lane in range(num_lanes):
+        for component in range(3):
+            tracks[flight + lane, k, component] = lanes.position[component, lane]
+        if tracks.shape[2] > 3:
+            for component in range(3):
+                tracks[flight + lane, k, 3 + component] = lanes.velocity[component, lane]
+            tracks[flight + lane, k, 6] = lanes.spent[lane]
+            tracks[flight + lane, k, 7] = lanes.num_unseen[lane]
+
+
+@compiled(error_model="numpy")
+def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, outcomes: Floats) -> None:
+    """Write how the flights ended, from row `flight` on."""
+    lanes = work.lanes
+    for lane in range(num_lanes):
+        row = outcomes[flight + lane]
+        row[DELTA_V] = lanes.spent[lane]
+        row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
+        row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
+        row[MIN_DISTANCE] = lanes.nearest[lane]
+        row[MAX_DISTANCE] = lanes.farthest[lane]
+        row[OUTSIDE] = lanes.beyond[lane]
+        row[SAFETY_PERIODS] = lanes.num_acted[lane]
+        row[SAFETY_DELTA_V] = lanes.corrected[lane]
+
+
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
@@ -250,7 +191,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
-    tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
+    tracks : (n, K+1, 3 or `NUM_TRACKED`) float32, filled from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
@@ -282,9 +223,8 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
         if decides and law.needs & SETTING:
             sense_push(world, law, values, work, num_lanes, k, is_logged)
-        for lane in range(num_lanes if len(tracks) > 0 else 0):
-            for component in range(3):
-                tracks[flight + lane, k, component] = lanes.position[component, lane]
+        if len(tracks) > 0:
+            write_tracks(work, num_lanes, k, tracks, flight)
         if is_logged:
             write_sample(world, work, log, k, sun_angles[first])
         if k == world.num_controls:
@@ -293,7 +233,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
-            write_force(work, law, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
+            write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         aim_deputies(world, work, num_lanes, k)
         if not world.is_attitude_ideal:
             turn_deputies(world, work, num_lanes)
@@ -301,16 +241,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             write_instants(world, work, log, k)
         move(world, work)
 
-    for lane in range(num_lanes):
-        row = outcomes[flight + lane]
-        row[DELTA_V] = lanes.spent[lane]
-        row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
-        row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
-        row[MIN_DISTANCE] = lanes.nearest[lane]
-        row[MAX_DISTANCE] = lanes.farthest[lane]
-        row[OUTSIDE] = lanes.beyond[lane]
-        row[SAFETY_PERIODS] = lanes.num_acted[lane]
-        row[SAFETY_DELTA_V] = lanes.corrected[lane]
+    write_outcomes(world, work, num_lanes, flight, outcomes)
 
 
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})

@@ -14,7 +14,7 @@ from fis_tools.engines.vectors import count, load, select, some, store
 from pipeline.flight.kernel.arrays import POINTS, Workspace, World
 from pipeline.flight.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
-from pipeline.physics.visibility import fits_from, is_facing, is_in_cone, is_lit
+from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit
 
 Floats = NDArray[np.float64]
 

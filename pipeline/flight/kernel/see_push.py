@@ -16,7 +16,7 @@ from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import Place, drifted_place, place_of, slopes
-from pipeline.physics.visibility import is_lit
+from pipeline.physics.sight import is_lit
 
 Floats = NDArray[np.float64]
 

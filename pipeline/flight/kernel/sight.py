@@ -15,7 +15,7 @@ from pipeline.flight.kernel.arrays import POINTS, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent
 from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
 from pipeline.flight.signals import slot
-from pipeline.physics.visibility import is_facing, is_in_cone, is_lit
+from pipeline.physics.sight import is_facing, is_in_cone, is_lit
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

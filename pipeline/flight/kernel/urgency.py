@@ -15,7 +15,7 @@ from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.signals import constant, slot
-from pipeline.physics.visibility import is_lit
+from pipeline.physics.sight import is_lit
 
 Floats = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
 from pipeline.flight.log import FlightLog, Scenario, empty_log
+from pipeline.flight.reference import thrust
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
 from pipeline.flight.reference.guidance import (
     ChooseTarget,
@@ -29,7 +30,7 @@ from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.see_push import cheapest_looks, push_of
 from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
-from pipeline.flight.signals import DEAD_BAND, PREVIEW, SETTING, URGENCY, constant
+from pipeline.flight.signals import PREVIEW, SETTING, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.motion import propagate
@@ -43,8 +44,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
-COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_margin_m")
-DECISION_PERIOD = constant("decision_period_s")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
 
@@ -239,7 +238,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     has_plan, constants = len(channels.plan_h) > 0, channels.constants
     senses_dark = channels.needs & (URGENCY | SETTING)
     last_lit = deadlines(world, initial_sun_angle) if senses_dark else np.zeros(num_points)
-    decision_stride = max(1, round(constants[DECISION_PERIOD] / world.control_period))
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
@@ -279,13 +277,19 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         if k == world.num_controls:
             break
 
-        is_complete = bool(is_inspected.all())
-        is_decided = not (has_plan or k % decision_stride or (is_complete and world.coasts_when_complete))
-        commanded = np.zeros(3)
-        if is_decided:
-            foreseen = np.zeros(3)
+        is_complete = bool(is_inspected.all()) and world.coasts_when_complete
+        decides = thrust.is_decision(channels, world, k)
+        asked, foreseen, coasts = np.zeros(3), np.zeros(3), False
+        if decides and not is_complete and not has_plan:
             if channels.needs & PREVIEW:
                 foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
+            if thrust.may_coast(channels):
+                log.foreseen[k] = foreseen
+                coasts = thrust.is_coasting_enough(channels, world, foreseen)
+        resting = None if has_plan else thrust.rest(is_complete, decides, coasts)
+        if has_plan:
+            asked = channels.plan_h[k]
+        elif resting is None:
             time = k * world.control_period
             urgent, push = np.zeros(3), np.zeros(3)
             if channels.needs & URGENCY:
@@ -300,11 +304,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 )
                 push = push_of(looks, last_lit, time, constants[URGENCY_TIME], constants[SEE_DAMPING])
                 push = around_the_chief(push, position, constants[SKIRT_DISTANCE], world.min_distance)
-            is_coasting = (
-                foreseen[0] < constants[COAST_BELOW]
-                and foreseen[1] >= world.min_distance + constants[COAST_MARGIN]
-                and foreseen[2] <= world.max_distance - constants[COAST_MARGIN]
-            )
             signals = measure(
                 world,
                 position,
@@ -324,25 +323,28 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 for i in range(MAX_INPUTS):
                     if channels.signals[f, i] >= 0:
                         inputs[i] = signals[channels.signals[f, i]]
-                output = infer(f, inputs)
-                if abs(output) >= constants[DEAD_BAND + channels.axes[f]] and not is_coasting:
-                    commanded[channels.axes[f]] += output
                 log.fis_input[k, f] = inputs
-                log.fis_output_n[k, f] = output
-        if has_plan:
-            wanted_h = channels.plan_h[k]
-        elif channels.is_force_hill:
-            wanted_h = commanded
-        else:
-            wanted_h = transposed_times(dcm, commanded)
+                log.fis_output_n[k, f] = infer(f, inputs)
+                asked[channels.axes[f]] += log.fis_output_n[k, f]
+        commanded = asked if has_plan else thrust.beyond_dead_bands(channels, asked)
+        wanted_h = commanded if has_plan else thrust.in_hill_axes(channels, commanded, dcm)
         force_h = clipped(wanted_h, world.max_force)
         if safety.is_on:
             asked_h = force_h
             force_h, log.safety_limit[k] = assured(safety, state, asked_h)
             log.safety_force_hill_n[k] = force_h - asked_h
-        log.is_decided[k] = is_decided
+        log.is_decided[k] = resting is None and not has_plan
         log.force_body_n[k] = times(dcm, wanted_h)
         log.force_hill_n[k] = force_h
+        log.force_asked_n[k] = asked
+        log.reason[k] = thrust.reasons(
+            resting,
+            asked,
+            commanded,
+            np.abs(wanted_h) > world.max_force,
+            log.safety_force_hill_n[k],
+            channels.is_force_hill or has_plan,
+        )
 
         quaternion, rate, y = turn_deputy(
             world,

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
-from pipeline.physics.rigid_body import tumbling_step
+from pipeline.physics.rigid_body import tumble
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -51,6 +52,8 @@ class PlainWorld(NamedTuple):
     chief_inverse_inertia: Floats
     chief_rate: Floats
     is_chief_tumbling: bool
+    #: of the chief's integrator in a control period
+    num_chief_steps: int
     #: (P, 3), chief axes
     points_c: Floats
     points_radius: float
@@ -105,6 +108,7 @@ def world_of(mission: Mission) -> PlainWorld:
         chief_inverse_inertia=np.linalg.inv(chief_inertia).astype(np.float64),
         chief_rate=np.array((0.0, 0.0, n) if chief_rate is None else chief_rate, dtype=np.float64),
         is_chief_tumbling=chief_rate is not None,
+        num_chief_steps=num_chief_steps(mission),
         points_c=place(chief.num_points, chief.inspection_radius_m),
         points_radius=chief.inspection_radius_m,
         boresight_b=np.array(mission.sensor.boresight, dtype=np.float64),
@@ -129,13 +133,13 @@ def world_of(mission: Mission) -> PlainWorld:
 def turn_chief(world: PlainWorld, quaternion_c_from_h: Floats, chief_rate_c: Floats) -> tuple[Floats, Floats]:
     """Turn a tumbling chief for a control period; one that is aligned with Hill stays so."""
     if world.is_chief_tumbling:
-        for _ in range(world.num_ticks * world.num_substeps):
-            quaternion_c_from_h, chief_rate_c = tumbling_step(
-                quaternion_c_from_h,
-                chief_rate_c,
-                world.chief_inertia,
-                world.chief_inverse_inertia,
-                world.mean_motion,
-                world.attitude_period / world.num_substeps,
-            )
+        quaternion_c_from_h, chief_rate_c = tumble(
+            quaternion_c_from_h,
+            chief_rate_c,
+            world.chief_inertia,
+            world.chief_inverse_inertia,
+            world.mean_motion,
+            world.control_period,
+            world.num_chief_steps,
+        )
     return quaternion_c_from_h, chief_rate_c

@@ -307,7 +307,8 @@ def evolve_rounds(
     resume : bool
         Go on from the checkpoint where there is one; the result is that of an uninterrupted run, bit for bit.
     on_generation : callable, optional
-        Called after every generation with the history so far, earlier runs' included.
+        Called after every generation with the history so far, earlier runs' included, and with that of the
+        checkpoint before going on from it.
 
     Returns
     -------
@@ -330,6 +331,9 @@ def evolve_rounds(
     state: State | None = None
     if resume and checkpoint is not None and checkpoint.exists():
         state = load(checkpoint, fingerprint)
+        if on_generation is not None:
+            # whoever was told of the last generation may have been killed before it was written down
+            on_generation(tuple(state.history))
     history = state.history if state else []
 
     def finish_generation(state: State) -> None:

@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x10inspection.proto\x12\ninspection\"k\n\x0b\x44\x65putyState\x12\x12\n\nposition_m\x18\x01 \x03(\x01\x12\x14\n\x0cvelocity_m_s\x18\x02 \x03(\x01\x12\x12\n\nquaternion\x18\x03 \x03(\x01\x12\x1e\n\x16\x61ngular_velocity_rad_s\x18\x04 \x03(\x01\"p\n\x0f\x41ttitudeHistory\x12\x15\n\rtime_offset_s\x18\x01 \x03(\x02\x12\x12\n\nquaternion\x18\x02 \x03(\x02\x12\x1e\n\x16\x61ngular_velocity_rad_s\x18\x03 \x03(\x02\x12\x12\n\ntorque_n_m\x18\x04 \x03(\x02\"5\n\x07\x43ontrol\x12\x14\n\x0c\x66orce_body_n\x18\x01 \x03(\x01\x12\x14\n\x0c\x66orce_hill_n\x18\x02 \x03(\x01\"e\n\x08Guidance\x12\x16\n\x0enum_candidates\x18\x01 \x01(\r\x12\x18\n\x10target_direction\x18\x02 \x03(\x01\x12\x14\n\x0clambda_u_rad\x18\x03 \x01(\x01\x12\x11\n\teta_u_rad\x18\x04 \x01(\x01\"]\n\rFisActivation\x12\x0e\n\x06inputs\x18\x01 \x03(\x01\x12\x18\n\x10\x66iring_strengths\x18\x02 \x03(\x02\x12\x10\n\x08output_n\x18\x03 \x01(\x01\x12\x10\n\x08shares_n\x18\x04 \x03(\x02\"\xa1\x01\n\rMissionStatus\x12\x15\n\rsun_angle_rad\x18\x01 \x01(\x01\x12\x12\n\ndistance_m\x18\x02 \x01(\x01\x12\x17\n\x0finspected_count\x18\x03 \x01(\r\x12\x1f\n\x17inspection_rate_percent\x18\x04 \x01(\x01\x12\x13\n\x0b\x64\x65lta_v_m_s\x18\x05 \x01(\x01\x12\x16\n\x0einspected_mask\x18\x06 \x01(\x0c\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x10inspection.proto\x12\ninspection\"k\n\x0b\x44\x65putyState\x12\x12\n\nposition_m\x18\x01 \x03(\x01\x12\x14\n\x0cvelocity_m_s\x18\x02 \x03(\x01\x12\x12\n\nquaternion\x18\x03 \x03(\x01\x12\x1e\n\x16\x61ngular_velocity_rad_s\x18\x04 \x03(\x01\"p\n\x0f\x41ttitudeHistory\x12\x15\n\rtime_offset_s\x18\x01 \x03(\x02\x12\x12\n\nquaternion\x18\x02 \x03(\x02\x12\x1e\n\x16\x61ngular_velocity_rad_s\x18\x03 \x03(\x02\x12\x12\n\ntorque_n_m\x18\x04 \x03(\x02\"\x9b\x03\n\x07\x43ontrol\x12\x14\n\x0c\x66orce_body_n\x18\x01 \x03(\x01\x12\x14\n\x0c\x66orce_hill_n\x18\x02 \x03(\x01\x12\x15\n\rforce_asked_n\x18\x03 \x03(\x01\x12*\n\x06reason\x18\x04 \x03(\x0e\x32\x1a.inspection.Control.Reason\x12\x1c\n\x0f\x63oasting_missed\x18\x05 \x01(\x01H\x00\x88\x01\x01\x12\x1f\n\x12\x63oasting_nearest_m\x18\x06 \x01(\x01H\x01\x88\x01\x01\x12 \n\x13\x63oasting_farthest_m\x18\x07 \x01(\x01H\x02\x88\x01\x01\"}\n\x06Reason\x12\x0b\n\x07UNKNOWN\x10\x00\x12\t\n\x05\x46IRED\x10\x01\x12\n\n\x06SILENT\x10\x02\x12\r\n\tDEAD_BAND\x10\x03\x12\x0b\n\x07WAITING\x10\x04\x12\x0c\n\x08\x43OASTING\x10\x05\x12\x0c\n\x08\x43OMPLETE\x10\x06\x12\x0b\n\x07\x43LIPPED\x10\x07\x12\n\n\x06SAFETY\x10\x08\x42\x12\n\x10_coasting_missedB\x15\n\x13_coasting_nearest_mB\x16\n\x14_coasting_farthest_m\"e\n\x08Guidance\x12\x16\n\x0enum_candidates\x18\x01 \x01(\r\x12\x18\n\x10target_direction\x18\x02 \x03(\x01\x12\x14\n\x0clambda_u_rad\x18\x03 \x01(\x01\x12\x11\n\teta_u_rad\x18\x04 \x01(\x01\"]\n\rFisActivation\x12\x0e\n\x06inputs\x18\x01 \x03(\x01\x12\x18\n\x10\x66iring_strengths\x18\x02 \x03(\x02\x12\x10\n\x08output_n\x18\x03 \x01(\x01\x12\x10\n\x08shares_n\x18\x04 \x03(\x02\"\xa1\x01\n\rMissionStatus\x12\x15\n\rsun_angle_rad\x18\x01 \x01(\x01\x12\x12\n\ndistance_m\x18\x02 \x01(\x01\x12\x17\n\x0finspected_count\x18\x03 \x01(\r\x12\x1f\n\x17inspection_rate_percent\x18\x04 \x01(\x01\x12\x13\n\x0b\x64\x65lta_v_m_s\x18\x05 \x01(\x01\x12\x16\n\x0einspected_mask\x18\x06 \x01(\x0c\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -35,12 +35,14 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_DEPUTYSTATE']._serialized_end=139
   _globals['_ATTITUDEHISTORY']._serialized_start=141
   _globals['_ATTITUDEHISTORY']._serialized_end=253
-  _globals['_CONTROL']._serialized_start=255
-  _globals['_CONTROL']._serialized_end=308
-  _globals['_GUIDANCE']._serialized_start=310
-  _globals['_GUIDANCE']._serialized_end=411
-  _globals['_FISACTIVATION']._serialized_start=413
-  _globals['_FISACTIVATION']._serialized_end=506
-  _globals['_MISSIONSTATUS']._serialized_start=509
-  _globals['_MISSIONSTATUS']._serialized_end=670
+  _globals['_CONTROL']._serialized_start=256
+  _globals['_CONTROL']._serialized_end=667
+  _globals['_CONTROL_REASON']._serialized_start=475
+  _globals['_CONTROL_REASON']._serialized_end=600
+  _globals['_GUIDANCE']._serialized_start=669
+  _globals['_GUIDANCE']._serialized_end=770
+  _globals['_FISACTIVATION']._serialized_start=772
+  _globals['_FISACTIVATION']._serialized_end=865
+  _globals['_MISSIONSTATUS']._serialized_start=868
+  _globals['_MISSIONSTATUS']._serialized_end=1029
 # @@protoc_insertion_point(module_scope)

@@ -1,8 +1,9 @@
 from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
 from collections.abc import Iterable as _Iterable
-from typing import ClassVar as _ClassVar, Optional as _Optional
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -31,12 +32,42 @@ class AttitudeHistory(_message.Message):
     def __init__(self, time_offset_s: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., angular_velocity_rad_s: _Optional[_Iterable[float]] = ..., torque_n_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Control(_message.Message):
-    __slots__ = ("force_body_n", "force_hill_n")
+    __slots__ = ("force_body_n", "force_hill_n", "force_asked_n", "reason", "coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
+    class Reason(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        UNKNOWN: _ClassVar[Control.Reason]
+        FIRED: _ClassVar[Control.Reason]
+        SILENT: _ClassVar[Control.Reason]
+        DEAD_BAND: _ClassVar[Control.Reason]
+        WAITING: _ClassVar[Control.Reason]
+        COASTING: _ClassVar[Control.Reason]
+        COMPLETE: _ClassVar[Control.Reason]
+        CLIPPED: _ClassVar[Control.Reason]
+        SAFETY: _ClassVar[Control.Reason]
+    UNKNOWN: Control.Reason
+    FIRED: Control.Reason
+    SILENT: Control.Reason
+    DEAD_BAND: Control.Reason
+    WAITING: Control.Reason
+    COASTING: Control.Reason
+    COMPLETE: Control.Reason
+    CLIPPED: Control.Reason
+    SAFETY: Control.Reason
     FORCE_BODY_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_HILL_N_FIELD_NUMBER: _ClassVar[int]
+    FORCE_ASKED_N_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    COASTING_MISSED_FIELD_NUMBER: _ClassVar[int]
+    COASTING_NEAREST_M_FIELD_NUMBER: _ClassVar[int]
+    COASTING_FARTHEST_M_FIELD_NUMBER: _ClassVar[int]
     force_body_n: _containers.RepeatedScalarFieldContainer[float]
     force_hill_n: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ...) -> None: ...
+    force_asked_n: _containers.RepeatedScalarFieldContainer[float]
+    reason: _containers.RepeatedScalarFieldContainer[Control.Reason]
+    coasting_missed: float
+    coasting_nearest_m: float
+    coasting_farthest_m: float
+    def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ..., force_asked_n: _Optional[_Iterable[float]] = ..., reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., coasting_missed: _Optional[float] = ..., coasting_nearest_m: _Optional[float] = ..., coasting_farthest_m: _Optional[float] = ...) -> None: ...
 
 class Guidance(_message.Message):
     __slots__ = ("num_candidates", "target_direction", "lambda_u_rad", "eta_u_rad")

@@ -6,8 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import telemetry
 from fis_tools.analysis.arrays import rule_usage
-from fis_tools.analysis.flights import inputs_along, read_controller, read_flight, usage_along
+from fis_tools.analysis.flights import (
+    inputs_along,
+    read_controller,
+    read_flight,
+    read_periods,
+    usage_along,
+)
 from fis_tools.engines.inference import infer
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.serialize import dump_json
@@ -15,6 +22,8 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import FisDescription
+from telemetry.file.schema.inspection_pb2 import Control
+from telemetry.file.topics import Reason
 from tests.fis_tools.sample_controllers import (
     force_x_system,
     force_z_system,
@@ -125,3 +134,65 @@ def test_inputs_are_gathered_over_all_flights(tmp_path: Path) -> None:
     paths = [log_flight(tmp_path / f"{seed}.mcap", controller, seed=seed) for seed in (1, 2)]
     flown = [read_flight(path)[1].inputs for path in paths]
     np.testing.assert_array_equal(inputs_along(paths)["force_z"], np.concatenate(flown))
+
+
+#: what became of force_x and force_z, one row a control period of 10 s; the controller infers in those marked
+PERIODS = (
+    (True, Reason.FIRED, Reason.DEAD_BAND),
+    (True, Reason.CLIPPED, Reason.FIRED),
+    (False, Reason.COASTING, Reason.COASTING),
+    (True, Reason.SAFETY, Reason.SILENT),
+    (False, Reason.WAITING, Reason.WAITING),
+    (True, Reason.FIRED, Reason.SAFETY),
+)
+
+
+def log_periods(path: Path, controller: FuzzyController, has_reasons: bool = True) -> Path:
+    """Log control periods, as a recording of today or as one from before reasons were recorded."""
+    metadata = {f"fis.{system.name}": description(system) for system in controller.systems}
+    attachments = {"controller.json": dump_json(controller).encode()}
+    generator = np.random.default_rng(4)
+    with EpisodeWriter(path, metadata=metadata, attachments=attachments) as writer:
+        for sample, (is_inferred, x, z) in enumerate(PERIODS):
+            time_s = 10.0 * sample
+            force = np.array([x == Reason.FIRED, 0.0, z == Reason.FIRED], dtype=np.float64)
+            if has_reasons:
+                writer.control(time_s, force, force, force, [x, Reason.SILENT, z])
+            else:
+                message = Control(force_body_n=force.tolist(), force_hill_n=force.tolist())
+                writer._write("/deputy/control", time_s, message)
+            for system in controller.systems if is_inferred else ():
+                inputs = np.array([generator.uniform(v.minimum, v.maximum) for v in system.inputs])
+                step = infer(system, inputs)
+                writer.fis(time_s, system.name, inputs, step.firing_strengths, step.values[0])
+    return path
+
+
+def test_inferences_count_whose_force_was_fired(tmp_path: Path) -> None:
+    path = log_periods(tmp_path / "a.mcap", paper_like_controller())
+    times = {one.system.name: one.time_s.tolist() for one in read_flight(path)}
+    assert times == {"force_x": [0.0, 10.0, 50.0], "force_z": [10.0]}
+    for flown in read_flight(path, all_periods=True):
+        assert flown.time_s.tolist() == [0.0, 10.0, 30.0, 50.0]
+    assert usage_along([path])["force_x"].num_samples == 3
+    assert len(inputs_along([path], all_periods=True)["force_z"]) == 4
+
+
+def test_a_recording_without_reasons_counts_where_any_force_was_fired(tmp_path: Path) -> None:
+    path = log_periods(tmp_path / "a.mcap", paper_like_controller(), has_reasons=False)
+    control = telemetry.read(path)["/deputy/control"]
+    assert control["reason"].shape == control["force_asked_n"].shape == (6, 0)
+    assert np.isnan(control["coasting_missed"]).all()
+    for flown in read_flight(path):
+        assert flown.time_s.tolist() == [0.0, 10.0, 50.0]
+
+
+def test_each_period_tells_what_became_of_each_system(tmp_path: Path) -> None:
+    path = log_periods(tmp_path / "a.mcap", paper_like_controller())
+    for sample, (is_inferred, *reasons) in enumerate(PERIODS):
+        for time_s in (10.0 * sample, 10.0 * sample + 9.9):
+            for period, reason in zip(read_periods(path, time_s), reasons, strict=True):
+                assert (period.time_s, period.reason) == (10.0 * sample, reason.name.lower())
+                assert (period.row is not None) == is_inferred
+                if period.row is not None:
+                    assert period.flown.time_s[period.row] == period.time_s

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.__main__ import main
+from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
 from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
@@ -191,7 +192,7 @@ def test_explain_tells_the_share_of_each_rule_over_flights(
     _, printed, _ = run(capsys, "explain", flights[0], "--json")
     assert [one["samples"] for one in json.loads(printed)["shares"]] == [4, 4]
     silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
-    assert "never decided anything" in run(capsys, "explain", silent)[1]
+    assert "never fired anything" in run(capsys, "explain", silent)[1]
 
 
 def test_explain_takes_the_inputs_of_a_logged_flight(
@@ -218,7 +219,7 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
     shares = [float(line.split("%")[0]) for line in block[2:]]
     assert shares == sorted(shares, reverse=True)
     silent = log_flight(tmp_path / "silent.mcap", paper_like_controller(), num_samples=0)
-    assert "never decided anything" in run(capsys, "firing", silent)[1]
+    assert "never fired anything" in run(capsys, "firing", silent)[1]
 
 
 @pytest.mark.parametrize(
@@ -259,11 +260,11 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["explain", "FLIGHT", "--steps"], "about one inference; add --time"),
         (["explain", "FLIGHT", "--time", "1", "--steps", "--json"], "drop one of them"),
         (["explain", "FLIGHT", "--time", "1", "--crossing", "nan"], "'nan' is no number"),
-        (["explain", "FLIGHT", "--time", "-1"], "decided nothing up to -1 s"),
-        (["explain", "FLIGHT", "--time", "99999"], "--time 99999 is not on this flight"),
-        (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "inferences cover 0 to 40 s"),
-        (["explain", "FLIGHT", "--time", "nan"], "inferences cover 0 to 40 s"),
-        (["explain", "SILENT", "--time", "5"], "decided nothing up to 5 s"),
+        (["explain", "FLIGHT", "--time", "-1"], "-1 s is on no control period of"),
+        (["explain", "FLIGHT", "--time", "99999"], "99999 s is on no control period of"),
+        (["explain", "FLIGHT", "--time", "40.1", "--system", "force_z"], "which covers 0 to 40 s"),
+        (["explain", "FLIGHT", "--time", "nan"], "which covers 0 to 40 s"),
+        (["explain", "SILENT", "--time", "5"], "which has none"),
         (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "invalid choice"),
@@ -340,3 +341,22 @@ def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> No
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+def test_domain_tells_when_flights_left_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    sensed = inputs_along([flight])
+    boxes = [box_of(system, sensed[system.name]) for system in paper_like_controller().systems]
+    path = tmp_path / "domain.json"
+    path.write_text(json.dumps(as_mapping(boxes)), encoding="utf-8")
+    assert run(capsys, "domain", path, flight) == (0, f"{flight}: stayed inside\n", "")
+    first = boxes[0]
+    smaller = replace(first, high=(0.5 * (first.low[0] + first.high[0]), *first.high[1:]))
+    path.write_text(json.dumps(as_mapping([smaller, *boxes[1:]])), encoding="utf-8")
+    status, told, _ = run(capsys, "domain", path, flight)
+    assert status == 1
+    assert f"{first.system} senses {first.inputs[0]} = {first.high[0]:.6g}" in told
+    path.write_text(json.dumps(as_mapping(boxes[1:])), encoding="utf-8")
+    status, _, mistake = run(capsys, "domain", path, flight)
+    assert status == 2
+    assert "which the domain does not have" in mistake

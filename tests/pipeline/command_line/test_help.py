@@ -7,7 +7,7 @@ import pytest
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import conf_folder, options
 from pipeline.flight.signals import SIGNALS
-from pipeline.run import artifacts
+from pipeline.run import maker
 
 
 @pytest.mark.parametrize(("arguments", "code"), [([], 2), (["--help"], 0), (["-h"], 0)])
@@ -36,5 +36,5 @@ def test_help_lists_the_users_own(capsys, tmp_path):
 
 def test_version(capsys):
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"fuzzy-spacecraft-inspection {artifacts.product_version()}\n"
-    assert re.fullmatch(r"\d+\.\d+\.\d+\S*", artifacts.product_version())
+    assert capsys.readouterr().out == f"fuzzy-spacecraft-inspection {maker.product_version()}\n"
+    assert re.fullmatch(r"\d+\.\d+\.\d+\S*", maker.product_version())

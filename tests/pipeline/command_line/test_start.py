@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.config import conf_folder
-from pipeline.run import artifacts
+from pipeline.run import maker
 
 HEAVY = [
     "sklearn",
@@ -35,7 +35,7 @@ def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
         "import sys; from pipeline.command_line.cli import main; code = main(['+experiment=fly', 'sede=3']); "
         f"print(code, [name for name in {HEAVY} if name in sys.modules])"
     )
-    done = run_python("-c", code, folder=tmp_path, path=artifacts.SOURCES)
+    done = run_python("-c", code, folder=tmp_path, path=maker.SOURCES)
     assert done.stdout == "2 []\n"
 
 
@@ -43,7 +43,7 @@ def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
 def test_it_runs_where_conf_lies_inside_the_package(tmp_path):
     for package in ("pipeline", "fis_tools", "telemetry"):
         ignored = shutil.ignore_patterns("__pycache__", "conf")
-        shutil.copytree(artifacts.SOURCES / package, tmp_path / "installed" / package, ignore=ignored)
+        shutil.copytree(maker.SOURCES / package, tmp_path / "installed" / package, ignore=ignored)
     shutil.copytree(conf_folder(), tmp_path / "installed" / "pipeline" / "conf")
     (tmp_path / "elsewhere").mkdir()
     words = ["-m", "pipeline", "+experiment=fly", "controller=coast", "--cfg", "job"]
@@ -58,6 +58,6 @@ def test_it_runs_where_conf_lies_inside_the_package(tmp_path):
 
 
 def test_the_distributions_name_is_the_projects():
-    project = tomllib.loads((artifacts.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["name"] == artifacts.DISTRIBUTION
-    assert artifacts.product_version() == project["version"]
+    project = tomllib.loads((maker.SOURCES / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["name"] == maker.DISTRIBUTION
+    assert maker.product_version() == project["version"]

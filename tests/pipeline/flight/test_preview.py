@@ -56,13 +56,14 @@ def test_what_sets_lies_where_the_sun_goes_from() -> None:
 
 def test_it_coasts_exactly_while_coasting_is_enough() -> None:
     log = fly_logged(mission(), FORESEEING, STARTS[0])
-    watched = log.is_decided.copy()
-    missed, nearest = log.fis_input[:, 0, 0], log.fis_input[:, 0, 1]
-    farthest = log.fis_input[:, 1, 1]
+    missed, nearest, farthest = log.foreseen.T
     is_enough = (missed < 30.0) & (nearest >= 22.0) & (farthest <= 193.0)
     fired = log.force_hill_n.any(axis=1)
     assert not fired[is_enough].any()
-    assert fired[watched & ~is_enough & (np.abs(log.fis_output_n).max(axis=1) > 0)].all()
+    np.testing.assert_array_equal(log.is_decided, ~is_enough & ~log.is_inspected[:-1].all(axis=1))
+    assert fired[log.is_decided & (np.abs(log.fis_output_n).max(axis=1) > 0)].all()
+    sensed = np.column_stack([log.fis_input[:, 0, :2], log.fis_input[:, 1, 1]])
+    np.testing.assert_array_equal(sensed[log.is_decided], log.foreseen[log.is_decided])
     assert 1 < is_enough.sum() < 359
 
 

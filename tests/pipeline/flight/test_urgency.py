@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import ControllerError, constants_of, from_fuzzy
+from pipeline.flight.controller import Controller, ControllerError, constants_of, from_fuzzy
 from pipeline.flight.log import FlightLog
 from pipeline.flight.signals import constant
 from pipeline.flight.simulation import fly_all, fly_logged
@@ -15,6 +15,18 @@ from tests.pipeline.flight.cases import HURRYING, STARTS, mission
 
 IDEAL = {"mode": "ideal"}
 TIME_S, SKIRT_M = 150.0, 70.0
+
+
+def with_attributes(**changes: str | None) -> Controller:
+    """`HURRYING` with other attributes; without those that are None."""
+    assert HURRYING.fuzzy is not None
+    attributes = dict(HURRYING.fuzzy.attributes) | changes
+    kept = sorted((name, text) for name, text in attributes.items() if text is not None)
+    return from_fuzzy(replace(HURRYING.fuzzy, attributes=tuple(kept)))
+
+
+#: it never coasts, so that every sample shows what it senses
+RESTLESS = with_attributes(coast_below_points=None)
 
 
 def expected_direction(log: FlightLog) -> NDArray[np.float64]:
@@ -38,21 +50,14 @@ def expected_direction(log: FlightLog) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("start", STARTS)
 def test_it_points_to_what_is_lit_for_the_last_time_soon(start) -> None:  # type: ignore[no-untyped-def]
-    log = fly_logged(mission(attitude=IDEAL, coast_when_complete=False), HURRYING, start)
+    log = fly_logged(mission(attitude=IDEAL, coast_when_complete=False), RESTLESS, start)
     expected = expected_direction(log)
     np.testing.assert_allclose(log.fis_input[:, :, 1], expected, rtol=0, atol=1e-9)
     assert np.ptp(expected, axis=0).max() > 0.5
 
 
 def test_a_short_time_singles_out_what_goes_first_and_a_long_one_takes_the_middle() -> None:
-    assert HURRYING.fuzzy is not None
-    attributes = dict(HURRYING.fuzzy.attributes)
-    middling = from_fuzzy(
-        replace(
-            HURRYING.fuzzy,
-            attributes=tuple((attributes | {"urgency_time_s": "1e9", "skirt_distance_m": "0"}).items()),
-        )
-    )
+    middling = with_attributes(urgency_time_s="1e9", skirt_distance_m="0", coast_below_points=None)
     log = fly_logged(mission(attitude=IDEAL, coast_when_complete=False), middling, STARTS[0])
     target = log.target_m[:-1]
     has_target = np.linalg.norm(target, axis=1) > 0.1
@@ -61,10 +66,8 @@ def test_a_short_time_singles_out_what_goes_first_and_a_long_one_takes_the_middl
 
 
 def test_a_controller_that_senses_urgency_must_say_how_urgent() -> None:
-    assert HURRYING.fuzzy is not None
-    silent = tuple(pair for pair in HURRYING.fuzzy.attributes if pair[0] != "urgency_time_s")
     with pytest.raises(ControllerError, match="sets no urgency_time_s; give it"):
-        from_fuzzy(replace(HURRYING.fuzzy, attributes=silent))
+        with_attributes(urgency_time_s=None)
     constants = constants_of(HURRYING)
     assert constants[constant("urgency_time_s")] == TIME_S
     assert constants[constant("skirt_distance_m")] == SKIRT_M

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M, is_illuminated, sun_angle, sun_direction_h
-from pipeline.physics.visibility import fits_from, is_facing, is_in_cone, is_in_view, is_lit, sight_of
+from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit, sight_of
+from pipeline.physics.visibility import is_in_view
 
 RADIUS = 10.0
 MEAN_MOTION = 0.0011068

@@ -5,10 +5,13 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.physics.quaternion import dcm_b_from_h, derivative
 from pipeline.physics.rigid_body import (
+    TUMBLING_TOLERANCE_RAD,
     euler_angular_acceleration,
+    longest_tumbling_step,
     relative_angular_acceleration,
     relative_attitude_step,
     relative_coefficients,
+    tumble,
     tumbling_step,
 )
 
@@ -175,3 +178,41 @@ def test_a_chief_that_turns_with_the_orbit_stays_aligned_with_hill():
         quaternion, rate = tumbling_step(quaternion, rate, inertia, np.linalg.inv(inertia), MEAN_MOTION, 1.0)
     np.testing.assert_allclose(quaternion, IDENTITY, atol=1e-15)
     np.testing.assert_array_equal(rate, HILL_RATE)
+
+
+@pytest.mark.parametrize(
+    ("moments", "start"),
+    [
+        ((900.0, 1200.0, 700.0), (0.2, 0.3, 0.35)),
+        ((1.0, 2.0, 2.9), (1.0, 2.0, 3.0)),
+        ((1.0, 1.5, 2.0), (0.3, 0.1, 0.6)),
+    ],
+)
+def test_the_step_fits_how_fast_a_chief_turns(moments, start):
+    inertia, rate_start, duration = np.diag(moments), np.array(start), 600.0
+    step = longest_tumbling_step(inertia, rate_start, MEAN_MOTION, duration)
+    quaternion, rate = tumble(
+        IDENTITY,
+        rate_start,
+        inertia,
+        np.linalg.inv(inertia),
+        MEAN_MOTION,
+        duration,
+        int(np.ceil(duration / step)),
+    )
+    chief = integrate(inertial_rotation(inertia, lambda _: np.zeros(3)), [*IDENTITY, *rate_start], duration)
+    hill = Rotation.from_rotvec(duration * HILL_RATE).as_matrix().T
+    off = Rotation.from_matrix(dcm_b_from_h(quaternion).T @ matrix(chief[:4]) @ hill.T).magnitude()
+    assert off < 2.0 * TUMBLING_TOLERANCE_RAD
+    np.testing.assert_allclose(rate, chief[4:], atol=1e-3 * np.linalg.norm(rate_start))
+
+
+def test_a_top_that_spins_fast_for_an_hour_points_where_the_closed_form_says():
+    inertia, rate_start = np.diag([10.0, 10.0, 16.0]), np.array([0.2, 0.0, 0.7])
+    steps = int(np.ceil(3600.0 / longest_tumbling_step(inertia, rate_start, 0.0, 3600.0)))
+    quaternion, _ = tumble(IDENTITY, rate_start, inertia, np.linalg.inv(inertia), 0.0, 3600.0, steps)
+    momentum = inertia @ rate_start
+    # the body spins about its axis by (J1 - J3)/J1 w3 within a frame that precesses about the momentum
+    spin = Rotation.from_rotvec([0.0, 0.0, (10.0 - 16.0) / 10.0 * 0.7 * 3600.0])
+    turned = Rotation.from_rotvec(momentum / 10.0 * 3600.0) * spin
+    assert (turned.inv() * Rotation.from_quat(quaternion)).magnitude() < 2.0 * TUMBLING_TOLERANCE_RAD

@@ -13,10 +13,13 @@ from mcap.records import Attachment, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
+from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed, compose_experiment
 from pipeline.controllers.of_run import controller_of_run
+from pipeline.flight.controller import Controller, from_fuzzy
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
+from tests.places import PROJECT
 
 #: twelve points on a chief that shows all sides to the Sun: complete after 200 s, then adrift over the limit
 COASTING = (
@@ -71,6 +74,11 @@ def contents(path: Path) -> Contents:
 @cache
 def composed(*overrides: str) -> Composed:
     return compose_experiment(["+experiment=fly", *overrides])
+
+
+def champion() -> Controller:
+    """The champion for any Sun, which has dead bands and coasts."""
+    return from_fuzzy(serialize.load(PROJECT / "conf" / "controller" / "champion_any_sun.yaml"))
 
 
 @cache

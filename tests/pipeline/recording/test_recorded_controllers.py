@@ -9,7 +9,9 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
 
+import telemetry
 from fis_tools.formats import serialize
+from fis_tools.model.thrust import thrust_logic
 from pipeline.flight.controller import Controller, coast, open_loop
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
@@ -131,3 +133,33 @@ def test_a_controller_in_words_rebuilds_itself():
 def test_no_target_has_no_direction():
     vectors = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, -4.0], [1e-9, 0.0, 0.0]])
     assert_array_equal(directions(vectors), [[0.0, 0.0, 0.0], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0]])
+
+
+def test_what_was_asked_for_and_why_it_was_not_fired_is_recorded(tmp_path):
+    run = cases.composed("duration_s=3600.0", "chief.num_points=99")
+    mission, controller = run.experiment.mission, cases.champion()
+    scenario = Scenario(np.array([43.3, 43.3, 43.3]), np.zeros(3), np.pi)
+    log = fly_logged(mission, controller, scenario)
+    recorder = FlightRecorder(mission, controller, seed=3, config=run.config, near_limit_m=5.0)
+    recorder.record(tmp_path / "a.mcap", scenario, log, scenario_id="x")
+    found = telemetry.read(tmp_path / "a.mcap")
+    control, logic = found["/deputy/control"], thrust_logic(controller.fuzzy)
+    asked, reason, fired = control["force_asked_n"], control["reason"], control["force_hill_n"]
+    assert {"fired", "dead_band", "coasting"} <= set(reason.ravel())
+    np.testing.assert_array_equal(fired, np.where(reason == "fired", asked, 0.0))
+    is_small = np.abs(asked) < logic.dead_bands_n
+    np.testing.assert_array_equal(is_small & (asked != 0.0), reason == "dead_band")
+    is_coasting = (reason == "coasting").all(axis=1)
+    for place, name in enumerate(found.fis_names):
+        np.testing.assert_array_equal(found[f"/fis/{name}"].time_s, control.time_s[~is_coasting])
+        np.testing.assert_array_equal(found[f"/fis/{name}"]["output_n"], asked[~is_coasting, place])
+    enough = control["coasting_missed"] < logic.coast_below_points
+    enough &= control["coasting_nearest_m"] >= 15.0 + logic.coast_margin_m
+    enough &= control["coasting_farthest_m"] <= 200.0 - logic.coast_margin_m
+    np.testing.assert_array_equal(enough, is_coasting)
+    # every change is told, and nothing else
+    told = [text.split(":")[0] for text in found["/log"]["message"] if text.startswith("coasting ")]
+    changes = np.diff(is_coasting.astype(int), prepend=0)
+    words = {1: "coasting begins", -1: "coasting ends"}
+    assert told == [words[change] for change in changes[changes != 0].tolist()]
+    assert told

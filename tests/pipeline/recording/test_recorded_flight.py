@@ -17,7 +17,7 @@ from fis_tools.engines.packing import pack
 from fis_tools.formats import serialize
 from pipeline.flight.log import FlightLog
 from pipeline.flight.world import inspection_points
-from pipeline.run import artifacts
+from pipeline.run import maker
 from pipeline.run.runner import run_stages
 from tests.pipeline.recording import cases
 from tests.pipeline.recording.cases import Contents
@@ -202,7 +202,7 @@ def test_metadata_tells_what_the_episode_was(full: Contents):
     text = json.dumps({key: config[key] for key in config if key != "hydra"}, sort_keys=True)
     assert episode.pop("config_hash") == hashlib.sha256(text.encode()).hexdigest()
     assert episode.pop("scenario_id") == "start"
-    assert episode.pop("product_version") == artifacts.product_version()
+    assert episode.pop("product_version") == maker.product_version()
     numbers = {key: json.loads(value) for key, value in episode.items() if key != "crc32"}
     assert numbers.pop("half_angle_rad") == pytest.approx(math.pi / 12, rel=1e-15)
     assert numbers == {

@@ -7,7 +7,7 @@ import subprocess
 import pytest
 import yaml
 
-from pipeline.run import artifacts
+from pipeline.run import artifacts, maker
 from pipeline.run.artifacts import ArtifactError
 from tests.pipeline.command_line.cases import plain_config
 
@@ -55,28 +55,28 @@ def test_manifest_accounts_for_finished_files_only(tmp_path):
     ):
         artifacts.write_atomically(tmp_path / name, name)
     (tmp_path / "pipeline.log").write_text("x")
-    artifacts.write_manifest(tmp_path, config, ["scenario"])
+    artifacts.write_manifest(tmp_path, config, ["scenario"], makers=[maker.present_maker()])
     manifest = artifacts.read_manifest(tmp_path)
     assert set(manifest["sha256"]) == {"config.yaml", "champion.json", "episodes/a.mcap"}
     assert manifest["sha256"]["champion.json"] == hashlib.sha256(b"champion.json").hexdigest()
     assert manifest["config_hash"] == artifacts.config_hash(config)
     assert (manifest["seed"], manifest["finished_stages"], manifest["name"]) == (3, ["scenario"], "evaluate")
-    assert manifest["versions"]["product"] == artifacts.product_version()
+    assert manifest["versions"]["product"] == maker.product_version()
     assert manifest["versions"]["numpy"] != "absent"
 
 
 def test_git_revision_is_that_of_the_sources_or_none(tmp_path, monkeypatch):
-    monkeypatch.setattr(artifacts, "SOURCES", tmp_path)
-    assert artifacts.git_revision() is None
+    monkeypatch.setattr(maker, "SOURCES", tmp_path)
+    assert maker.git_revision() is None
     git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@x"]
     for words in (["init", "-q"], ["commit", "-q", "--allow-empty", "-m", "x"]):
         subprocess.run([*git, *words], check=True)  # noqa: S603
-    revision = artifacts.git_revision()
+    revision = maker.git_revision()
     assert revision is not None
     assert len(revision) == 40
     (tmp_path / "a").write_text("1")
     subprocess.run([*git, "add", "a"], check=True)  # noqa: S603
-    assert artifacts.git_revision() == f"{revision}+changes"
+    assert maker.git_revision() == f"{revision}+changes"
 
 
 @pytest.mark.parametrize(

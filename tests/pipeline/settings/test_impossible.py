@@ -12,7 +12,7 @@ from tests.pipeline.command_line.cases import plain_config
 CASES = [
     ("orbit.mean_motion_rad_s", 0.0, "orbit.mean_motion_rad_s is 0.0; it must be greater than 0 (rad/s)"),
     ("deputy.mass_kg", -12.0, "deputy.mass_kg is -12.0; it must be greater than 0 (kg)"),
-    ("deputy.mass_kg", 9e-4, "deputy.mass_kg is 0.0009; it must be at least 0.001 (kg)"),
+    ("deputy.mass_kg", 9e-4, "deputy.mass_kg is 0.0009; it must be from 0.001 to 1e+06 (kg)"),
     ("deputy.mass_kg", math.nan, "deputy.mass_kg is nan; it must be a finite number"),
     ("deputy.mass_kg", math.inf, "deputy.mass_kg is inf; it must be a finite number"),
     ("deputy.mass_kg", "heavy", "deputy.mass_kg is 'heavy'; it must be a number"),
@@ -64,6 +64,11 @@ CASES = [
         "attitude.derivative_gain",
         2.0,
         "attitude.derivative_gain is 2 and attitude_period_s 1, with the product",
+    ),
+    (
+        "attitude.proportional_gain",
+        5.0,
+        "with which the deputy turns by 15.6 rad in a period; it must be less",
     ),
     ("attitude_period_s", 10.0, "an error in rate into one 2.2 times as great: lower one of them"),
     ("attitude.pole_blending", "maybe", "attitude.pole_blending is 'maybe'; it must be true or false"),
@@ -139,6 +144,25 @@ CASES = [
         "optimizer.penalty.outside_m_s is -1.0; it must be at least 0 (m/s)",
     ),
     ("report.training_case", 8, "but there are 8 training scenarios; choose one from 0 to 7"),
+    (
+        "orbit.mean_motion_rad_s",
+        1e100,
+        "mean_motion_rad_s is 1e+100; it must be at most 10 (rad/s), whatever",
+    ),
+    ("orbit.mean_motion_rad_s", 1e-300, "is 1e-300; it must be from 1e-08 to 10 (rad/s)"),
+    (
+        "chief.inspection_radius_m",
+        1e100,
+        "inspection_radius_m is 1e+100; it must be at most 1e+07 (m)",
+    ),
+    ("chief.inspection_radius_m", 300.0, "the first must be less than the second, or all points lie beyond"),
+    ("chief.initial_angular_velocity_rad_s", [0.0, 0.0, 11.0], "rad_s[2] is 11.0; it must be at most 10"),
+    ("attitude_period_s", 1e-308, "attitude_period_s is 1e-308; it must be from 0.001 to 1e+08 (s)"),
+    ("attitude_period_s", 1e-6, "attitude_period_s is 1e-06; it must be from 0.001 to 1e+08 (s)"),
+    ("optimizer.tournament_size", 1_000_000_000, "it must be from 1 to 100000"),
+    ("optimum.kicks", 10**23, "it must be from 0 to 1e+06"),
+    ("seed", 10**400, "seed is 1000000"),
+    ("deputy.mass_kg", 10**400, "deputy.mass_kg is 1000000"),
     ("seed", -1, "seed is -1; it must be a whole number of at least 0"),
     ("seed", "one", "seed is 'one'; it must be a whole number"),
     ("name", "a=b", "name is 'a=b'; it names a folder: use letters, digits"),
@@ -146,7 +170,7 @@ CASES = [
     (
         "stages",
         [],
-        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, compare, report",
+        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, compare, assure, ",
     ),
     ("stages", ["reprt"], "stages has 'reprt'; did you mean report?"),
     ("stages", ["report", "evaluate"], "name each once in the order scenario, train"),
@@ -279,3 +303,27 @@ def test_every_value_is_checked_in_python_too():
     with pytest.raises(FrozenInstanceError):
         mission.duration_s = 1.0
     assert hash(mission) == hash(replace(mission, duration_s=3600))
+
+
+def test_a_flight_is_no_larger_than_memory():
+    config = plain_config()
+    config["chief"]["num_points"] = 10_000
+    config["duration_s"] = 100_000.0
+    with pytest.raises(
+        SettingError, match=r"num_points 10000, which makes 1e\+08 values of a flight; there may"
+    ):
+        experiment_from(config)
+    config = plain_config()
+    config["attitude_period_s"] = 0.001
+    config["duration_s"] = 10_000.0
+    with pytest.raises(
+        SettingError, match=r"attitude_period_s 0\.001, which makes 1e\+07 values of a flight"
+    ):
+        experiment_from(config)
+
+
+def test_prices_do_not_grow_beyond_all_numbers():
+    config = plain_config()
+    config["optimizer"]["rounds"], config["optimizer"]["penalty"]["growth"] = 1000, 10.0
+    with pytest.raises(SettingError, match=r"by which prices grow to 1e1003 m/s"):
+        experiment_from(config)

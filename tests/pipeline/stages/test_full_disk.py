@@ -28,11 +28,11 @@ class Disk:
         self.begin = tempfile.mkstemp
         monkeypatch.setattr(tempfile, "mkstemp", self.mkstemp)
 
-    def mkstemp(self, prefix: str, dir: Path) -> tuple[int, str]:
+    def mkstemp(self, prefix: str, suffix: str, dir: Path) -> tuple[int, str]:
         self.room -= 1
         if self.room < 0 and not prefix.startswith(self.spared):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return self.begin(prefix=prefix, dir=dir)
+        return self.begin(prefix=prefix, suffix=suffix, dir=dir)
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,6 +150,28 @@ def test_training_goes_on_from_its_checkpoint_to_the_same_champion(
     whole = prepared(tmp_path).experiment
     train.run(replace(whole, resume=True), tmp_path)
     same_result(tmp_path, trained[1])
+
+
+def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
+    trained: tuple[Composed, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed after the last checkpoint and before the logbook."""
+    run = prepared(tmp_path).experiment
+    with monkeypatch.context() as patched:
+        write = train.write_history
+
+        def killed(folder: Path, history: Sequence[Generation]) -> None:
+            if len(history) == 4:
+                raise SystemExit(9)
+            write(folder, history)
+
+        patched.setattr(train, "write_history", killed)
+        with pytest.raises(SystemExit):
+            train.run(run, tmp_path)
+    assert len(logbook(tmp_path)) == 3
+    train.run(replace(run, resume=True), tmp_path)
+    for name in (artifacts.LOGBOOK, artifacts.HISTORY, artifacts.CHAMPION_TRAJECTORIES):
+        assert (tmp_path / name).read_bytes() == (trained[1] / name).read_bytes()
 
 
 def test_an_interrupt_leaves_the_champion_so_far(

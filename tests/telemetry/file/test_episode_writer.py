@@ -14,9 +14,12 @@ import pytest
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.file.recover import recover
+from telemetry.file.topics import Reason
 from tests.telemetry import synthetic_flight
 from tests.telemetry.full_disk import fill_disk
 from tests.telemetry.synthetic_flight import SyntheticFlight
+
+FIRED = [Reason.FIRED] * 3
 
 
 def open_writer(flight: SyntheticFlight, path: Path) -> EpisodeWriter:
@@ -142,8 +145,15 @@ def test_a_missing_folder_is_said(short_flight: SyntheticFlight, tmp_path: Path)
 @pytest.mark.parametrize(
     ("mistake", "text"),
     [
-        (lambda w: w.control(5.0, np.zeros(3), np.zeros(3)), "are in order of time"),
-        (lambda w: w.control(20.0, np.zeros(2), np.zeros(3)), "force_body_n has 2 values, but 3"),
+        (lambda w: w.control(5.0, np.zeros(3), np.zeros(3), np.zeros(3), FIRED), "are in order of time"),
+        (
+            lambda w: w.control(20.0, np.zeros(2), np.zeros(3), np.zeros(3), FIRED),
+            "force_body_n has 2 values, but 3",
+        ),
+        (
+            lambda w: w.control(20.0, np.zeros(3), np.zeros(3), np.zeros(3), FIRED[:1]),
+            "reason has 1 values, but 3",
+        ),
         (lambda w: w.fis(20.0, "f_w", [0.0], [0.0], 0.0), "does not describe the fuzzy system 'f_w'"),
         (lambda w: w.log(20.0, "loud", "words"), "no log level 'loud'"),
         (lambda w: w.points(20.0, np.zeros((4, 3)), np.zeros(5)), "one state for each point"),

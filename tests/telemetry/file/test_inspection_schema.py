@@ -7,10 +7,13 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
 from grpc_tools import protoc
 
+from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
 from telemetry.file.schema import generate, inspection_pb2
+from telemetry.file.topics import FIRED, FORCE_COMPONENTS, Reason
 
 DOUBLE, FLOAT = FieldDescriptor.TYPE_DOUBLE, FieldDescriptor.TYPE_FLOAT
 UINT32, BYTES = FieldDescriptor.TYPE_UINT32, FieldDescriptor.TYPE_BYTES
+ENUM = FieldDescriptor.TYPE_ENUM
 
 CONTRACT = {
     "DeputyState": [
@@ -25,7 +28,15 @@ CONTRACT = {
         ("angular_velocity_rad_s", FLOAT, True),
         ("torque_n_m", FLOAT, True),
     ],
-    "Control": [("force_body_n", DOUBLE, True), ("force_hill_n", DOUBLE, True)],
+    "Control": [
+        ("force_body_n", DOUBLE, True),
+        ("force_hill_n", DOUBLE, True),
+        ("force_asked_n", DOUBLE, True),
+        ("reason", ENUM, True),
+        ("coasting_missed", DOUBLE, False),
+        ("coasting_nearest_m", DOUBLE, False),
+        ("coasting_farthest_m", DOUBLE, False),
+    ],
     "Guidance": [
         ("num_candidates", UINT32, False),
         ("target_direction", DOUBLE, True),
@@ -80,3 +91,11 @@ def test_fields_are_those_of_the_contract(message: str) -> None:
     fields = inspection_pb2.DESCRIPTOR.message_types_by_name[message].fields
     assert [(field.name, field.type, field.is_repeated) for field in fields] == CONTRACT[message]
     assert [field.number for field in fields] == list(range(1, len(fields) + 1))
+
+
+def test_reasons_are_those_of_the_thrust_logic() -> None:
+    numbers = {value.name: value.number for value in inspection_pb2.Control.Reason.DESCRIPTOR.values}
+    assert numbers == {reason.name: reason.value for reason in Reason}
+    assert [reason.name.lower() for reason in Reason] == [UNKNOWN, *REASONS]
+    assert set(FIRED) == {*COUNTED, UNKNOWN}
+    assert FORCE_COMPONENTS == COMPONENTS

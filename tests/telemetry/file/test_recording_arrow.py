@@ -41,7 +41,7 @@ def test_every_topic_is_a_table_whatever_its_shape(short_file: Path, tmp_path: P
         assert table.num_rows == len(topic)
         assert table.column_names == ["time_s", *topic.columns]
         for field, values in topic.columns.items():
-            assert table[field].to_pylist() == values.tolist(), (topic.topic, field)
+            np.testing.assert_equal(table[field].to_pylist(), values.tolist(), f"{topic.topic} {field}")
     with EpisodeWriter(tmp_path / "bare.mcap", metadata={"fis.f_x": {}}, attachments={}):
         pass
     for topic in telemetry.read(tmp_path / "bare.mcap").topics.values():

@@ -1,0 +1,110 @@
+"""The thrust logic: what stands between what rules ask for and what a thruster fires.
+
+Fuzzy systems whose outputs are the components of a force give what they ask for; whether and how it is fired
+follows from attributes of their controller. `THRUST_ATTRIBUTES` has these attributes, in the order in which
+they act, and `REASONS` what a recording says about each component in each control period.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+from fis_tools.model.systems import FuzzyController
+
+#: what became of a component of the force over a control period: the word in a recording, and in a sentence
+REASONS: Final = {
+    "fired": "it was fired",
+    "silent": "nothing was asked for or fired",
+    "dead_band": "less than the dead band, it was not fired",
+    "waiting": "between two decisions nothing is inferred or fired",
+    "coasting": "coasting to the end shows enough: nothing was inferred or fired",
+    "complete": "every point is inspected: nothing was inferred or fired",
+    "clipped": "it was fired as far as the thruster goes",
+    "safety": "the safety layer fired something else",
+}
+
+#: where the output of a system counts: what it asked for was fired, as far as the thruster goes
+COUNTED: Final = ("fired", "clipped")
+#: of a recording that gives no reasons
+UNKNOWN: Final = "unknown"
+
+#: components that a system's output may be named after
+COMPONENTS: Final = ("force_x", "force_y", "force_z")
+#: the axes that they are along
+FORCE_AXES: Final = ("hill", "body")
+#: what coasting is decided by, in the order of the comparisons
+FORESEEN: Final = ("missed", "coasting_nearest", "coasting_farthest")
+
+#: the attributes that make up the thrust logic, in the order in which they act
+THRUST_ATTRIBUTES: Final = (
+    "decision_period_s",
+    "coast_below_points",
+    "coast_margin_m",
+    *(f"dead_band_{name}_n" for name in COMPONENTS),
+    "force_axes",
+)
+
+
+@dataclass(frozen=True)
+class ThrustLogic:
+    """What stands between inference and thruster, in the order in which it acts.
+
+    Parameters
+    ----------
+    decision_period_s : float
+        From one decision to the next; a force lasts one control period, and in the others nothing is fired.
+        Zero: a decision in each control period.
+    coast_below_points : float
+        With fewer points than this missed by coasting to the end, nothing is inferred or fired; zero: never.
+    coast_margin_m : float
+        Unless coasting would come nearer than this to a distance limit.
+    dead_bands_n : tuple of float, shape (3,)
+        A component smaller than this is not fired.
+    force_axes : str
+        ``hill`` or ``body``: the axes of the components. What is asked for in body axes is turned to Hill
+        axes, and each Hill component is clipped to what the thruster can do; then a safety layer may act.
+    """
+
+    decision_period_s: float
+    coast_below_points: float
+    coast_margin_m: float
+    dead_bands_n: tuple[float, float, float]
+    force_axes: str
+
+    @property
+    def may_coast(self) -> bool:
+        """Whether the controller coasts before every point is inspected."""
+        return self.coast_below_points > 0.0
+
+
+def thrust_logic(controller: FuzzyController) -> ThrustLogic | None:
+    """Return the thrust logic of a controller; None where it commands no force.
+
+    Raises
+    ------
+    ValueError
+        If an attribute is no number from 0 on.
+    """
+    attributes = dict(controller.attributes)
+    names = [output.name for system in controller.systems for output in system.outputs]
+    if attributes.get("force_axes") not in FORCE_AXES or not names or not set(names) <= set(COMPONENTS):
+        return None
+
+    def number(name: str) -> float:
+        text = attributes.get(name, "0")
+        try:
+            value = float(text)
+        except ValueError:
+            value = -1.0
+        if not isfinite(value) or value < 0.0:
+            raise ValueError(f"controller {controller.name!r} has {name} {text!r}; give a number from 0 on")
+        return value
+
+    x, y, z = (number(f"dead_band_{name}_n") for name in COMPONENTS)
+    return ThrustLogic(
+        decision_period_s=number("decision_period_s"),
+        coast_below_points=number("coast_below_points"),
+        coast_margin_m=number("coast_margin_m"),
+        dead_bands_n=(x, y, z),
+        force_axes=attributes["force_axes"],
+    )

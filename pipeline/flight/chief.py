@@ -1,0 +1,40 @@
+"""How finely a chief that tumbles is turned."""
+
+import math
+
+import numpy as np
+
+from pipeline.physics.rigid_body import longest_tumbling_step
+from pipeline.settings.experiment import Mission, SettingError
+
+#: longest step of the chief's integrator, s
+LONGEST_STEP_S = 1.0
+#: in a flight; they take seconds
+MOST_STEPS = 5_000_000
+
+
+def num_chief_steps(mission: Mission) -> int:
+    """Return the steps of a control period by which a chief is turned truly enough over a whole flight.
+
+    One that is aligned with Hill takes none.
+
+    Raises
+    ------
+    SettingError
+        If it turns so fast that a flight would take too many.
+    """
+    rate, longest = mission.chief.initial_angular_velocity_rad_s, LONGEST_STEP_S
+    if rate is None:
+        return 0
+    inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
+    mean_motion = mission.orbit.mean_motion_rad_s
+    longest = min(longest, longest_tumbling_step(inertia, np.array(rate), mean_motion, mission.duration_s))
+    steps = math.ceil(mission.control_period_s / longest)
+    in_flight = steps * mission.num_controls
+    if in_flight > MOST_STEPS:
+        raise SettingError(
+            f"chief.initial_angular_velocity_rad_s is {list(rate)} and duration_s {mission.duration_s:g}; to "
+            f"turn the chief truly for so long takes {in_flight:.2g} steps, and there may be at most "
+            f"{MOST_STEPS:,}: lower one of them"
+        )
+    return steps

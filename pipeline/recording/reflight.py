@@ -1,0 +1,134 @@
+"""Flies a recorded flight again from nothing but its recording, and compares the two."""
+
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+import telemetry
+from fis_tools.formats import serialize
+from pipeline.controllers import source
+from pipeline.flight.controller import Controller, from_fuzzy, open_loop
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_logged
+from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
+from pipeline.settings.experiment import Experiment
+from pipeline.settings.schema import experiment_from
+from telemetry import RecordingError
+from telemetry.file.compare import Comparison, compare
+from telemetry.file.reader import Recording
+from telemetry.file.topics import DEPUTY_CONTROL
+
+#: by which fields may differ, in their own units, where another processor rounds the last digits otherwise
+LAST_DIGITS: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class Reflight:
+    """A recording beside the same flight, flown now.
+
+    Parameters
+    ----------
+    path : Path
+    is_equal : bool
+        To the last bit.
+    is_close : bool
+        Within `LAST_DIGITS`, with the same counts, states and texts.
+    greatest : float
+        The largest difference of a field.
+    where : str
+        That field; empty where nothing differs.
+    """
+
+    path: Path
+    is_equal: bool
+    is_close: bool
+    greatest: float
+    where: str
+
+
+def fly_again(path: Path) -> Reflight:
+    """Fly what a recording says was flown, record it, and compare.
+
+    Configuration and controller come from its attachments, the start from its metadata.
+
+    Raises
+    ------
+    telemetry.RecordingError
+        If it cannot be read, or lacks what a flight needs.
+    pipeline.settings.experiment.SettingError
+        If its configuration is none of this program's.
+    """
+    recording = telemetry.read(path)
+    config = _config_of(recording)
+    experiment = experiment_from(config)
+    scenario = _start_of(recording)
+    controller = _controller_of(recording, experiment)
+    log = fly_logged(experiment.mission, controller, scenario)
+    episode = recording.episode
+    recorder = FlightRecorder(
+        experiment.mission,
+        controller,
+        seed=experiment.seed if episode.seed is None else episode.seed,
+        config=config,
+        near_limit_m=experiment.telemetry.near_limit_m,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        again = Path(folder, path.name)
+        recorder.record(again, scenario, log, episode.scenario_id or "")
+        flown = telemetry.read(again)
+    return _judged(path, compare(recording, flown), compare(recording, flown, LAST_DIGITS))
+
+
+def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:
+    fields = [field for field in exact.fields if field.greatest > 0.0]
+    worst = max(fields, key=lambda field: field.greatest, default=None)
+    where = f"{worst.topic} {worst.field}" if worst else (exact.lone[0].topic if exact.lone else "")
+    return Reflight(path, exact.is_equal, close.is_equal, worst.greatest if worst else 0.0, where)
+
+
+def _config_of(recording: Recording) -> Mapping[str, Any]:
+    try:
+        config = yaml.safe_load(_attached(recording, CONFIG_ATTACHMENT))
+    except (ValueError, yaml.YAMLError, RecursionError) as error:
+        raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} cannot be read ({error})") from error
+    if not isinstance(config, dict):
+        raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} holds no configuration")
+    return config
+
+
+def _start_of(recording: Recording) -> Scenario:
+    episode = recording.episode
+    if episode.position_m is None or episode.velocity_m_s is None or episode.sun_angle_rad is None:
+        raise RecordingError(
+            f"{recording.path} does not tell from where it was flown; it cannot be flown again"
+        )
+    return Scenario(np.array(episode.position_m), np.array(episode.velocity_m_s), episode.sun_angle_rad)
+
+
+def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
+    """Return the controller that is attached; the forces of one that plays them are those recorded."""
+    text = _attached(recording, CONTROLLER_ATTACHMENT).decode("utf-8", "replace")
+    try:
+        told = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(
+            f"{recording.path}: its {CONTROLLER_ATTACHMENT} cannot be read ({error})"
+        ) from error
+    if "systems" in told:
+        return from_fuzzy(serialize.from_mapping(told))
+    if told.get("kind") == "open_loop":
+        forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
+        return open_loop(str(told.get("name")), forces)
+    return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
+
+
+def _attached(recording: Recording, name: str) -> bytes:
+    if name not in recording.attachments:
+        raise RecordingError(f"{recording.path} has no attachment {name}; it cannot be flown again")
+    return recording.attachments[name]

@@ -1,0 +1,49 @@
+"""Compares the files of a run with the hashes in its manifest."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.run import artifacts
+
+
+@dataclass(frozen=True)
+class Integrity:
+    """What has become of the files of a run.
+
+    Parameters
+    ----------
+    intact, changed, missing, added : tuple of str
+        Paths in the run's folder; what is added is not in the manifest.
+    """
+
+    intact: tuple[str, ...]
+    changed: tuple[str, ...]
+    missing: tuple[str, ...]
+    added: tuple[str, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every file that the manifest tells of is as it was written."""
+        return not self.changed and not self.missing
+
+
+def check_files(folder: Path) -> Integrity:
+    """Hash the files of a run again, its configuration by what it says as well.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the folder holds no run, or its manifest cannot be read.
+    """
+    config, manifest = artifacts.read_config(folder), artifacts.read_manifest(folder)
+    told = {str(name): str(digest) for name, digest in manifest.get("sha256", {}).items()}
+    there = set(artifacts.list_artifacts(folder))
+    changed = {name for name in there & set(told) if artifacts.file_hash(folder / name) != told[name]}
+    if artifacts.config_hash(config) != manifest["config_hash"]:
+        changed.add(artifacts.CONFIG)
+    return Integrity(
+        intact=tuple(sorted((there & set(told)) - changed)),
+        changed=tuple(sorted(changed)),
+        missing=tuple(sorted(set(told) - there)),
+        added=tuple(sorted(there - set(told))),
+    )

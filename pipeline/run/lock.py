@@ -1,0 +1,106 @@
+"""One process at a time in a run's folder: the kernel holds the lock, and a file beside says whose it is.
+
+The lock goes with its process, however that ends; a file that a killed process left behind is told and taken
+over.
+"""
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Final
+
+from pipeline.run import artifacts
+
+LOCK: Final = ".lock"
+
+
+class HeldError(artifacts.ArtifactError):
+    """A run's folder in which another process is at work."""
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a run's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is missing; what was made is removed again if nothing was put there.
+
+    Raises
+    ------
+    HeldError
+        If another process holds it.
+    pipeline.run.artifacts.WriteError
+        If the folder cannot be made or written to.
+    """
+    path = folder / LOCK
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        stream = _locked(path)
+        left = _holder(stream)
+        _sign(stream)
+    except OSError as error:
+        raise artifacts.WriteError(
+            f"{folder} cannot be a run's folder ({error.strerror}); choose one that can be written to, "
+            "hydra.run.dir=..., or make room"
+        ) from error
+    if left:
+        sys.stderr.write(f"{folder} was held by {left}, which is gone; its lock is taken over\n")
+    with stream:
+        artifacts.drop_unfinished(folder)
+        try:
+            yield
+        finally:
+            # while it is still held: whoever waits for it finds that the file is another, and looks again
+            path.unlink(missing_ok=True)
+
+
+def _locked(path: Path) -> IO[str]:
+    """Open and lock a file; it is the one of this name once the lock is there."""
+    import fcntl  # noqa: PLC0415 - not on every system
+
+    while True:
+        stream = path.open("a+", encoding="utf-8")
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            holder = _holder(stream) or "another process"
+            stream.close()
+            raise HeldError(
+                f"{path.parent} is held by {holder}; wait for it, stop it, or choose another folder"
+            ) from error
+        if _is_at(stream, path):
+            return stream
+        stream.close()
+
+
+def _is_at(stream: IO[str], path: Path) -> bool:
+    """Tell whether an open file still has its name."""
+    try:
+        return os.path.samestat(os.fstat(stream.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _sign(stream: IO[str]) -> None:
+    """Write down whose lock it is."""
+    stream.truncate(0)
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    json.dump({"process": os.getpid(), "host": platform.node(), "since": now}, stream)
+    stream.flush()
+
+
+def _holder(stream: IO[str]) -> str:
+    """Return whose lock a file says it is; nothing where it says nothing that can be read."""
+    stream.seek(0)
+    try:
+        told = json.loads(stream.read(1000))
+        return f"process {int(told['process'])} on {told['host']} since {told['since']}"
+    except (ValueError, KeyError, TypeError):
+        return ""

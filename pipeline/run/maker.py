@@ -1,0 +1,142 @@
+"""What makes the files of a run: this product, its libraries, and the processor that they are compiled for.
+
+Two makers that are equal make the same files from the same configuration, bit for bit. Between processors of
+different types the last digits may differ; `pipeline.run.reproducible` keeps them alike.
+"""
+
+import hashlib
+import os
+import platform
+import subprocess
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
+SOURCES: Final = Path(__file__).resolve().parents[2]
+#: packages whose version may change a result or a file
+LIBRARIES: Final = (
+    "numpy",
+    "scipy",
+    "numba",
+    "scikit-fuzzy",
+    "scikit-learn",
+    "deap",
+    "hydra-core",
+    "mcap",
+    "protobuf",
+    "pyarrow",
+    "matplotlib",
+    "rerun-sdk",
+)
+#: packages whose sources make results
+PACKAGES: Final = ("pipeline", "fis_tools", "telemetry")
+
+
+def present_maker() -> dict[str, Any]:
+    """Describe what would make files now, as plain data.
+
+    Returns
+    -------
+    dict
+        ``versions``, ``git_revision`` (or None), ``sources``, a hash of all of them, and ``processor``.
+    """
+    return {
+        "versions": versions(),
+        "git_revision": git_revision(),
+        "sources": sources_hash(),
+        "processor": processor(),
+    }
+
+
+def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Name, in words, in what two makers differ."""
+    told = []
+    for name, value in one.get("versions", {}).items():
+        now = other.get("versions", {}).get(name)
+        if now != value:
+            told.append(f"{name} {value}, now {now}")
+    if one.get("sources") != other.get("sources"):
+        told.append("other sources" if one.get("sources") else "unknown sources")
+    for name, value in one.get("processor", {}).items():
+        if other.get("processor", {}).get(name) != value:
+            told.append(f"another {name} of the processor" if name == "features" else f"{name} {value}")
+    return told
+
+
+@cache
+def sources_hash() -> str:
+    """Return the SHA-256 of the names and contents of all sources, 64 hexadecimal digits."""
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted((SOURCES / package).rglob("*.py")):
+            digest.update(f"{path.relative_to(SOURCES).as_posix()} ".encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+@cache
+def processor() -> dict[str, str]:
+    """Describe what decides the last digits: the machine, what is compiled for it, and its mathematics."""
+    from llvmlite import binding  # noqa: PLC0415 - only runs need it
+
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None:
+        features = binding.get_host_cpu_features().flatten()
+    return {
+        "machine": platform.machine(),
+        "compiled_for": os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name(),
+        "features": ",".join(sorted(word for word in features.split(",") if word.startswith("+"))),
+        "libm": " ".join(platform.libc_ver()).strip() or "unknown",
+        "blas": os.environ.get("OPENBLAS_CORETYPE", "by processor"),
+    }
+
+
+def product_version() -> str:
+    """Return the version of this product: of the source tree it runs from, else of what is installed.
+
+    It is ``unknown`` where the packages were copied without being installed.
+    """
+    project = SOURCES / "pyproject.toml"
+    if project.is_file():
+        table = tomllib.loads(project.read_text(encoding="utf-8")).get("project", {})
+        if table.get("name") == DISTRIBUTION:
+            return str(table["version"])
+    try:
+        return metadata.version(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def versions() -> dict[str, str]:
+    """Name the versions of this product, Python, the libraries that matter, and the platform."""
+    found = {
+        "product": product_version(),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    for library in LIBRARIES:
+        try:
+            found[library] = metadata.version(library)
+        except metadata.PackageNotFoundError:
+            found[library] = "absent"
+    return found
+
+
+def git_revision() -> str | None:
+    """Return the revision of the sources, with ``+changes`` where files differ from it; None without git."""
+    if not (SOURCES / ".git").exists():
+        return None
+    try:
+        revision = _git("rev-parse", "HEAD")
+        return revision + ("+changes" if _git("status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(SOURCES), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=20).stdout.strip()  # noqa: S603
