@@ -167,7 +167,7 @@ def fis_plots(recording: Recording) -> list[Plot]:
         return []
     largest = max(float(np.abs(curves.values).max()) for curves in outputs)
     reach = _reach(largest) if largest else None
-    plots = [Plot("fis_outputs", "Asked for by the rules (N)", tuple(outputs), reach and -reach, reach)]
+    plots = [Plot("fis_outputs", "Outputs that were fired (N)", tuple(outputs), reach and -reach, reach)]
     for number, (unit, curves) in enumerate(inputs.items()):
         plots.append(Plot(f"fis_inputs_{number}", f"Inputs ({unit or 'no unit'})", tuple(curves)))
     return plots

@@ -23,6 +23,8 @@ WHY = {
     "clipped": "at the thruster's limit",
     "safety": "changed by the safety layer",
 }
+#: reasons that the line itself tells
+ELSE = ("fired", "coasting", "complete")
 
 
 def lines(recording: Recording, sample_time_s: Floats) -> list[str]:
@@ -58,7 +60,7 @@ def lines(recording: Recording, sample_time_s: Floats) -> list[str]:
 def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
     control = recording[topics.DEPUTY_CONTROL]
     force = control["force_hill_n"][row].astype(np.float64)
-    reasons = control["reason"][row].tolist()
+    reasons = [reason for reason in control["reason"][row].tolist() if reason in (*WHY, *ELSE)]
     if np.any(force):
         limits = [WHY[reason] for reason in ("clipped", "safety") if reason in reasons]
         words = [f"Firing {_force(force)}{_leader(recording, row)}", *limits]
@@ -75,14 +77,15 @@ def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
 
 
 def _leader(recording: Recording, row: int) -> str:
-    """Name the rule with the largest share in any output, where shares are recorded."""
+    """Name the rule with the largest share in the largest output that was fired, where that is recorded."""
     time = recording[topics.DEPUTY_CONTROL].time_s[row]
     found = []
     for name in recording.fis_names:
         topic = recording[topics.fis_topic(name)]
-        for shares in topic["shares_n"][topic.time_s == time]:
-            if np.any(shares):
-                found.append((float(np.abs(shares).max()), int(np.abs(shares).argmax()) + 1, name))
+        is_now = topic.time_s == time
+        for output, shares in zip(topic["output_n"][is_now], topic["shares_n"][is_now], strict=True):
+            if np.any(shares) and recording.is_fired(name)[is_now].any():
+                found.append((abs(float(output)), int(np.abs(shares).argmax()) + 1, name))
     return ", most by rule {} of {}".format(*max(found)[1:]) if found else ""
 
 

@@ -29,7 +29,8 @@ def recording(tmp_path: Path) -> Recording:
             mask = [index < count for index in range(3)]
             writer.mission(time, sun_angle_rad=0.0, distance_m=50.0, inspected_mask=mask, delta_v_m_s=0.0)
             if place < len(INSPECTED):
-                writer.control(time, [0.0, 0.0, 0.0], [0.0, -0.04 * (place == 0), 0.03 * (place == 0)])
+                force = [0.0, -0.04 * (place == 0), 0.03 * (place == 0)]
+                writer.control(time, [0.0] * 3, force, [0.0] * 3, [topics.Reason.UNKNOWN] * 3)
             if place < 2:
                 shares = [0.01, -0.05] if place == 0 else [0.0, 0.0]
                 writer.fis(time, "pilot", [80.0], [0.9, 0.25], -0.04, shares)

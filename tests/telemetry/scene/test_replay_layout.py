@@ -53,7 +53,7 @@ def test_layout_holds_every_view(replay_file: Path) -> None:
         "Force, Hill axes (N; limit ±1)",
         "Torque, body axes (mN m; limit ±10)",
         "Delta-v (m/s)",
-        "Asked for by the rules (N)",
+        "Outputs that were fired (N)",
         "Inputs (m)",
         "Inputs (rad)",
         "Inputs (m/s)",
