@@ -36,6 +36,7 @@ CHIEF_FRAME: Final = "chief"
 
 EPISODE_METADATA: Final = "episode"
 FIS_METADATA_PREFIX: Final = "fis."
+CONSTANTS_METADATA: Final = "constants"
 RECOVERY_METADATA: Final = "recovery"
 
 
