@@ -65,6 +65,7 @@ class Reason(IntEnum):
     COMPLETE = 6
     CLIPPED = 7
     SAFETY = 8
+    REHEARSED = 9
 
 
 #: what was asked for was fired, as far as the thruster goes, or may have been

@@ -44,6 +44,7 @@ class Control(_message.Message):
         COMPLETE: _ClassVar[Control.Reason]
         CLIPPED: _ClassVar[Control.Reason]
         SAFETY: _ClassVar[Control.Reason]
+        REHEARSED: _ClassVar[Control.Reason]
     UNKNOWN: Control.Reason
     FIRED: Control.Reason
     SILENT: Control.Reason
@@ -53,6 +54,7 @@ class Control(_message.Message):
     COMPLETE: Control.Reason
     CLIPPED: Control.Reason
     SAFETY: Control.Reason
+    REHEARSED: Control.Reason
     FORCE_BODY_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_HILL_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_ASKED_N_FIELD_NUMBER: _ClassVar[int]
