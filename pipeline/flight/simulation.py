@@ -24,7 +24,7 @@ from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Wor
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
-from pipeline.flight.signals import SIGNALS, constant
+from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
@@ -114,13 +114,12 @@ def fly_population(
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
     silent = no_log()
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
-    openings = np.empty((0, 3)) if openings is None else openings
 
     def fly_share(first: int, last: int) -> None:
         work = make_workspace(world)
         fly_many(
             world,
-            *_parts_in_use(world),
+            *_parts_in_use(world, law),
             law,
             numbers.values,
             numbers.rules,
@@ -145,9 +144,13 @@ def fly_population(
     return _outcomes(outcomes.reshape(len(numbers.values), len(starts), NUM_OUTCOMES))
 
 
-def _parts_in_use(world: World) -> tuple[Guard | None, bool | None]:
-    """Return the parts of a flight that are compiled only where they are used: safety layer and clusters."""
-    return world.guard if world.guard.is_on else None, world.has_clusters or None
+def _parts_in_use(world: World, law: Law) -> tuple[Guard | None, bool | None, bool | None]:
+    """Return the parts of a flight that are compiled only where they are used; None for those that are not.
+
+    The safety layer, clusters, and pushes that show what sets.
+    """
+    guard = world.guard if world.guard.is_on else None
+    return guard, world.has_clusters or None, bool(law.needs & SETTING) or None
 
 
 class FlightError(ValueError):
@@ -328,13 +331,13 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     openings = rehearsed_openings(mission, controller, [scenario], 1)
     fly_many(
         world,
-        *_parts_in_use(world),
+        *_parts_in_use(world, law),
         law,
         numbers.values,
         numbers.rules,
         starts,
         sun_angles,
-        np.empty((0, 3)) if openings is None else openings,
+        openings,
         make_workspace(world),
         log,
         np.empty((0, 0, 3), dtype=np.float32),

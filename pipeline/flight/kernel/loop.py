@@ -185,12 +185,13 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
     guard: Guard | None,
     clusters: bool | None,
+    pushes: bool | None,
     law: Law,
     values: Floats,
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
-    openings: Floats,
+    openings: Floats | None,
     first: int,
     num_lanes: int,
     work: Workspace,
@@ -204,11 +205,11 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     Parameters
     ----------
     world, law : what is flown
-    guard, clusters : as in `fly_many`
+    guard, clusters, pushes : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
-    openings : (m, 3) forces of the first control period, N, Hill axes, or (0, 3) where the rules decide it
+    openings : (m, 3) forces of the first control period, N, Hill axes; None where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
@@ -242,7 +243,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
-        if decides and law.needs & SETTING:
+        if pushes is not None and decides:
             sense_push(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_track(lanes, lane, tracks[flight + lane, k])
@@ -251,7 +252,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
-        if k == 0 and len(openings) > 0:
+        if openings is not None and k == 0:
             open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
             assure(world, work, num_lanes, log, k)
@@ -272,12 +273,13 @@ def fly_many(
     world: World,
     guard: Guard | None,
     clusters: bool | None,
+    pushes: bool | None,
     law: Law,
     values: Floats,
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
-    openings: Floats,
+    openings: Floats | None,
     work: Workspace,
     log: FlightLog,
     tracks: NDArray[np.float32],
@@ -287,23 +289,14 @@ def fly_many(
 ) -> None:
     """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
 
-    Without the safety layer `guard` is None, without guidance by clusters `clusters`: numba leaves out what
+    Without the safety layer `guard` is None, without guidance by clusters `clusters`, where no controller
+    senses a push that shows what sets `pushes`, and without rehearsal `openings`: numba leaves out what
     depends on them, and nobody waits for the compilation of what is not flown.
     """
-    world, guard, law, work, log = (
-        borrowed(world),
-        borrowed(guard),
-        borrowed(law),
-        borrowed(work),
-        borrowed(log),
-    )
-    values, rules, starts, sun_angles = (
-        borrowed(values),
-        borrowed(rules),
-        borrowed(starts),
-        borrowed(sun_angles),
-    )
-    tracks, outcomes = borrowed(tracks), borrowed(outcomes)
+    # not what may be None: what is left out then hangs on the argument itself
+    world, law, values, rules = borrowed((world, law, values, rules))
+    starts, sun_angles = borrowed((starts, sun_angles))
+    work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))
     num_starts = len(starts)
     flight = first
     while flight < last:
@@ -313,6 +306,7 @@ def fly_many(
             world,
             guard,
             clusters,
+            pushes,
             law,
             values[row],
             rules[row],
