@@ -57,7 +57,7 @@ class FlownSystem:
 
     @property
     def is_counted(self) -> NDArray[np.bool_]:
-        """Whether the output was fired, as far as the thruster goes; true where the log does not say."""
+        """Whether the output was fired, within what is possible; true where the log does not say."""
         return np.isin(self.reason, (*COUNTED, UNKNOWN))
 
     def at(self, rows: NDArray[np.bool_]) -> "FlownSystem":
@@ -102,7 +102,7 @@ class Outcome(NamedTuple):
     delta_v_m_s, inspection_rate_percent : float or None
         At its end.
     nearest_m, farthest_m : float or None
-        Least and greatest distance from the chief.
+        Least and greatest distance.
     is_success, is_outside : bool or None
         Whether it reached the rate that it records as the goal, and left the distances it records as limits.
     num_periods, num_fired : int
