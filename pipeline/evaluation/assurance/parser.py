@@ -59,9 +59,7 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
     try:
         formula = reader.implication()
     except RecursionError:
-        raise FormulaError(
-            f"{text[:60]} …\n^ formulas within formulas without end; write less"
-        ) from None
+        raise FormulaError(f"{text[:60]} …\n^ formulas within formulas without end; write less") from None
     if reader.word != _END:
         reader.refuse("expected and, or, until, -> or the end")
     return formula
