@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
-from fis_tools.review.content import fingerprint
+from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.assurance import columns, evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, judged

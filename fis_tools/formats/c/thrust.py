@@ -11,7 +11,7 @@ from fis_tools.model import FuzzyController, Variable
 from fis_tools.model.thrust import COMPONENTS, FORESEEN, REASONS, SILENT_N, ThrustLogic
 
 #: reasons that the safety layer alone gives are not in C
-_REASONS = tuple(word for word in REASONS if word != "safety")
+_REASONS = tuple(word for word in REASONS if word not in {"safety", "rehearsed"})
 
 #: words that no member of a structure may be called
 _KEYWORDS = frozenset(
