@@ -13,7 +13,7 @@ from fis_tools.engines.program import assemble
 from fis_tools.formats.c.parts import OPERATORS
 from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Is, Not, Or, Rule
 
-#: of the thrust logic itself, with a turn from body axes to Hill axes
+#: of the thrust logic itself, with a turn from body axes
 _STEP = (40, 60, 1, 30)
 
 
