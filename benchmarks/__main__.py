@@ -13,7 +13,7 @@ import numba
 from benchmarks import commands, flights, inference, recording, tools
 
 #: what is attacked rather than timed, each with options of its own
-CAMPAIGNS = ("kills",)
+CAMPAIGNS = ("fuzz", "kills")
 PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
 
 

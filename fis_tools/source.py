@@ -30,6 +30,10 @@ def read_controller(path: Path | str) -> FuzzyController:
         )
     if path.is_dir():
         champion = path / _champion_of(path)
+        if not champion.resolve().is_relative_to(path.resolve()):
+            raise ControllerFileError(
+                f"{path / MANIFEST} names a champion outside the folder, {champion}; give that file itself"
+            )
         if not champion.is_file():
             raise ControllerFileError(
                 f"{path} is a folder without {CHAMPION}; give the folder of a run that has trained, or a file"
@@ -44,5 +48,5 @@ def _champion_of(folder: Path) -> str:
     """Return the name of the champion of a folder, as its manifest says."""
     try:
         return str(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]["champion"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return CHAMPION

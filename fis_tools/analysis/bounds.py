@@ -6,7 +6,7 @@ proved, and how, stands in docs/decisions/bounds.md.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -61,6 +61,9 @@ class Answer:
         The largest box about which nothing is known, by the inputs' names.
     undecided_share : float
         The fraction of the region's box about which nothing is known.
+    refuted_low, refuted_high : (m, num_inputs), optional
+        The boxes of inputs that prove a no: over each the interval of the outputs rules it out, and together
+        they cover the region.
     """
 
     question: str
@@ -70,6 +73,8 @@ class Answer:
     example: dict[str, float] | None = None
     undecided: dict[str, Interval] | None = None
     undecided_share: float = 0.0
+    refuted_low: Floats | None = field(default=None, repr=False, compare=False)
+    refuted_high: Floats | None = field(default=None, repr=False, compare=False)
 
     @property
     def sentence(self) -> str:
@@ -199,7 +204,14 @@ def ask(
         example = _named(system.inputs, inputs) | _named(system.outputs, outputs)
         return Answer(words, where.text, "yes", found.num_boxes, example)
     if not len(found.open_promises):
-        return Answer(words, where.text, "no", found.num_boxes)
+        return Answer(
+            words,
+            where.text,
+            "no",
+            found.num_boxes,
+            refuted_low=found.refuted_low,
+            refuted_high=found.refuted_high,
+        )
     sides = np.where(where.high > where.low, found.open_high - found.open_low, 1.0)
     volumes = (sides / np.where(where.high > where.low, where.high - where.low, 1.0)).prod(axis=1)
     largest = int(np.argmax(volumes))

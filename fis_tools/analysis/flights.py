@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ Words = NDArray[np.str_]
 
 CONTROLLER_ATTACHMENT = "controller.json"
 TOPIC_PREFIX = "/fis/"
+CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
 
 
@@ -93,6 +94,44 @@ class Period:
     row: int | None
 
 
+class Outcome(NamedTuple):
+    """How a recorded flight went; None where the recording does not say.
+
+    Attributes
+    ----------
+    delta_v_m_s, inspection_rate_percent : float or None
+        At its end.
+    nearest_m, farthest_m : float or None
+        Least and greatest distance.
+    is_success, is_outside : bool or None
+        Whether it reached the rate that it records as the goal, and left the distances it records as limits.
+    num_periods, num_fired : int
+        Control periods, and those in which any force was fired.
+    num_asked : int
+        Control periods in which the controller inferred a force, or, where that is recorded, asked for one.
+    reasons : dict of str to int
+        Of how many control periods each reason tells what became of some component of the force; empty in
+        recordings that do not say.
+    constants : dict of str to str
+        The meanings of the controller's attributes, by their names.
+    asked : dict of str to (n,)
+        What each system asked for at each of its inferences, fired or not.
+    """
+
+    delta_v_m_s: float | None
+    inspection_rate_percent: float | None
+    nearest_m: float | None
+    farthest_m: float | None
+    is_success: bool | None
+    is_outside: bool | None
+    num_periods: int
+    num_fired: int
+    num_asked: int
+    reasons: dict[str, int]
+    constants: dict[str, str]
+    asked: dict[str, Floats]
+
+
 def is_flight(path: Path | str) -> bool:
     """Return, from its name, whether a file is a logged flight."""
     return Path(path).suffix.lower() == ".mcap"
@@ -126,6 +165,60 @@ def read_flight(path: Path | str, all_periods: bool = False) -> tuple[FlownSyste
     recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
     flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
+
+
+def read_outcome(path: Path | str) -> Outcome:
+    """Read how a flight went.
+
+    Raises
+    ------
+    ControllerFileError
+        If the flight cannot be read.
+    """
+    recording = _read(path, topics=("/mission", "/deputy/control", f"{TOPIC_PREFIX}*"))
+    episode, topics = recording.episode, recording.topics
+    mission, control = topics.get("/mission"), topics.get("/deputy/control")
+    end: dict[str, float | None] = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent"))
+    distance = np.array([])
+    if mission is not None and len(mission):
+        end = {name: float(mission[name][-1]) for name in end}
+        distance = mission["distance_m"].astype(np.float64)
+    nearest, farthest = (float(distance.min()), float(distance.max())) if len(distance) else (None, None)
+    goal, rate = episode.inspection_threshold_percent, end["inspection_rate_percent"]
+    limits = (episode.min_distance_m, episode.max_distance_m)
+    # the start may lie outside
+    outside = [
+        limit is not None and bool(np.any(sign * (distance[1:] - limit) > 0.0))
+        for sign, limit in zip((-1.0, 1.0), limits, strict=True)
+    ]
+    inferred = [topic.time_s for name, topic in topics.items() if name.startswith(TOPIC_PREFIX)]
+    num_asked = len(np.unique(np.concatenate([np.empty(0), *inferred])))
+    num_periods = num_fired = 0
+    reasons: dict[str, int] = {}
+    if control is not None and len(control):
+        num_periods = len(control)
+        num_fired = int(np.any(control["force_hill_n"] != 0.0, axis=1).sum())
+        if control["force_asked_n"].size:
+            num_asked = int(np.any(control["force_asked_n"] != 0.0, axis=1).sum())
+        words = control["reason"].reshape(num_periods, -1)
+        reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
+    return Outcome(
+        **end,
+        nearest_m=nearest,
+        farthest_m=farthest,
+        is_success=None if goal is None or rate is None else rate >= goal,
+        is_outside=None if None in limits or not len(distance) else any(outside),
+        num_periods=num_periods,
+        num_fired=num_fired,
+        num_asked=num_asked,
+        reasons=reasons,
+        constants=dict(recording.metadata.get(CONSTANTS_METADATA, {})),
+        asked={
+            name.removeprefix(TOPIC_PREFIX): topic["output_n"].astype(np.float64)
+            for name, topic in topics.items()
+            if name.startswith(TOPIC_PREFIX)
+        },
+    )
 
 
 def read_periods(path: Path | str, time_s: float) -> tuple[Period, ...]:

@@ -1,4 +1,4 @@
-"""Interpretability indices of a fuzzy system: completeness, complexity, integrity, rule meaning.
+"""Interpretability indices of a fuzzy system: completeness, complexity, integrity, consistency of rules.
 
 Each index is given with the formula that is used, because papers leave cases open. Areas and crossings are
 exact for memberships that are linear between the points of their universe.
@@ -30,6 +30,7 @@ from fis_tools.model import (
     conjunctions,
 )
 from fis_tools.model.membership import sample, sample_terms
+from fis_tools.model.validate import nearest
 
 Floats = NDArray[np.float64]
 
@@ -102,16 +103,16 @@ class Completeness:
 
 @dataclass(frozen=True)
 class Integrity:
-    """How close the terms of a variable are to an even partition; arrays of shape (num_terms,), 1 is equal.
+    """How close the terms of a variable are to those of a reference, (num_terms,); 1 is equal.
 
     Parameters
     ----------
     displacement : array
-        1 less the way that the centre has moved, in halves of the spacing; 0 from there on.
+        1 less the way that the centre has moved, in halves of the way to the next one; 0 from there on.
     symmetry : array
-        How near the left half-width is to the right one.
+        How near the ratio of the half-widths is to that of the reference.
     area : array
-        How near the area is to that of the even term.
+        How near the area is to that of the reference.
     """
 
     displacement: Floats
@@ -125,7 +126,7 @@ class Integrity:
 
 
 @dataclass(frozen=True)
-class RuleMeaning:
+class RuleConsistency:
     """Whether the system does what each rule says, where the rule fires most strongly.
 
     Parameters
@@ -164,7 +165,9 @@ class Measures:
     completeness : Completeness
     integrity : dict of str to Integrity
         By variable; those of a single term are left out.
-    rule_meaning : RuleMeaning
+    reference : str
+        What the terms are compared with.
+    rule_consistency : RuleConsistency
     """
 
     complexity: Complexity
@@ -172,7 +175,8 @@ class Measures:
     coverage: dict[str, Coverage]
     completeness: Completeness
     integrity: dict[str, Integrity]
-    rule_meaning: RuleMeaning
+    reference: str
+    rule_consistency: RuleConsistency
 
     @property
     def gm3m(self) -> float:
@@ -183,16 +187,30 @@ class Measures:
         return float(np.cbrt(np.prod(np.min(parts, axis=0))))
 
 
-def measure(system: FuzzySystem) -> Measures:
-    """Compute every index of a system without problems."""
+def measure(system: FuzzySystem, reference: tuple[str, FuzzySystem] | None = None) -> Measures:
+    """Compute every index of a system without problems.
+
+    Terms are compared with those of another system, called as in the reference, or with an even partition.
+
+    Raises
+    ------
+    ValueError
+        If the reference lacks a variable or one of its terms.
+    """
     variables = (*system.inputs, *system.outputs)
+    words, other = reference or ("an even partition", None)
     return Measures(
         complexity=complexity(system),
         nauck=nauck(system),
         coverage={variable.name: coverage(variable) for variable in variables},
         completeness=completeness(system),
-        integrity={v.name: integrity(v) for v in variables if len(v.terms) > 1},
-        rule_meaning=rule_meaning(system),
+        integrity={
+            v.name: integrity(v, None if other is None else _same(v, other))
+            for v in variables
+            if len(v.terms) > 1
+        },
+        reference=words,
+        rule_consistency=rule_consistency(system),
     )
 
 
@@ -294,20 +312,19 @@ def _falls_to_half(x: Floats, y: Floats, start: float) -> float:
     return float(x[i - 1] + (x[i] - x[i - 1]) * (y[i - 1] - half) / (y[i - 1] - y[i]))
 
 
-def integrity(variable: Variable) -> Integrity:
-    """Compare the terms of a variable with the even partition of its universe, term by term in their order.
+def integrity(variable: Variable, reference: Variable | None = None) -> Integrity:
+    """Compare the terms of a variable with those of a reference, term by term in their order.
 
-    The even partition has triangles with peaks evenly spaced from end to end, each falling to zero where its
-    neighbour peaks. It stands for the first meaning of the words, which a tuned controller does not record.
-    With centre c, spacing s, half-widths l and r, area A inside the universe, and a hat for the even term:
-    ``displacement = max(0, 1 - |c - ĉ| / (s / 2))``, ``symmetry = min(l, r) / max(l, r)`` (1 for the outer
-    terms, of which one side lies outside) and ``area = min(A, Â) / max(A, Â)``; GM3M is the geometric mean of
-    the least of each. Half-widths are taken at half height, which any shape has; of a triangle they are to
-    one another as its feet are.
+    With centre c, half-widths l and r, area A inside the universe, a hat for the reference, and s the way
+    from ĉ to the next centre on the side of c: ``displacement = max(0, 1 - |c - ĉ| / (s / 2))``,
+    ``symmetry = min(l r̂ / (r l̂), r l̂ / (l r̂))`` (1 for the outer terms, of which one side lies outside)
+    and ``area = min(A, Â) / max(A, Â)``; GM3M is the geometric mean of the least of each. Half-widths are
+    taken at half height, which any shape has; of a triangle they are to one another as its feet are. Where
+    the ranges differ, places are compared in parts of the range.
 
-    Source: M. J. Gacto, R. Alcalá, F. Herrera, IEEE Transactions on Fuzzy Systems 18 (2010) 515-531. There
-    the comparison is with the triangles before tuning, whose ``l / r`` is 1 here, and the way of a centre is
-    measured by the most that tuning may move it.
+    Source: M. J. Gacto, R. Alcalá, F. Herrera, IEEE Transactions on Fuzzy Systems 18 (2010) 515-531, for
+    triangles. There the reference is the partition before tuning, which a tuned controller does not record;
+    without it the terms are compared with `even` ones.
 
     Raises
     ------
@@ -317,24 +334,58 @@ def integrity(variable: Variable) -> Integrity:
     num_terms = len(variable.terms)
     if num_terms < 2:
         raise ValueError(f"variable {variable.name!r} has one term; compare those with two or more")
-    even = np.linspace(variable.minimum, variable.maximum, num_terms)
-    spacing = even[1] - even[0]
-    centres = np.array([centre(variable, term) for term in variable.terms])
-    areas = np.trapezoid(sample_terms(variable), variable.universe)
-    even_areas = np.full(num_terms, spacing)
-    even_areas[[0, -1]] = 0.5 * spacing
-    widths = np.array([half_widths(variable, term) for term in variable.terms])
-    narrow, wide = widths.min(axis=1), widths.max(axis=1)
-    symmetry = np.divide(narrow, wide, out=np.ones(num_terms), where=wide > 0)
+    centres, widths, areas = _placed(variable)
+    meant, meant_widths, meant_areas = _placed(reference or even(variable))
+    gaps = np.abs(np.diff(meant))
+    room = np.where(centres < meant, np.append(gaps[0], gaps), np.append(gaps, gaps[-1])) / 2
+    moved = np.abs(centres - meant)
+    crossed = widths * meant_widths[:, ::-1]
+    narrow, wide = crossed.min(axis=1), crossed.max(axis=1)
+    symmetry = np.divide(narrow, wide, out=np.ones_like(wide), where=wide > 0)
     symmetry[[0, -1]] = 1.0
     return Integrity(
-        displacement=np.maximum(0.0, 1.0 - np.abs(centres - even) / (0.5 * spacing)),
+        displacement=1.0 - np.minimum(np.divide(moved, room, out=np.sign(moved), where=room > 0), 1.0),
         symmetry=np.clip(symmetry, 0.0, 1.0),
-        area=np.minimum(areas, even_areas) / np.maximum(areas, even_areas),
+        area=np.minimum(areas, meant_areas) / np.maximum(areas, meant_areas),
     )
 
 
-def rule_meaning(system: FuzzySystem) -> RuleMeaning:
+def even(variable: Variable) -> Variable:
+    """Return a variable with triangles of even spacing, each falling to zero where its neighbours peak."""
+    peaks = np.linspace(variable.minimum, variable.maximum, len(variable.terms))
+    feet = np.concatenate([peaks[:1], peaks, peaks[-1:]]).tolist()
+    shapes = (Triangular(*feet[place : place + 3]) for place in range(len(peaks)))
+    terms = (replace(term, membership=shape) for term, shape in zip(variable.terms, shapes, strict=True))
+    return replace(variable, terms=tuple(terms))
+
+
+def _placed(variable: Variable) -> tuple[Floats, Floats, Floats]:
+    """Return centres, half-widths (num_terms, 2) and areas of terms, in parts of the range."""
+    span = variable.maximum - variable.minimum
+    centres = np.array([centre(variable, term) for term in variable.terms])
+    widths = np.array([half_widths(variable, term) for term in variable.terms])
+    areas: Floats = np.asarray(np.trapezoid(sample_terms(variable), variable.universe))
+    return (centres - variable.minimum) / span, widths / span, areas / span
+
+
+def _same(variable: Variable, reference: FuzzySystem) -> Variable:
+    """Return the variable of the same name in a reference, its terms in the same order."""
+    others = {other.name: other for other in (*reference.inputs, *reference.outputs)}
+    if variable.name not in others:
+        raise ValueError(
+            f"the reference {reference.name!r} has no variable {variable.name!r}; "
+            f"{nearest(variable.name, others)}"
+        )
+    terms = {term.name: term for term in others[variable.name].terms}
+    for term in variable.terms:
+        if term.name not in terms:
+            raise ValueError(
+                f"{variable.name} has no term {term.name!r} in the reference; {nearest(term.name, terms)}"
+            )
+    return replace(others[variable.name], terms=tuple(terms[term.name] for term in variable.terms))
+
+
+def rule_consistency(system: FuzzySystem) -> RuleConsistency:
     """Compare the system's output where each rule fires most strongly with the rule's consequent.
 
     A rule holds most at one or several points of a grid: the centres of each input's terms, and where the
@@ -344,9 +395,9 @@ def rule_meaning(system: FuzzySystem) -> RuleMeaning:
     one that suits it best. Dividing by ``mu(y₁)`` is for terms at the ends of a range, whose centre of area
     is not where they are highest.
 
-    Source: the rule meaning index (RMI) of M. Galende, M. J. Gacto, G. Sainz, R. Alcalá, Information Sciences
-    282 (2014) 190-213: the worst rule counts, and a rule counts by the answer of the whole system in the core
-    of its antecedent. How answer and consequent are compared is as above, and may differ from theirs.
+    This index is our own. Its idea, to ask the whole system in the core of each antecedent and to let the
+    worst rule count, is that of the rule meaning index (RMI) of M. Galende, M. J. Gacto, G. Sainz, R. Alcalá,
+    Information Sciences 282 (2014) 190-213, to whose numbers these do not compare.
     """
     grid = _grid([_landmarks(variable) for variable in system.inputs])
     if grid is None:
@@ -364,7 +415,7 @@ def rule_meaning(system: FuzzySystem) -> RuleMeaning:
         outputs.append(answers[places[best]])
         alone.append(own)
         values.append(meant[best] if firing.max() > 0 else 0.0)
-    return RuleMeaning(np.array(points), np.array(outputs), np.array(alone), np.array(values))
+    return RuleConsistency(np.array(points), np.array(outputs), np.array(alone), np.array(values))
 
 
 def _landmarks(variable: Variable) -> Floats:

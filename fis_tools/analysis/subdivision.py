@@ -46,6 +46,8 @@ class Subdivision:
         The boxes that are left.
     open_promises : (n,)
         The most that these may be worth.
+    refuted_low, refuted_high : (m, num_inputs)
+        The boxes that promise less than the floor; with those left, they cover the region.
     """
 
     best: float
@@ -55,6 +57,8 @@ class Subdivision:
     open_low: Floats
     open_high: Floats
     open_promises: Floats
+    refuted_low: Floats
+    refuted_high: Floats
 
 
 def subdivide(
@@ -93,6 +97,7 @@ def subdivide(
     best, best_inputs, closed, num_boxes, order = -np.inf, region.low, -np.inf, 0, 0
     waiting: list[tuple[float, int, Floats, Floats, Floats]] = []
     whole: list[tuple[float, Floats, Floats]] = []
+    refuted: list[tuple[Floats, Floats]] = []
     while len(low) or waiting:
         least, greatest, variation = interval.bound(system, low, high)
         promises = promise(least, greatest)
@@ -103,7 +108,9 @@ def subdivide(
         for row in np.flatnonzero(promises >= floor):
             heappush(waiting, (-promises[row], order, low[row], high[row], variation[row]))
             order += 1
-        closed = max(closed, promises[promises < floor].max(initial=-np.inf))
+        is_below = promises < floor
+        closed = max(closed, promises[is_below].max(initial=-np.inf))
+        refuted.append((low[is_below], high[is_below]))
         if best >= goal or num_boxes >= max_boxes:
             break
         if progress is not None:
@@ -131,6 +138,8 @@ def subdivide(
         open_low=np.array([low for _, low, _ in left]).reshape(shape),
         open_high=np.array([high for _, _, high in left]).reshape(shape),
         open_promises=np.array([value for value, _, _ in left]),
+        refuted_low=np.concatenate([low for low, _ in refuted]),
+        refuted_high=np.concatenate([high for _, high in refuted]),
     )
 
 

@@ -11,6 +11,7 @@ SUMMARIES = {
     "explain": "tell why: which rules moved the output, what would flip it",
     "firing": "print which rules fired along logged flights, those that fired most often first",
     "bounds": "prove what the outputs can and cannot be in a region",
+    "domain": "tell when logged flights left the inputs that an evaluation met",
     "simplify": "make a simpler controller that answers nearly the same",
     "diff": "tell what changed from one controller to another",
     "review": "write one HTML page to review a controller and sign it off",

@@ -34,9 +34,9 @@ thresholds, most of them shares from 0 to 1:
   jump         neighbouring rules should differ by no more of the output's range
   against      up to this share of steps against the rest, an input counts as meant to act one way
   reversal     the least way back of an output that counts, of its range
-  meaning      the least RMI of a rule
+  consistency  the least consistency of a rule
   reach        an output should reach this much of its range
-  partition    the least GM3M of a variable
+  partition    the least GM3M of a variable, against --reference or an even partition
   clipped      an input should lie outside its range in no more of the inferences
   dead         no more of the rules should never fire on flights
   dominant     no rule should lead, or matter, by more
@@ -48,6 +48,7 @@ examples:
   python -m fis_tools audit controller.yaml
   python -m fis_tools audit controller.yaml --flights episodes/*.mcap --fail-on serious
   python -m fis_tools audit episodes/best.mcap --json > audit.json
+  python -m fis_tools audit tuned.yaml --reference untuned.yaml
   python -m fis_tools audit controller.yaml --thresholds coverage=0.5,look_alike=0.6
 """
 
@@ -57,7 +58,12 @@ def add(command: argparse.ArgumentParser) -> None:
     add_controller(command)
     add_flights(command)
     command.add_argument(
-        "--json", action="store_true", help="print it for programs (schema fuzzy-audit, version 1)"
+        "--reference",
+        metavar="CONTROLLER",
+        help="compare terms with those of this one, such as before tuning (default: an even partition)",
+    )
+    command.add_argument(
+        "--json", action="store_true", help="print it for programs (schema fuzzy-audit, version 2)"
     )
     command.add_argument(
         "--fail-on",
@@ -76,7 +82,13 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print what is found; return 1 if that is too much."""
     controller = chosen(read_controller(arguments.controller), arguments.system)
-    found = audit(controller, flown_inputs(arguments, controller), _thresholds(arguments.thresholds))
+    reference = None if arguments.reference is None else read_controller(arguments.reference)
+    thresholds = _thresholds(arguments.thresholds)
+    flown = flown_inputs(arguments, controller)
+    try:
+        found = audit(controller, flown, thresholds, reference)
+    except ValueError as error:
+        raise UserMistake(f"{error}; give a --reference of the same systems") from error
     if arguments.json:
         print(json.dumps(report.plain(found), indent=2, allow_nan=False, ensure_ascii=False))
     else:

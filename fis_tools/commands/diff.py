@@ -50,9 +50,17 @@ def run(arguments: argparse.Namespace) -> int:
     before, after = read_controller(arguments.controller), read_controller(arguments.after)
     before, after = _limited(before, after, arguments.system)
     samples = flown_inputs(arguments, after) if arguments.flights else None
-    found = difference(before, after, samples)
+    files = (str(arguments.controller), str(arguments.after))
+    found = difference(before, after, samples, files)
     if arguments.json:
-        content = json.dumps(words.plain(found.facts, found.systems), indent=2, ensure_ascii=False) + "\n"
+        content = (
+            json.dumps(
+                words.plain((found.before, found.after), found.facts, found.systems),
+                indent=2,
+                ensure_ascii=False,
+            )
+            + "\n"
+        )
     elif Path(arguments.output or "").suffix.lower() in {".html", ".htm"}:
         content = found.html
     else:

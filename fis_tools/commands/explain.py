@@ -19,12 +19,13 @@ from fis_tools.source import read_controller
 from fis_tools.words import text
 
 SCHEMA = "fuzzy-explanation"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 EPILOG = """\
-With --inputs or --time it tells of one inference how far each rule moved the output, against
-the same inference without the rule, and the smallest change of one input that flips its sign.
-With --flights (or a flight as CONTROLLER) it tells the share of each rule over them.
+With --inputs or --time it tells of one inference the share of each rule in the output (Shapley
+values: they add up to its way from the output of no rule), what would be missing without the
+rule ("needed": nothing where others say the same), and the smallest change of one input that
+flips the output's sign. With --flights (or a flight as CONTROLLER) it tells the shares over them.
 Of a flight it tells about forces that were fired; where none was, it says why. --all-periods tells
 about every inference.
 

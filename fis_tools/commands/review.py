@@ -8,15 +8,17 @@ from fis_tools.commands.arguments import add_controller, add_periods, chosen, pl
 from fis_tools.source import read_controller
 
 EPILOG = """\
-The page is one HTML file that needs no network: findings of the audit, terms, rules, surfaces that
-turn, proved ranges, and an inference view whose sliders compute in the page what Python computes.
-With flights it tells which rules fired when, and every view follows the time. Print it to sign it;
-the hash on it is that of `python -m fis_tools export CONTROLLER --format json`.
+The page is one HTML file that needs no network: how it flew, requirements, findings, constants, then
+each system with an inference whose sliders compute in the page what Python computes. Findings are
+accepted or waived on it, checks ticked, a name and a date entered; it saves these as JSON tied to the
+controller's SHA-256 (that of `python -m fis_tools export CONTROLLER --format json`), and prints a
+summary of two pages.
 
 examples:
   python -m fis_tools review controller.yaml
-  python -m fis_tools review outputs/train/TIME --flights outputs/train/TIME/episodes/*.mcap
+  python -m fis_tools review outputs/train/TIME --flights outputs/train/TIME
   python -m fis_tools review episodes/best.mcap -o best.html
+  python -m fis_tools review controller.yaml --flights RUN --evidence RUN/assure/evidence.json
 """
 
 
@@ -28,7 +30,10 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="FLIGHT",
         nargs="+",
         default=[],
-        help="logged flights (.mcap) to review it along (default: CONTROLLER, if it is one)",
+        help="logged flights (.mcap), or the folder of a run (default: CONTROLLER, if it is a flight)",
+    )
+    command.add_argument(
+        "--evidence", metavar="FILE", help="the evidence.json that tells what became of the requirements"
     )
     add_periods(command)
     command.add_argument(
@@ -45,7 +50,9 @@ def run(arguments: argparse.Namespace) -> None:
     if not paths and Path(arguments.controller).suffix == ".mcap":
         paths = [arguments.controller]
     print(f"reviewing {controller.name}", file=sys.stderr)
-    text = page.write(controller, paths, arguments.system, arguments.all_periods)
+    text = page.write(
+        controller, paths, arguments.system, arguments.evidence, all_periods=arguments.all_periods
+    )
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)

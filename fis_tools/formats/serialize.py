@@ -4,6 +4,7 @@
 system each; what they do not state is assumed, and told. Reading any file executes nothing.
 """
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -52,6 +53,14 @@ _FOREIGN_READERS: dict[Kind, Callable[[str], Reading]] = {"fis": fis.read, "fll"
 def dump_json(controller: FuzzyController) -> str:
     """Write a controller as JSON text; see `to_mapping` for what is refused."""
     return json.write(to_mapping(controller))
+
+
+def fingerprint(controller: FuzzyController) -> str:
+    """Return the SHA-256 of a controller's JSON: what reviews, signatures and evidence refer to.
+
+    The same as of the file that ``python -m fis_tools export CONTROLLER --format json`` writes.
+    """
+    return hashlib.sha256(dump_json(controller).encode()).hexdigest()
 
 
 def dump_yaml(controller: FuzzyController) -> str:

@@ -21,6 +21,7 @@ REASONS: Final = {
     "complete": "every point is inspected: nothing was inferred or fired",
     "clipped": "it was fired as far as the greatest force goes",
     "safety": "the safety layer fired something else",
+    "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
 }
 
 #: nothing is asked for where less than this is, N: an output that should be zero is so to rounding

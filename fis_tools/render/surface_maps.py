@@ -75,6 +75,7 @@ def draw_surface(
     points: Floats | None = None,
     title: str | None = None,
     has_colour_bar: bool = True,
+    is_change: bool = False,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draw an output over two inputs, as brightness with contours; where its sign changes, a thick one.
@@ -93,10 +94,15 @@ def draw_surface(
         By default the values that are held.
     has_colour_bar : bool
         Whether to put a colour bar beside the axes.
+    is_change : bool
+        Whether it is a difference, which a scale of two colours shows whose middle is zero.
     theme : Theme
         Colours.
     """
     low, high = limits or value_limits([result])
+    if is_change:
+        high = max(abs(low), abs(high))
+        low = -high
     half_x, half_y = 0.5 * (result.x[1] - result.x[0]), 0.5 * (result.y[1] - result.y[0])
     image = ax.imshow(
         result.values,
@@ -104,13 +110,13 @@ def draw_surface(
         aspect="auto",
         # a pixel's middle is where its value belongs
         extent=(result.x[0] - half_x, result.x[-1] + half_x, result.y[0] - half_y, result.y[-1] + half_y),
-        cmap=BRIGHTNESS_MAP,
+        cmap=theme.change_map if is_change else BRIGHTNESS_MAP,
         vmin=low,
         vmax=high,
         interpolation="bilinear",
     )
     ax.set(xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
-    _contours(result, ax, (low, high))
+    _contours(result, ax, (low, high), theme.ink if is_change else None)
     if points is not None:
         ax.plot(*points.T, "o", color="white", mec="black", mew=0.5, ms=3, clip_on=False)
     ax.set(xlabel=with_unit(result.x_variable), ylabel=with_unit(result.y_variable))
@@ -133,18 +139,18 @@ def colour_bar(axes: Sequence[Axes], image: Any, result: Surface, theme: Theme) 
         dress(scale.ax, theme)
 
 
-def _contours(result: Surface, ax: Axes, limits: tuple[float, float]) -> None:
+def _contours(result: Surface, ax: Axes, limits: tuple[float, float], ink: str | None = None) -> None:
     middle, levels = 0.5 * (limits[0] + limits[1]), round_levels(result, limits)
     if len(levels):
-        colours = ["white" if level < middle else "black" for level in levels]
+        colours = [ink or ("white" if level < middle else "black") for level in levels]
         lines = ax.contour(
             result.x, result.y, result.values, levels, colors=colours, linewidths=0.8, linestyles="solid"
         )
         _label(ax, lines, SMALL - 0.5)
     values = signed(result, limits)
     if values is not None:
-        zero = ax.contour(result.x, result.y, values, [0.0], colors="black", linewidths=2.2)
-        zero.set_path_effects([withStroke(linewidth=4.0, foreground="white")])
+        zero = ax.contour(result.x, result.y, values, [0.0], colors=ink or "black", linewidths=2.2)
+        zero.set_path_effects([withStroke(linewidth=4.0, foreground=readable_on(to_rgb(ink or "black")))])
         vertices = np.concatenate([path.vertices for path in zero.get_paths()])
         off_middle = ax.transAxes.inverted().transform(ax.transData.transform(vertices)) - 0.5
         _label(ax, zero, MEDIUM, [vertices[np.argmin(np.abs(off_middle).max(axis=1))]])

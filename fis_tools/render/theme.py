@@ -49,6 +49,8 @@ class Theme:
         Of curves, one after the other.
     strong : str
         The far end of the scale that begins at `paper`.
+    less, more : str
+        The ends of the scale whose middle, for no change, is `paper`.
     """
 
     name: str
@@ -58,6 +60,8 @@ class Theme:
     grid: str
     lines: tuple[str, ...]
     strong: str
+    less: str
+    more: str
 
     def line(self, place: int) -> dict[str, Any]:
         """Return colour and style of the curve at a place in an order."""
@@ -71,6 +75,11 @@ class Theme:
         """From the paper, for nothing, to the strongest colour."""
         return LinearSegmentedColormap.from_list(f"{self.name}-strength", [self.paper, self.strong])
 
+    @property
+    def change_map(self) -> Colormap:
+        """From less through the paper, for no change, to more."""
+        return LinearSegmentedColormap.from_list(f"{self.name}-change", [self.less, self.paper, self.more])
+
 
 LIGHT = Theme(
     name="light",
@@ -80,6 +89,8 @@ LIGHT = Theme(
     grid="#d4d9df",
     lines=("#0072b2", "#c24770", "#7a7a00", "#7a00f5", "#1b1f24", "#522900"),
     strong="#08306b",
+    less="#0b5394",
+    more="#a63a00",
 )
 DARK = Theme(
     name="dark",
@@ -89,6 +100,8 @@ DARK = Theme(
     grid="#39424c",
     lines=("#56b4e9", "#ff5c0a", "#a070ff", "#ffc285", "#e8ebef", "#d17575"),
     strong="#ffe08a",
+    less="#6cb8f5",
+    more="#ff9a52",
 )
 THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 

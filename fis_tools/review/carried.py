@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays
+from fis_tools.analysis import arrays, shapley
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.engines.inference import Floats
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
@@ -53,6 +53,12 @@ def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int
     most = max(2, MOST_SAMPLES // num_flights)
     flown = [_flown(system, flight.flown.get(system.name), most) for system in systems]
     return {"name": flight.name, "systems": flown}
+
+
+def quadrature_data(systems: Sequence[FuzzySystem]) -> list[str]:
+    """Return chances and weights with which the shares of so many rules are integrated exactly."""
+    nodes, weights = shapley.quadrature(max(len(system.rules) for system in systems))
+    return [_doubles(nodes), _doubles(weights)]
 
 
 def as_json(data: Any) -> str:

@@ -1,6 +1,5 @@
 """What a review page says of a controller and its systems, in words and tables."""
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -8,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays, contribution
+from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.analysis.measures import Measures
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import Floats
-from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.review.colours import level
 from fis_tools.review.flown import Samples
@@ -29,12 +27,17 @@ class Cell:
     rule: int
 
 
-def fingerprint(controller: FuzzyController) -> str:
-    """Return the SHA-256 of a controller's JSON: what a signature under the page refers to.
+def texts(controller: FuzzyController) -> list[tuple[str, str]]:
+    """Return the attributes of a controller that are no numbers."""
 
-    The same as of the file that ``python -m fis_tools export CONTROLLER --format json`` writes.
-    """
-    return hashlib.sha256(serialize.dump_json(controller).encode()).hexdigest()
+    def is_number(text: str) -> bool:
+        try:
+            float(text)
+        except ValueError:
+            return False
+        return True
+
+    return [(name, text) for name, text in controller.attributes if not is_number(text)]
 
 
 def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -56,7 +59,9 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         What was measured of it.
     """
     usage = arrays.rule_usage(arrays.firing(system, samples.inputs))
-    importance = contribution.importance(compile(system), samples.inputs).max(axis=1)
+    compiled = compile(system)
+    importance = shapley.importance(compiled, samples.inputs).max(axis=1)
+    needed = contribution.importance(compiled, samples.inputs).max(axis=1)
     system_id = f"s{place}"
     ranges, unbounded = range_rows(system)
     return {
@@ -75,12 +80,12 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
         "never": int((usage.fired == 0).sum()),
         "completeness": measures.completeness.least,
         "gm3m": measures.gm3m,
-        "rmi": measures.rule_meaning.index,
+        "consistency": measures.rule_consistency.index,
         "variables": list(_variables(system_id, system)),
         "matrices": _matrices(system),
         "ranges": ranges,
         "unbounded": unbounded,
-        "rules": list(_rules(system, usage, importance, measures.rule_meaning.values)),
+        "rules": list(_rules(system, usage, importance, needed, measures.rule_consistency.values)),
     }
 
 
@@ -129,15 +134,19 @@ def _matrices(system: FuzzySystem) -> list[tuple[str, list[str], list[tuple[str,
 
 
 def _rules(
-    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, meaning: Floats
+    system: FuzzySystem, usage: arrays.RuleUsage, importance: Floats, needed: Floats, consistency: Floats
 ) -> Iterator[dict[str, Any]]:
-    for place, rule in enumerate(system.rules):
+    """Yield what is told of each rule, the one with the greatest share first."""
+    for place in np.argsort(-importance, kind="stable").tolist():
+        rule = system.rules[place]
         yield {
+            "place": place,
             "words": sentence(rule),
             "label": rule.label,
             "importance": float(importance[place]),
+            "needed": float(needed[place]),
             "fired": float(usage.fired[place]),
             "leading": float(usage.leading[place]),
             "strongest": float(usage.max_strength[place]),
-            "meaning": float(meaning[place]),
+            "consistency": float(consistency[place]),
         }

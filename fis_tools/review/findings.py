@@ -15,8 +15,9 @@ MOST_LINKS = 6
 def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, Any]]:
     """Return a row for each finding, the most serious first.
 
-    A row holds its severity as a word and as a number, the system's name, sentence and cure, links as (words,
-    id on the page), and in ``point`` the inputs at which it can be seen, as JSON; empty where there are none.
+    A row holds a key that tells it from the others, its severity as a word and as a number, the system's
+    name, sentence and cure, links as (words, id on the page), and in ``point`` the inputs at which it can be
+    seen, as JSON; empty where there are none.
     """
     places = {system.name: place for place, system in enumerate(controller.systems, start=1)}
     rows = []
@@ -25,6 +26,9 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
         system = controller.systems[place - 1]
         rows.append(
             {
+                "key": "/".join(
+                    (finding.id, finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
+                ),
                 "severity": finding.severity.word,
                 "weight": int(finding.severity),
                 "system": finding.system,
@@ -36,6 +40,10 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
             }
         )
     return rows
+
+
+def _key(finding: Finding) -> list[str]:
+    return [finding.id, finding.system, finding.variable, *finding.terms, *map(str, finding.rules)]
 
 
 def finding_counts(audit: Audit, system: str) -> str:

@@ -57,10 +57,15 @@ def read_flights(
     fis_tools.formats.error.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
-    once = list({Path(path).resolve(): Path(path) for path in paths}.values())
+    once = unique(paths)
     return [
         _flight(name, path, controller, all_periods) for name, path in zip(_names(once), once, strict=True)
     ]
+
+
+def unique(paths: Sequence[Path | str]) -> list[Path]:
+    """Return each file once."""
+    return list({Path(path).resolve(): Path(path) for path in paths}.values())
 
 
 def _flight(name: str, path: Path, controller: FuzzyController, all_periods: bool) -> Flight:

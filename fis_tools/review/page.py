@@ -9,18 +9,42 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from fis_tools.findings.audit import audit
+from fis_tools.analysis.flights import read_outcome
+from fis_tools.findings.audit import audit, report
+from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from fis_tools.review import carried, content
+from fis_tools.review import carried, content, outcomes
 from fis_tools.review.colours import BRIGHTNESS, level_styles
+from fis_tools.review.constants import constants
 from fis_tools.review.findings import finding_counts, finding_rows
-from fis_tools.review.flown import read_flights, samples_of
+from fis_tools.review.flown import read_flights, samples_of, unique
+from fis_tools.review.requirements import read_evidence
+
+#: what the reviewer ticks before signing, by key
+CHECKS = {
+    "flights": "I have looked at how it flew, and the flights stand for how it will be used.",
+    "constants": "Each constant is meant as it is.",
+    "terms": "The terms mean what their names say.",
+    "rules": "I have read the rules with the greatest shares of each system, and they say the right thing.",
+    "findings": "Every serious finding and every warning is accepted, or waived for the reason given.",
+}
 
 #: joined in this order
 SCRIPTS = (
-    *("elements", "scale", "palette", "canvases", "carried", "operators", "inference", "sign_change"),
+    *(
+        "elements",
+        "scale",
+        "palette",
+        "pointing",
+        "canvases",
+        "carried",
+        "operators",
+        "inference",
+        "shares",
+        "sign_change",
+    ),
     *("state", "tables", "memberships", "inference_view", "rules_view", "response", "heat_map", "solid"),
-    *("surface_view", "flight_view", "page"),
+    *("surface_view", "flight_view", "signature", "page"),
 )
 
 
@@ -28,6 +52,7 @@ def write(
     controller: FuzzyController,
     flight_paths: Sequence[Path | str] = (),
     part: str | None = None,
+    evidence: Path | str | None = None,
     all_periods: bool = False,
 ) -> str:
     """Write the review page of a controller.
@@ -37,9 +62,12 @@ def write(
     controller : FuzzyController
         A controller without problems.
     flight_paths : sequence of paths
-        Logged flights to review it along; without any, rules are counted over the whole input space.
+        Logged flights to review it along, and folders of runs with some; without any, rules are counted over
+        the whole input space.
     part : str, optional
         The system's name, where the controller is only that part of a larger one.
+    evidence : path, optional
+        A file that tells what became of the requirements.
     all_periods : bool
         Count every inference along flights, not only those whose force was fired.
 
@@ -51,26 +79,41 @@ def write(
     Raises
     ------
     fis_tools.formats.error.ControllerFileError
-        If a flight cannot be read, or its systems have other inputs than the controller's.
+        If a flight cannot be read, or its systems have other inputs than the controller's; if the evidence
+        cannot be read, or is about another controller.
     """
     systems = controller.systems
-    flown = read_flights(flight_paths, controller, all_periods)
+    paths = unique(outcomes.recordings(flight_paths))
+    flown = read_flights(paths, controller, all_periods)
+    went = [read_outcome(path) for path in paths]
+    meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
+    fingerprint = serialize.fingerprint(controller)
     samples = {system.name: samples_of(system, flown) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if flown else None)
     data = {
         "brightness": BRIGHTNESS,
+        "sha256": fingerprint,
+        "name": controller.name,
+        "quadrature": carried.quadrature_data(systems),
         "systems": [carried.system_data(system) for system in systems],
         "flights": [carried.flight_data(flight, systems, len(flown)) for flight in flown],
     }
     return _assemble(
         data,
         controller=controller,
-        facts=content.facts((*controller.attributes, *controller.provenance)),
+        facts=content.facts(controller.provenance),
+        constants=constants(controller, went, meanings),
+        others=content.facts(content.texts(controller)),
+        outcome_heads=outcomes.HEADS,
+        outcomes=outcomes.rows(flight_paths, [flight.name for flight in flown], went),
+        requirements=None if evidence is None else read_evidence(evidence, fingerprint),
         part=part,
-        fingerprint=content.fingerprint(controller),
+        fingerprint=fingerprint,
+        checks=CHECKS,
         flights=flown,
         findings=finding_rows(audited, controller),
+        measure_words=report.measure_words(audited),
         systems=[
             content.system_words(place, system, samples[system.name], measured.measures)
             | {"findings": finding_counts(audited, system.name)}

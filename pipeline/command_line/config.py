@@ -23,6 +23,8 @@ from pipeline.settings.schema import experiment_from
 
 CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
+#: folders of the configuration that are no groups of options: Hydra's own, and requirements, read by name
+NOT_CHOSEN = ("hydra", "requirements")
 #: characters of a value in a message
 MOST_SHOWN = 60
 
@@ -50,7 +52,7 @@ class Composed:
 
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:
-    """List the groups of some configuration folders and the options of each, hydra's own aside.
+    """List the groups of some configuration folders and the options of each, `NOT_CHOSEN` aside.
 
     Returns
     -------
@@ -64,7 +66,11 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
             parts = path.relative_to(folder).with_suffix("").parts
             for cut in range(1, len(parts)):
                 found.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
-    return {group: sorted(names) for group, names in sorted(found.items()) if group.split("/")[0] != "hydra"}
+    return {
+        group: sorted(names)
+        for group, names in sorted(found.items())
+        if group.split("/")[0] not in NOT_CHOSEN
+    }
 
 
 def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Composed:

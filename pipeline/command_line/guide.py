@@ -13,6 +13,7 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m pipeline +experiment=fly controller=paper_champion     fly once and record it
   python -m pipeline +experiment=evaluate sun=random               1,000 flights from random starts
   python -m pipeline +experiment=train                             train, evaluate and report
+  python -m pipeline +experiment=assure controller=paper_champion  evidence for requirements
   python -m pipeline -m +experiment=train seed=1,2,3               a sweep
   python -m pipeline resume=RUN_FOLDER                             go on where a run stopped
   python -m pipeline verify RUN_FOLDER                             check its files, repeat its flights

@@ -19,12 +19,13 @@ from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
+from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import experiment_from
 
 OK, MISTAKE = 0, 2
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
-OWN_GROUPS = {"record": ("telemetry",), "report": ("report",)}
+OWN_GROUPS = {"record": ("telemetry",), "assure": ("assurance",), "report": ("report",)}
 
 
 def sentence(error: Exception) -> str:
@@ -196,6 +197,8 @@ def check_before(experiment: Experiment) -> None:
             "guidance.engine is sklearn, which flies one flight at a time; "
             "train with guidance.engine=compiled"
         )
+    if "assure" in experiment.stages:
+        _check_requirements(experiment.assurance.requirements)
     if "optimum" in experiment.stages:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
 
@@ -208,6 +211,13 @@ def check_before(experiment: Experiment) -> None:
     _check_controller(experiment)
     if "compare" in experiment.stages:
         _check_compared(experiment)
+
+
+def _check_requirements(name: str) -> None:
+    """Read the requirements, whose mistakes are pointed at."""
+    from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - as above
+
+    read(requirements_path(name).read_text(encoding="utf-8"), name)
 
 
 def _check_compared(experiment: Experiment) -> None:

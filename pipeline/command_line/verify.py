@@ -44,7 +44,8 @@ def _told(found: Integrity) -> list[str]:
 
 def _fly_again(folder: Path) -> bool:
     """Fly the recorded flights again; tell whether each agrees."""
-    paths = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
+    places = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
+    paths = [path for place in places for path in sorted((folder / place).glob("*.mcap"))]
     if not paths:
         sys.stdout.write("flights: none is recorded\n")
         return True

@@ -5,6 +5,7 @@ The names of signals, components and constants are those of `pipeline.flight.sig
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,13 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
+#: parts of the reach that the first pushes of a rehearsal have along each of Hill's axes; most is to be won
+#: radially, least across the orbit plane
+REHEARSED_PARTS = (
+    (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0),
+    (0.0, 0.25, -0.25, 0.5, -0.5),
+    (0.0, 0.25, -0.25),
+)
 #: constants that may not be zero: for what is sensed, under which names, which, and what it is
 REQUIRED = (
     (
@@ -220,7 +228,22 @@ def constants_of(controller: Controller) -> Floats:
                 f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
                 f"attribute, {meaning}"
             )
+    if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
+        raise ControllerError(
+            f"controller {controller.name!r} rehearses its first push with force_axes "
+            f"{controller.force_axes}; set the attribute force_axes to hill, which the pushes are along"
+        )
     return values
+
+
+def rehearsed_pushes(controller: Controller) -> Floats:
+    """Return the first pushes that a controller tries, shape (n, 3), m/s, Hill axes; none by default.
+
+    The first of them is no push.
+    """
+    reach = float(constants_of(controller)[constant("rehearsal_reach_m_s")])
+    parts = np.array(list(product(*REHEARSED_PARTS)))
+    return reach * parts if reach > 0.0 else np.zeros((0, 3))
 
 
 def decision_stride(controller: Controller, mission: Mission) -> int:

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
 
 #: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
-FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY = range(len(REASONS))
+FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(len(REASONS))
 #: the safety layer changed a component where it changed it by more than this, N; less is rounding
 LEAST_CHANGE_N = 1e-9
 
@@ -58,8 +58,8 @@ class FlightLog(NamedTuple):
         clip and safety layer; zero where nothing was asked for.
     reason : (K, 3) int
         Why each of these components was, or was not, fired: `FIRED`, `SILENT`, `DEAD_BAND`, `WAITING`,
-        `COASTING`, `COMPLETE`, `CLIPPED` or `SAFETY`. Clip and safety layer act along Hill axes; where the
-        controller's are the body's, they mark all three.
+        `COASTING`, `COMPLETE`, `CLIPPED`, `SAFETY` or `REHEARSED`. Clip and safety layer act along Hill
+        axes; where the controller's are the body's, they mark all three.
     foreseen : (K, 3)
         What coasting was decided by: points that coasting to the end would miss, least and greatest distance
         on the way, m; NaN where that was not asked.

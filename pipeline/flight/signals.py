@@ -141,13 +141,13 @@ class Constant:
         With its unit.
     is_signed : bool
         Whether it may be negative.
-    is_continuous : bool
-        Whether evolution may tune it: what is counted in control periods has nothing between two of them.
+    is_tuned : bool
+        Whether evolution may tune it: not what is counted in control periods, nor what decides in its place.
     """
 
     description: str
     is_signed: bool = False
-    is_continuous: bool = True
+    is_tuned: bool = True
 
 
 CONSTANTS = {
@@ -161,7 +161,7 @@ CONSTANTS = {
     "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
     "decision_period_s": Constant(
         "time from one decision to the next, a whole number of control periods; a force lasts one, s",
-        is_continuous=False,
+        is_tuned=False,
     ),
     "urgency_time_s": Constant(
         "time before its last light within which a point becomes urgent, for urgent_*, see_push_*, aim_*, s"
@@ -170,6 +170,10 @@ CONSTANTS = {
     "see_horizon_s": Constant("see_push_* shows points that go dark for good within this time, s"),
     "see_damping_ks2": Constant("what keeps see_push_* small, against squared times to the look, 1e6 s^2"),
     "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
+    "rehearsal_reach_m_s": Constant(
+        "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s",
+        is_tuned=False,
+    ),
 }
 
 

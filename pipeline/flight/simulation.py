@@ -9,18 +9,29 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
-from pipeline.flight.controller import Controller, constants_of, law_of, packed, planned_for
+from pipeline.flight.controller import (
+    Controller,
+    ControllerError,
+    constants_of,
+    law_of,
+    packed,
+    planned_for,
+    rehearsed_pushes,
+)
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
-from pipeline.flight.signals import SIGNALS
+from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
+REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 
 
 def make_workspace(world: World) -> Workspace:
@@ -65,6 +76,7 @@ def fly_population(
     sun_angles: Floats,
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
+    openings: Floats | None = None,
 ) -> Outcomes:
     """Fly every controller of a population from every start.
 
@@ -78,8 +90,12 @@ def fly_population(
     starts : (m, 6), sun_angles : (m,)
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
-    tracks : (n * m, K+1, 3) float32, optional
-        Filled with positions, m, Hill axes.
+    tracks : (n * m, K+1, 3 or 8) float32, optional
+        Filled with positions, m, Hill axes; with eight columns also with velocities, m/s, the delta-v spent,
+        m/s, and the number of points not yet inspected.
+    openings : (m, 3) array, optional
+        What is fired from each start in the first control period in place of what the rules decide, N, Hill
+        axes.
 
     Returns
     -------
@@ -103,12 +119,13 @@ def fly_population(
         work = make_workspace(world)
         fly_many(
             world,
-            *_parts_in_use(world),
+            *_parts_in_use(world, law),
             law,
             numbers.values,
             numbers.rules,
             starts,
             sun_angles,
+            openings,
             work,
             silent,
             tracks,
@@ -127,9 +144,13 @@ def fly_population(
     return _outcomes(outcomes.reshape(len(numbers.values), len(starts), NUM_OUTCOMES))
 
 
-def _parts_in_use(world: World) -> tuple[Guard | None, bool | None]:
-    """Return the parts of a flight that are compiled only where they are used: safety layer and clusters."""
-    return world.guard if world.guard.is_on else None, world.has_clusters or None
+def _parts_in_use(world: World, law: Law) -> tuple[Guard | None, bool | None, bool | None]:
+    """Return the parts of a flight that are compiled only where they are used; None for those that are not.
+
+    The safety layer, clusters, and pushes that show what sets.
+    """
+    guard = world.guard if world.guard.is_on else None
+    return guard, world.has_clusters or None, bool(law.needs & SETTING) or None
 
 
 class FlightError(ValueError):
@@ -175,8 +196,44 @@ def fly_all(
     starts, sun_angles = stack_starts(scenarios)
     world = pack_world(mission)
     law, numbers = law_of(controller, mission), packed(controller)
-    many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks)
+    openings = rehearsed_openings(mission, controller, scenarios, workers)
+    many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def rehearsed_openings(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+) -> Floats | None:
+    """Return the force of the first control period from each start for a controller that rehearses it.
+
+    All its first pushes are flown to the end from every start; the one whose flight ends cheapest is chosen:
+    inside the limits if any is, then by delta-v and a price for each point missed beyond those that the
+    controller itself leaves when it coasts.
+
+    Returns
+    -------
+    (m, 3) array or None
+        N, Hill axes; None for a controller that does not rehearse.
+    """
+    pushes = rehearsed_pushes(controller)
+    if not len(pushes):
+        return None
+    forces = pushes * mission.deputy.mass_kg / mission.control_period_s
+    world, (starts, sun_angles) = pack_world(mission), stack_starts(scenarios)
+    ends = fly_population(
+        world,
+        law_of(controller, mission),
+        packed(controller),
+        np.repeat(starts, len(forces), axis=0),
+        np.repeat(sun_angles, len(forces)),
+        workers,
+        openings=np.tile(forces, (len(starts), 1)),
+    )
+    # as many as the controller puts up with cost nothing
+    least = max(1.0, constants_of(controller)[constant("coast_below_points")])
+    missed = np.maximum(0.0, world.num_points - ends.inspected_count - np.ceil(least) + 1.0)
+    cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
+    return np.asarray(forces[cost.reshape(len(starts), len(forces)).argmin(axis=1)])
 
 
 def _fly_planned(
@@ -220,6 +277,11 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
         return float(evaluate(numbers, row, system)[0])
 
     plan = law_of(controller, mission).plan
+    if len(rehearsed_pushes(controller)):
+        raise ControllerError(
+            f"controller {controller.name!r} rehearses its first push, which guidance.engine=sklearn is too "
+            "slow for; choose guidance.engine=compiled, or leave rehearsal_reach_m_s out"
+        )
     channels = channels_of(
         controller.systems, controller.force_axes, plan if len(plan) else None, constants_of(controller)
     )
@@ -237,7 +299,7 @@ def _outcomes_of_logs(
     for case, scenario in enumerate(scenarios):
         log = fly_logged(mission, controller, scenario)
         if tracks is not None:
-            tracks[case] = log.position_m
+            tracks[case] = tracked(log)[:, : tracks.shape[2]]
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
         rows[case, arrays.DELTA_V] = log.delta_v_m_s[-1]
@@ -252,6 +314,12 @@ def _outcomes_of_logs(
     return _outcomes(rows)
 
 
+def tracked(log: FlightLog) -> Floats:
+    """Return the track of a logged flight, (K+1, 8), in double precision; see `fly_population`."""
+    left = np.count_nonzero(~log.is_inspected, axis=1)
+    return np.column_stack([log.position_m, log.velocity_m_s, log.delta_v_m_s, left])
+
+
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
     """Fly one episode and keep everything that happened."""
     if is_by_the_reference(mission):
@@ -260,14 +328,16 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     starts, sun_angles = stack_starts([scenario])
+    openings = rehearsed_openings(mission, controller, [scenario], 1)
     fly_many(
         world,
-        *_parts_in_use(world),
+        *_parts_in_use(world, law),
         law,
         numbers.values,
         numbers.rules,
         starts,
         sun_angles,
+        openings,
         make_workspace(world),
         log,
         np.empty((0, 0, 3), dtype=np.float32),

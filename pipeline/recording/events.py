@@ -35,7 +35,11 @@ class Event:
 
 
 def events(
-    mission: Mission, log: FlightLog, near_limit_m: float, logic: ThrustLogic | None = None
+    mission: Mission,
+    log: FlightLog,
+    near_limit_m: float,
+    logic: ThrustLogic | None = None,
+    num_rehearsed: int = 0,
 ) -> list[Event]:
     """Tell a flight's events, in the order of time.
 
@@ -48,16 +52,32 @@ def events(
         the deputy has been twice as far from the limits.
     logic : ThrustLogic, optional
         Of the controller, which tells why it coasts.
+    num_rehearsed : int
+        How many first pushes the controller has flown ahead.
 
     Returns
     -------
     list of Event
         The last one sums the flight up.
     """
-    found = [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    found = [*_rehearsal(mission, log, num_rehearsed)]
+    found += [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
     found += _coasting(mission, log, logic) if logic is not None else ()
     found.append(_summary(mission, log))
     return sorted(found, key=lambda event: event.sample)
+
+
+def _rehearsal(mission: Mission, log: FlightLog, num_rehearsed: int) -> Iterator[Event]:
+    """Say which first push a rehearsal chose."""
+    if num_rehearsed:
+        per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
+        x, y, z = (per_force * log.force_hill_n[0]).tolist()
+        yield Event(
+            0,
+            "info",
+            f"rehearsed: of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends "
+            f"cheapest: {x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across",
+        )
 
 
 def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:

@@ -12,14 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.analysis import shapley
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
-from pipeline.flight.controller import Controller, packed
+from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.signals import CONSTANTS
 from pipeline.flight.world import inspection_points
 from pipeline.physics.illumination import is_illuminated, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
@@ -30,12 +33,18 @@ from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
-from telemetry.file.topics import EPISODE_METADATA, FIS_METADATA_PREFIX, PointState, Reason
+from telemetry.file.topics import (
+    CONSTANTS_METADATA,
+    EPISODE_METADATA,
+    FIS_METADATA_PREFIX,
+    PointState,
+    Reason,
+)
 
 Floats = NDArray[np.float64]
 States = NDArray[np.int64]
 #: name of the system, inputs, firing strengths, output
-Inference = tuple[str, Floats, Floats, float]
+Inference = tuple[str, Floats, Floats, float, Floats]
 
 CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
@@ -84,12 +93,17 @@ class FlightRecorder:
         self._systems = {
             FIS_METADATA_PREFIX + system.name: describe(system).to_metadata() for system in controller.systems
         }
+        attributes = controller.fuzzy.attributes if controller.fuzzy else ()
+        meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
+        if meanings:
+            self._systems[CONSTANTS_METADATA] = meanings
         self._points = inspection_points(mission)
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64
         )
         self._numbers = packed(controller)
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
+        self._num_rehearsed = len(rehearsed_pushes(controller))
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
@@ -146,7 +160,7 @@ class FlightRecorder:
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
         words: dict[int, list[Event]] = {}
-        for event in events(self._mission, log, self._near_limit_m, self._logic):
+        for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed):
             words.setdefault(event.sample, []).append(event)
         for k in range(len(log.position_m)):
             time_s = k * period
@@ -180,9 +194,12 @@ class FlightRecorder:
         for place, system in enumerate(self._controller.systems):
             inputs = log.fis_input[decided, place, : len(system.inputs)]
             strengths = firing_strengths(self._numbers, inputs, place)
+            shares = np.zeros_like(strengths)
+            burns = np.any(log.force_hill_n[decided] != 0.0, axis=1)
+            shares[burns] = shapley.shares(compile(system), inputs[burns]).values[:, :, 0]
             for row, k in enumerate(decided.tolist()):
                 output = float(log.fis_output_n[k, place])
-                found[k].append((system.name, inputs[row], strengths[row], output))
+                found[k].append((system.name, inputs[row], strengths[row], output, shares[row]))
         return found
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 
 import telemetry
 from fis_tools.formats import serialize
@@ -17,6 +16,7 @@ from pipeline.flight.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
+from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
 from telemetry import RecordingError
@@ -94,8 +94,8 @@ def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:
 
 def _config_of(recording: Recording) -> Mapping[str, Any]:
     try:
-        config = yaml.safe_load(_attached(recording, CONFIG_ATTACHMENT))
-    except (ValueError, yaml.YAMLError, RecursionError) as error:
+        config = artifacts.parse_config(_attached(recording, CONFIG_ATTACHMENT))
+    except ValueError as error:
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} cannot be read ({error})") from error
     if not isinstance(config, dict):
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} holds no configuration")
@@ -123,7 +123,8 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     if "systems" in told:
         return from_fuzzy(serialize.from_mapping(told))
     if told.get("kind") == "open_loop":
-        return open_loop(str(told.get("name")), recording[DEPUTY_CONTROL]["force_hill_n"])
+        forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
+        return open_loop(str(told.get("name")), forces)
     return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
 
 

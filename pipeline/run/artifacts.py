@@ -41,6 +41,15 @@ OPTIMUM_SUMMARY: Final = "optimum/summary.json"
 COMPARISON_TABLE: Final = "compare/table.csv"
 COMPARISON_EPISODES: Final = "compare/episodes.parquet"
 COMPARISON: Final = "compare/summary.json"
+ASSURANCE: Final = "assure"
+REQUIREMENTS: Final = "assure/requirements.yaml"
+ASSURED_CASES: Final = "assure/cases.parquet"
+SEARCHED: Final = "assure/search.parquet"
+WORST_FLIGHTS: Final = "assure/flights"
+PROOF_BOXES: Final = "assure/boxes.parquet"
+DOMAIN: Final = "assure/domain.json"
+EVIDENCE: Final = "assure/evidence.json"
+EVIDENCE_PAGE: Final = "assure/evidence.html"
 RECORDINGS: Final = "episodes"
 FIGURES: Final = "figures"
 REPORT: Final = "report.html"
@@ -48,6 +57,10 @@ REVIEW: Final = "review.html"
 
 #: ends the hidden name of a file while it is written
 UNFINISHED: Final = ".unfinished"
+
+#: of a configuration that is read: bytes, and levels of groups and lists
+MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
+MOST_DEEP: Final = 64
 
 #: which stage writes what another may miss
 WRITTEN_BY: Final[Mapping[str, str]] = {
@@ -68,6 +81,14 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     COMPARISON_TABLE: "compare",
     COMPARISON_EPISODES: "compare",
     COMPARISON: "compare",
+    REQUIREMENTS: "assure",
+    ASSURED_CASES: "assure",
+    SEARCHED: "assure",
+    WORST_FLIGHTS: "assure",
+    PROOF_BOXES: "assure",
+    DOMAIN: "assure",
+    EVIDENCE: "assure",
+    EVIDENCE_PAGE: "assure",
     RECORDINGS: "record",
     FIGURES: "report",
     REPORT: "report",
@@ -177,7 +198,7 @@ def read_json(folder: Path, name: str) -> Any:
     path = require(folder, name)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ArtifactError(f"{path} cannot be read ({error}); repeat the stage that writes it") from error
 
 
@@ -205,6 +226,35 @@ def config_text(config: Mapping[str, Any]) -> str:
     )
 
 
+def _check_events(content: bytes, loader: Any) -> None:
+    """Refuse aliases, by which a page of text grows to gigabytes, and bottomless nesting."""
+    depth = 0
+    for event in yaml.parse(content, loader):
+        if isinstance(event, yaml.AliasEvent):
+            raise ValueError("it has an alias (*), and none is written")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MOST_DEEP:
+            raise ValueError(f"it is nested more than {MOST_DEEP} deep")
+
+
+def parse_config(content: bytes) -> Any:
+    """Turn what `config_text` wrote, or anything else, into plain data.
+
+    Raises
+    ------
+    ValueError
+        If it is larger, deeper or of another kind than what is written.
+    """
+    if len(content) > MOST_CONFIG_BYTES:
+        raise ValueError(f"it has {len(content)} bytes, and at most {MOST_CONFIG_BYTES} are read")
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
+    try:
+        _check_events(content, loader)
+        return yaml.load(content, loader)  # noqa: S506 - a safe one
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from error
+
+
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Keep a resolved configuration in a run's folder, see `config_text`."""
     write_atomically(folder / CONFIG, config_text(config))
@@ -222,8 +272,8 @@ def read_config(folder: Path) -> dict[str, Any]:
         raise ArtifactError(f"{folder} is no folder; give the folder of a run, outputs/NAME/TIME")
     path = require(folder, CONFIG)
     try:
-        config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError) as error:
+        config = parse_config(path.read_bytes())
+    except (OSError, ValueError) as error:
         raise ArtifactError(f"{path} cannot be read ({error})") from error
     if not isinstance(config, dict):
         raise ArtifactError(f"{path} holds no configuration; it must be a mapping of keys to values")

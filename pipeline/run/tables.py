@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from pipeline.run import artifacts
 
+#: what a table may unpack to
+MOST_BYTES = 4 * 1024**3
+
 
 def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
     """Write columns of equal length; a two-dimensional one becomes a list a row."""
@@ -35,8 +38,12 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     """
     path = artifacts.require(folder, name)
     try:
+        claimed = pq.read_metadata(path)
+        unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
+        if max(unpacked, claimed.num_rows * 8) > MOST_BYTES:
+            raise ValueError(f"it unpacks to {unpacked} bytes, and at most {MOST_BYTES} are read")
         table = pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise artifacts.ArtifactError(
             f"{path} cannot be read ({error}); repeat the stage that writes it"
         ) from error

@@ -49,6 +49,7 @@ __all__ = [
     "SHIPPED",
     "STAGES",
     "UNGUARDED",
+    "Assurance",
     "Attitude",
     "Chief",
     "Compare",
@@ -72,7 +73,7 @@ __all__ = [
 ]
 
 #: in the order in which they run: each reads what those before it have written
-STAGES = ("scenario", "train", "evaluate", "record", "optimum", "compare", "report")
+STAGES = ("scenario", "train", "evaluate", "record", "optimum", "compare", "assure", "report")
 
 #: the minimum-fuel plans that come with the program, as a value of ``optimum.reference``
 SHIPPED = "shipped"
@@ -143,6 +144,24 @@ class Compare:
                     )
 
 
+@settings("assurance")
+@dataclass(frozen=True, kw_only=True)
+class Assurance:
+    """Evidence for requirements: which, and how hard they are tried."""
+
+    requirements: Annotated[Text, Field(description="those that ship, by name, or the path of a file")]
+    num_cases: Annotated[Count, Cure("; without flights nothing is shown")]
+    searches: Annotated[Count, Field(description="for the worst case of a requirement")]
+    search_starts: Annotated[Count, Field(description="random flights that a search begins with")]
+    search_population: Annotated[Whole, Field(ge=5, description="flights in each generation of CMA-ES")]
+    search_generations: Annotated[Count, Field(description="after the first flights")]
+    search_step: Annotated[Positive, Field(le=1, description="first spread, as a share of what is chosen")]
+    domain_cases: Annotated[
+        Count, Field(description="flights that make the operational domain, and as many that try it")
+    ]
+    workers: Workers
+
+
 @settings("telemetry")
 @dataclass(frozen=True, kw_only=True)
 class Telemetry:
@@ -177,7 +196,7 @@ class Experiment:
         Of everything random.
     stages : tuple of str
         What is done, in order.
-    mission, sun, starts, optimizer, monte_carlo, optimum, compare, telemetry, report
+    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -196,6 +215,7 @@ class Experiment:
     monte_carlo: MonteCarlo
     optimum: Optimum
     compare: Compare
+    assurance: Assurance
     telemetry: Telemetry
     report: Report
     controller: dict[str, Any] = field(hash=False)

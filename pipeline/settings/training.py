@@ -119,6 +119,9 @@ class Penalty:
     """Prices in the fitness, besides delta-v; see `pipeline.training.fitness`."""
 
     outside_m_s: Annotated[NotNegative, Field(description="outside the limits, and again for each metre")]
+    outside_most_m: Annotated[
+        NotNegative | None, Field(description="metres outside that are paid for at most; None: all")
+    ]
     short_point_m_s: Annotated[NotNegative, Field(description="for each point short of a success")]
     missed_point_m_s: Annotated[NotNegative, Field(description="for each point that is not inspected")]
     growth: Annotated[

@@ -6,7 +6,8 @@ Pure functions of outcomes. The fitness of a controller is the mean over its fli
 
 with c_d, c_95 and c_99 the settings ``outside_m_s``, ``short_point_m_s`` and ``missed_point_m_s`` and
 `needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the distance
-limits drawn in by the penalty's margins, so that a champion keeps clear of them
+limits drawn in by the penalty's margins, so that a champion keeps clear of them; at most `outside_most_m` of
+its metres are paid for, so that a search for few exits is not led by how far the worst of them goes
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
 
 For a front the fitness falls into two objectives of which it is the sum, so that its champion is on the
@@ -110,9 +111,10 @@ def _prices(
         too_near = limits_m[0] + penalty.near_margin_m - outcomes.min_distance_m
         too_far = outcomes.max_distance_m - (limits_m[1] - penalty.far_margin_m)
         outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
+    paid_m = outside_m if penalty.outside_most_m is None else np.minimum(outside_m, penalty.outside_most_m)
     short = np.maximum(0, points_needed(num_points, threshold_percent) - points)
     return (
-        penalty.outside_m_s * (outside_m > 0.0) * (1.0 + outside_m),
+        penalty.outside_m_s * (outside_m > 0.0) * (1.0 + paid_m),
         penalty.short_point_m_s * short,
         np.asarray(penalty.missed_point_m_s * (num_points - points)),
     )

@@ -116,7 +116,7 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     fuzzy = _fuzzy(template)
     systems, reduction = _systems_of(fuzzy, settings)
     constants = []
-    for name in (name for name, kind in CONSTANTS.items() if kind.is_continuous):
+    for name in (name for name, kind in CONSTANTS.items() if kind.is_tuned):
         pair = settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
         if pair is not None:
             constants.append((name, float(pair[0]), float(pair[1])))

@@ -44,13 +44,13 @@ def _array(values: NDArray[np.generic]) -> "pa.Array":
     flat = values.ravel()
     array = pa.array(flat.tolist(), pa.string()) if values.dtype.kind == "U" else pa.array(flat)
     for size in reversed(values.shape[1:]):
-        array = _lists(array, size, values.size)
+        array = _lists(array, size, values.size, len(values))
     return array
 
 
-def _lists(array: "pa.Array", size: int, num_values: int) -> "pa.Array":
+def _lists(array: "pa.Array", size: int, num_values: int, num_rows: int) -> "pa.Array":
     import pyarrow as pa  # noqa: PLC0415
 
     if num_values == 0:
-        return pa.array([], pa.list_(array.type, size))
+        return pa.array([[]] * num_rows, pa.list_(array.type, size))
     return pa.FixedSizeListArray.from_arrays(array, size)

@@ -36,6 +36,7 @@ CHIEF_FRAME: Final = "chief"
 
 EPISODE_METADATA: Final = "episode"
 FIS_METADATA_PREFIX: Final = "fis."
+CONSTANTS_METADATA: Final = "constants"
 RECOVERY_METADATA: Final = "recovery"
 
 
@@ -64,6 +65,7 @@ class Reason(IntEnum):
     COMPLETE = 6
     CLIPPED = 7
     SAFETY = 8
+    REHEARSED = 9
 
 
 #: what was asked for was fired, as far as the thruster goes, or may have been

@@ -290,7 +290,13 @@ class EpisodeWriter:
         self._write(topics.GUIDANCE, time_s, message)
 
     def fis(
-        self, time_s: float, name: str, inputs: ArrayLike, firing_strengths: ArrayLike, output_n: float
+        self,
+        time_s: float,
+        name: str,
+        inputs: ArrayLike,
+        firing_strengths: ArrayLike,
+        output_n: float,
+        shares: ArrayLike = (),
     ) -> None:
         """Record an inference of the fuzzy system `name`.
 
@@ -306,11 +312,14 @@ class EpisodeWriter:
             In rule order.
         output_n : float
             The defuzzified output.
+        shares : (R,), optional
+            Of each rule in the output, in its unit.
         """
         message = FisActivation(
             inputs=np.asarray(inputs, dtype=np.float64).ravel().tolist(),
             firing_strengths=np.asarray(firing_strengths, dtype=np.float64).ravel().tolist(),
             output_n=output_n,
+            shares_n=np.asarray(shares, dtype=np.float64).ravel().tolist(),
         )
         self._write(topics.fis_topic(name), time_s, message)
 

@@ -27,6 +27,7 @@ CHARTS: Final = "/charts"
 RULE_MAP: Final = "/rules/map"
 RULES_IN_WORDS: Final = "/rules/words"
 SUMMARY: Final = "/summary"
+NOW: Final = "/now"
 EVENTS: Final = "/events"
 
 #: the chief's centre with the deputy's axes
@@ -35,8 +36,11 @@ SEEN: Final = f"{SCENE}/seen"
 _MAP_MARGIN: Final = 20.0
 _CLOSE_UP_M: Final = 32.0
 BACKGROUND: Final = (10, 12, 20)
-#: curves end left of the legend
-_ROOM_FOR_LEGEND: Final = 1.25
+#: curves end left of the legend, which is wider where it names signals
+_ROOM_FOR_LEGEND: Final = 1.3
+_ROOM_FOR_NAMES: Final = 1.5
+#: and before the end of the axis, so that its last label is whole
+_ROOM_FOR_END: Final = 1.06
 _EYE_DIRECTION: Final = np.array([0.70, -0.80, 0.42])
 
 
@@ -77,16 +81,16 @@ def replay(
         Entities shown from the start up to the selected time.
     """
     end_s = max(float(lines.instants[-1]) for lines in mission[0].curves)
+    now = rrb.TextDocumentView(origin=NOW, name="Now")
     summary = rrb.TextDocumentView(origin=SUMMARY, name="Flight")
-    beside = rrb.Vertical(_camera_view(boresight), summary, row_shares=[48, 52])
-    fuzzy: list[rrb.Container] = []
-    if fis:
-        answers, *told = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis)
-        fuzzy = [rrb.Horizontal(answers, rrb.Tabs(*told, active_tab=0))]
+    beside = rrb.Vertical(_camera_view(boresight), summary, row_shares=[43, 57])
+    force, torque = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)
+    asked = [_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis[:1]]
+    told = [_plot(plot, _ROOM_FOR_NAMES * end_s) for plot in fis[1:]]
     rows = [
-        rrb.Horizontal(*(_plot(plot, end_s) for plot in mission), column_shares=[41, 34, 25]),
-        rrb.Horizontal(*(_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)),
-        *fuzzy,
+        rrb.Horizontal(*(_plot(plot, _ROOM_FOR_END * end_s) for plot in mission), column_shares=[38, 34, 28]),
+        rrb.Horizontal(force, *asked),
+        rrb.Tabs(*told, torque, active_tab=0),
     ]
     up_to_now = rrb.VisibleTimeRanges(
         timeline=TIME,
@@ -94,12 +98,13 @@ def replay(
         end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
     )
     scene = _scene("Flight, Hill frame", farthest_m, trails, up_to_now)
-    top = rrb.Horizontal(scene, beside, rrb.Vertical(*rows), column_shares=[34, 17, 49])
+    plots = rrb.Vertical(*rows, row_shares=[31, 36, 33])
+    top = rrb.Horizontal(scene, beside, plots, column_shares=[34, 17, 49])
     if not fis:
-        return _blueprint(rrb.Vertical(top, _events(), row_shares=[75, 25]), TIME, PLAYBACK_SPEED)
+        return _blueprint(rrb.Vertical(now, top, _events(), row_shares=[7, 69, 24]), TIME, PLAYBACK_SPEED)
     words = rrb.TextDocumentView(origin=RULES_IN_WORDS, name="Inputs, outputs and rules of the controller")
     bottom = rrb.Horizontal(words, _rule_map(), _events(), column_shares=[42, 30, 28])
-    return _blueprint(rrb.Vertical(top, bottom, row_shares=[61, 39]), TIME, PLAYBACK_SPEED)
+    return _blueprint(rrb.Vertical(now, top, bottom, row_shares=[7, 56, 37]), TIME, PLAYBACK_SPEED)
 
 
 def campaign(distance: Plot, charts: Sequence[tuple[str, str]], *, farthest_m: float) -> rrb.Blueprint:
@@ -236,7 +241,7 @@ def _rule_map() -> rrb.View:
         name="Rules fired: one row each, rule 1 on top",
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + 3 * _MAP_MARGIN],
+            x_range=[-MAP_NAME_WIDTH, MAP_WIDTH + MAP_NAME_WIDTH],
             y_range=[-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN],
         ),
     )

@@ -23,6 +23,8 @@ GOAL_COLOUR: Final[Colour] = (0, 190, 130)
 
 #: the axis covers a limit only if the curve reaches at least this share of it
 _LEAST_SHARE_OF_LIMIT: Final = 0.25
+#: more labels on each side of zero would be left out
+_MOST_TICKS: Final = 3.0
 
 
 @dataclass(frozen=True)
@@ -98,10 +100,13 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
     goal = "" if threshold is None else f"; goal {threshold:g}"
     bounds = "; limits " + ", ".join(f"{limit:g}" for limit in limits) if limits else ""
     delta_v = _of_each(recordings, colours, "delta_v_m_s")
+    spent = _reach(max(float(curve.values.max()) for curve in delta_v) or 1.0)
     return (
-        Plot("distance", f"Distance (m{bounds})", distance, 0.0, 1.05 * farthest, has_legend=False),
-        Plot("rate", f"Inspected (%{goal})", rate, 0.0, 104.0, has_legend=False),
-        Plot("delta_v", "Delta-v (m/s)", delta_v, has_legend=has_legend, rises=True),
+        Plot(
+            "distance", f"Distance (m{bounds})", distance, -0.12 * farthest, 1.05 * farthest, has_legend=False
+        ),
+        Plot("rate", f"Inspected (%{goal})", rate, -12.0, 104.0, has_legend=False),
+        Plot("delta_v", "Delta-v (m/s)", delta_v, -0.12 * spent, spent, has_legend=has_legend, rises=True),
     )
 
 
@@ -142,6 +147,7 @@ def fis_plots(recording: Recording) -> list[Plot]:
     """Plot the outputs of the fuzzy systems, then their inputs, one plot per unit."""
     outputs: list[Curves] = []
     inputs: dict[str, list[Curves]] = {}
+    senses = [recording.fis_description(name).input_names for name in recording.fis_names]
     for name in recording.fis_names:
         topic = recording[topics.fis_topic(name)]
         if not len(topic):
@@ -155,11 +161,13 @@ def fis_plots(recording: Recording) -> list[Plot]:
         for index, (signal, unit) in enumerate(zip(words.input_names, words.input_units, strict=True)):
             same = inputs.setdefault(unit, [])
             colour = (SIGNAL_COLOURS[len(same) % len(SIGNAL_COLOURS)],)
-            label = (f"{signal} ({name})",)
+            label = (signal,) if sum(signal in one for one in senses) == 1 else (f"{signal} ({name})",)
             same.append(Curves(f"{system}_input_{index}", topic.time_s, told[:, index, None], label, colour))
     if not outputs:
         return []
-    plots = [Plot("fis_outputs", "Fuzzy outputs (N)", tuple(outputs))]
+    largest = max(float(np.abs(curves.values).max()) for curves in outputs)
+    reach = _reach(largest) if largest else None
+    plots = [Plot("fis_outputs", "Outputs that were fired (N)", tuple(outputs), reach and -reach, reach)]
     for number, (unit, curves) in enumerate(inputs.items()):
         plots.append(Plot(f"fis_inputs_{number}", f"Inputs ({unit or 'no unit'})", tuple(curves)))
     return plots
@@ -194,7 +202,7 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
     title = f"{title}; limit ±{limit:g})"
     largest = float(np.abs(curves.values).max())
     if largest < _LEAST_SHARE_OF_LIMIT * limit:
-        reach = 1.1 * max(largest, 1e-3 * limit)
+        reach = _reach(max(largest, 1e-3 * limit))
         return Plot(key, title, (curves,), -reach, reach)
     end_s = float(curves.instants[-1])
     levels = (
@@ -202,6 +210,12 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
         for name, level in (("limit", limit), ("lower_limit", -limit))
     )
     return Plot(key, title, (curves, *levels), -1.1 * limit, 1.1 * limit)
+
+
+def _reach(largest: float) -> float:
+    """Return how far an axis goes so that a few powers of ten, which alone the viewer labels, lie on it."""
+    power = 10.0 ** np.floor(np.log10(largest))
+    return 1.08 * largest if largest <= _MOST_TICKS * power else 10.8 * power
 
 
 def _floats(values: NDArray[np.generic]) -> Floats:

@@ -17,15 +17,15 @@ Floats = NDArray[np.float64]
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
 MAP_WIDTH: Final = 1000
 MAP_HEIGHT: Final = 640
-#: space for the names of the systems, left of the map
+#: space for the names of the systems, left of the map, and of their leading rules, right of it
 MAP_NAME_WIDTH: Final = 260
 MAP_GAP: Final = 14
 
-COLOURS_IN_WORDS: Final = "Points: grey dark, yellow lit, pink in view but dark, green inspected"
+COLOURS_IN_WORDS: Final = "Grey dark, yellow lit, pink in view but dark, green inspected"
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
 
 #: rules listed at each time, for each fuzzy system
-NUM_RULES_IN_WORDS: Final = 3
+NUM_RULES_IN_WORDS: Final = 2
 _LEAST_STRENGTH_IN_WORDS: Final = 0.005
 
 
@@ -72,7 +72,7 @@ class ActivationMap:
         points : (M, 2)
             In pixels, sample by sample.
         labels : list of str
-            One per point.
+            One per point, to be written beside the map.
         lengths : list of int
             Number of points of each sample; 0 without an inference.
         """
@@ -135,7 +135,7 @@ def activation_map(recording: Recording, sample_time_s: Floats) -> ActivationMap
 
 
 def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Describe the inputs, outputs and strongest rules of the fuzzy systems that fired at each sample.
+    """Describe the inputs, outputs and leading rules of the fuzzy systems that fired at each sample.
 
     Returns
     -------
@@ -147,10 +147,16 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
         topic = recording[topics.fis_topic(name)]
         description = recording.fis_description(name)
         indices = np.searchsorted(sample_time_s, topic.time_s)
-        columns = (topic["inputs"], topic["firing_strengths"], topic["output_n"], recording.is_fired(name))
-        for index, inputs, strengths, output, is_fired in zip(indices, *columns, strict=True):
+        columns = (
+            topic["inputs"],
+            topic["firing_strengths"],
+            topic["output_n"],
+            topic["shares_n"],
+            recording.is_fired(name),
+        )
+        for index, inputs, strengths, output, shares, is_fired in zip(indices, *columns, strict=True):
             if is_fired:
-                samples[index] += _one_inference(description, inputs, strengths, float(output))
+                samples[index] += _one_inference(description, inputs, strengths, float(output), shares)
     at_rest = _rest_in_words(recording, sample_time_s)
     return [drawable("\n".join(lines)) or rest for lines, rest in zip(samples, at_rest, strict=True)]
 
@@ -169,21 +175,28 @@ def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
 
 
 def _one_inference(
-    description: FisDescription, inputs: Floats, strengths: Floats, output: float
+    description: FisDescription, inputs: Floats, strengths: Floats, output: float, shares: Floats
 ) -> list[str]:
     told = " · ".join(
         f"{name} {value:.3f} {unit}".rstrip()
         for name, unit, value in zip(description.input_names, description.input_units, inputs, strict=True)
     )
-    strongest = np.argsort(-strengths, kind="stable")[:NUM_RULES_IN_WORDS]
     return [
         f"- **{description.output_name} = {output:+.4f} {description.output_unit}** · {told}",
-        *(
-            f"  - `{strengths[rule]:.2f}` rule {rule + 1}: {description.rules[rule]}"
-            for rule in strongest
-            if strengths[rule] >= _LEAST_STRENGTH_IN_WORDS
-        ),
+        *(f"  - {_rule_words(description, rule, strengths, shares)}" for rule in _leading(strengths, shares)),
     ]
+
+
+def _leading(strengths: Floats, shares: Floats) -> list[int]:
+    """Return the rules with the largest shares; where none are recorded, the strongest."""
+    size = np.abs(shares) if np.any(shares) else strengths * (strengths >= _LEAST_STRENGTH_IN_WORDS)
+    order = np.argsort(-size, kind="stable")[:NUM_RULES_IN_WORDS]
+    return [int(rule) for rule in order if size[rule] > 0.0]
+
+
+def _rule_words(description: FisDescription, rule: int, strengths: Floats, shares: Floats) -> str:
+    share = f"`{shares[rule]:+.4f} {description.output_unit}` " if np.any(shares) else ""
+    return f"{share}rule {rule + 1} ({strengths[rule]:.2f}): {description.rules[rule]}"
 
 
 @dataclass(frozen=True)

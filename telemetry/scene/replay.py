@@ -12,7 +12,7 @@ from rerun.components import FillMode
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, read
-from telemetry.scene import blueprint, curves, drawing, entities
+from telemetry.scene import blueprint, curves, drawing, entities, now
 from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
 from telemetry.scene.entities import seconds, send
 from telemetry.scene.viewer import Scene
@@ -70,6 +70,7 @@ def scene(paths: Sequence[Path]) -> Scene:
         entities.send_styles(stream, plots)
         entities.send_values(stream, plots, seconds)
         _send_flight(stream, recordings[0])
+        _send_now(stream, recordings[0])
         _send_inferences(stream, recordings[0])
         _send_words(stream, recordings, names)
         for index, name in enumerate(names):
@@ -165,7 +166,7 @@ def _send_arrows(stream: rr.RecordingStream, recording: Recording) -> None:
     mission = recording[topics.MISSION]
     angle = mission["sun_angle_rad"].astype(np.float64)
     sun = np.column_stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)))
-    _send_arrow(stream, "Sun", mission.time_s, origins=16.0 * sun, vectors=26.0 * sun, colour=SUN_COLOUR)
+    _send_arrow(stream, "Sun", mission.time_s, origins=16.0 * sun, vectors=60.0 * sun, colour=SUN_COLOUR)
     guidance = recording[topics.GUIDANCE]
     target = guidance["target_direction"].astype(np.float64)
     _send_arrow(
@@ -192,8 +193,15 @@ def _send_arrow(
     if not len(time_s):
         return
     entity = f"{blueprint.SCENE}/{label.lower()}"
-    stream.log(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[0.5], labels=[label]), static=True)
-    send(stream, entity, seconds(time_s), rr.Arrows3D.columns(origins=origins, vectors=vectors))
+    stream.log(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[0.5]), static=True)
+    style = rr.Points3D.from_fields(colors=[colour], radii=[0.5], labels=[label], show_labels=True)
+    stream.log(f"{entity}/tip", style, static=True)
+    # what has no length has no arrow, and no label
+    is_shown = np.any(vectors != 0.0, axis=1)
+    columns = rr.Arrows3D.columns(origins=origins[is_shown], vectors=vectors[is_shown])
+    send(stream, entity, seconds(time_s), columns.partition(is_shown.astype(int)))
+    tips = rr.Points3D.columns(positions=(origins + vectors)[is_shown])
+    send(stream, f"{entity}/tip", seconds(time_s), tips.partition(is_shown.astype(int)))
 
 
 def _send_trail(stream: rr.RecordingStream, recording: Recording, entity: str, colour: Colour) -> None:
@@ -230,13 +238,25 @@ def _send_inferences(stream: rr.RecordingStream, recording: Recording) -> None:
     send(stream, now, seconds(time_s), rr.LineStrips2D.columns(strips=picture.cursors(time_s)))
     points, labels, lengths = picture.markers(time_s)
     marks = f"{blueprint.RULE_MAP}/strongest"
-    style = rr.Points2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(2.5), show_labels=True)
+    style = rr.Points2D.from_fields(colors=[PLAIN_COLOUR], radii=rr.Radius.ui_points(2.5))
     stream.log(marks, style, static=True)
-    columns = rr.Points2D.columns(positions=points, labels=labels)
-    send(stream, marks, seconds(time_s), columns.partition(lengths))
+    send(stream, marks, seconds(time_s), rr.Points2D.columns(positions=points).partition(lengths))
+    beside = np.column_stack(
+        (np.full(len(points), drawing.MAP_WIDTH + 0.4 * drawing.MAP_NAME_WIDTH), points[:, 1])
+    )
+    stream.log(f"{marks}_named", rr.Points2D.from_fields(radii=0.5, show_labels=True), static=True)
+    columns = rr.Points2D.columns(positions=beside, labels=labels)
+    send(stream, f"{marks}_named", seconds(time_s), columns.partition(lengths))
     words = drawing.inference_in_words(recording, time_s)
     columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
     send(stream, blueprint.RULES_IN_WORDS, seconds(time_s), columns)
+
+
+def _send_now(stream: rr.RecordingStream, recording: Recording) -> None:
+    time_s = drawing.sample_times(recording)
+    words = [f"**{line}**" if line else "" for line in now.lines(recording, time_s)]
+    columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
+    send(stream, blueprint.NOW, seconds(time_s), columns)
 
 
 def _send_words(stream: rr.RecordingStream, recordings: Sequence[Recording], names: Sequence[str]) -> None:

@@ -26,6 +26,10 @@ FILES: Final[Mapping[str, str]] = {
     "evaluation_trajectories": "evaluate/trajectories.parquet",
 }
 
+#: what a table may unpack to
+MOST_BYTES: Final = 512 * 1024 * 1024
+#: columns of whole numbers
+_KEYS: Final = ("case", "sample", "round", "generation")
 _POSITION: Final = ("position_x_m", "position_y_m", "position_z_m")
 _JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "success", "violated")
 _HISTORY_COLUMNS: Final = ("round", "generation", "best", "mean", "step_size")
@@ -146,7 +150,12 @@ def file_of(folder: Path, role: str) -> Path:
     """Return where a run has the file of a role, as its manifest says; see `FILES`."""
     files = _manifest(folder).get("files")
     name = files.get(role) if isinstance(files, dict) else None
-    return folder / (name if isinstance(name, str) else FILES[role])
+    path = folder / (name if isinstance(name, str) else FILES[role])
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise RecordingError(
+            f"{folder / MANIFEST} names {name!r} as {role}, which lies outside the folder; restore it"
+        )
+    return path
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
@@ -155,7 +164,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"{folder / MANIFEST} cannot be read ({error}); restore it") from error
     return manifest if isinstance(manifest, dict) else {}
 
@@ -240,19 +249,33 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     try:
-        names = pq.read_schema(path).names
-        wanted = [name for name in names if name != "genome"]
+        schema, claimed = pq.read_schema(path), pq.read_metadata(path)
+        unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
+        if max(unpacked, claimed.num_rows * 8) > MOST_BYTES:
+            raise RecordingError(f"{path} unpacks to {unpacked} bytes; at most {MOST_BYTES} are read")
+        wanted = [field.name for field in schema if _is_number(field.type)]
         table = pq.read_table(path, columns=wanted, use_threads=False)
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
+        if isinstance(error, RecordingError):
+            raise
         raise RecordingError(
             f"{path} cannot be read ({error}); repeat the stage of the run that writes it"
         ) from error
-    missing = [name for name in required if name not in names]
-    if missing:
+    if missing := [name for name in required if wanted.count(name) != 1 or table[name].null_count]:
         raise RecordingError(
-            f"{path} has no column {', '.join(missing)}; give a table that the pipeline has written"
+            f"{path} has no column {', '.join(missing)} of numbers without gaps; give a table that the "
+            "pipeline has written"
         )
+    for name in required:
+        if name in _KEYS and not pa.types.is_integer(schema.field(name).type):
+            raise RecordingError(f"{path} has no whole numbers in its column {name}; give another table")
     return {name: table[name].to_numpy() for name in wanted}
+
+
+def _is_number(kind: Any) -> bool:
+    import pyarrow as pa  # noqa: PLC0415 - as above
+
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))
 
 
 def _tracks(
@@ -260,7 +283,7 @@ def _tracks(
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """Return the keys of the tracks, (n, keys), and the tracks, (n, K+1, 3)."""
     sample = columns["sample"]
-    num_samples = int(sample.max(initial=-1)) + 1
+    num_samples = min(int(sample.max(initial=-1)) + 1, len(sample) + 1)
     num_tracks = len(sample) // max(num_samples, 1)
     regular = np.tile(np.arange(num_samples), num_tracks)
     if not num_tracks or len(regular) != len(sample) or not np.array_equal(regular, sample):
@@ -298,7 +321,7 @@ def _surroundings(folder: Path) -> Surroundings:
 
     try:
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise RecordingError(f"{path} cannot be read ({error}); restore it, or remove it") from error
 
     def number(*keys: str) -> float | None:

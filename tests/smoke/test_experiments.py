@@ -41,6 +41,8 @@ def test_each_stage_leaves_its_files(finished):
     written = {name for name, stage in artifacts.WRITTEN_BY.items() if stage in stages_of(experiment)}
     # flights of ten minutes are not compared with plans of an hour
     written.discard(artifacts.BESIDE_OPTIMUM)
+    # an untrained controller asks for more force than is to be proved
+    written.discard(artifacts.PROOF_BOXES)
     if "compare" in stages_of(experiment):
         written.discard(artifacts.REVIEW)  # of many controllers none is the run's
     assert written

@@ -17,6 +17,7 @@ def audit(
     controller: FuzzyController | FuzzySystem,
     samples: Mapping[str, Floats] | None = None,
     thresholds: Thresholds | None = None,
+    reference: FuzzyController | None = None,
 ) -> Audit:
     """Look for everything that the reviewer of a controller should know.
 
@@ -29,13 +30,17 @@ def audit(
         audit reports what the rules did there.
     thresholds : Thresholds, optional
         The limits beyond which something is a finding.
+    reference : FuzzyController, optional
+        With the terms that those of this controller should mean, such as before it was tuned; GM3M compares
+        them. Without it they are compared with an even partition.
 
     Raises
     ------
     InvalidSystem
         If a system has problems, with one line for each.
     ValueError
-        If samples are given for an unknown system, or their number of columns is not its number of inputs.
+        If samples are given for an unknown system, or their number of columns is not its number of inputs; if
+        the reference lacks a system, variable or term.
     """
     alone = isinstance(controller, FuzzySystem)
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
@@ -45,7 +50,7 @@ def audit(
     audited = []
     for system in systems:
         validate(system)
-        measures = measure(system)
+        measures = measure(system, None if reference is None else _counterpart(system, reference))
         rows = None if samples is None else samples.get(system.name)
         audited.append(
             AuditedSystem(
@@ -59,6 +64,14 @@ def audit(
             findings += _used(system, rows, thresholds)
     findings.sort(key=lambda finding: -finding.severity)
     return Audit("" if alone else controller.name, tuple(audited), tuple(findings))
+
+
+def _counterpart(system: FuzzySystem, reference: FuzzyController) -> tuple[str, FuzzySystem]:
+    """Return the system of the same name in a reference, and how to call it."""
+    systems = {other.name: other for other in reference.systems}
+    if system.name not in systems:
+        raise ValueError(f"the reference has no system {system.name!r}; {nearest(system.name, systems)}")
+    return f"those of {reference.name}", systems[system.name]
 
 
 def _used(system: FuzzySystem, rows: Floats | None, thresholds: Thresholds) -> Iterator[Finding]:

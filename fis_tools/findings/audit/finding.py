@@ -79,12 +79,12 @@ class Thresholds:
         Up to this fraction of opposite steps, an input counts as intended to act in one direction.
     reversal : float
         The smallest reversal of the output that counts, as a fraction of its range.
-    meaning : float
-        The least agreement of the output with the consequent of a rule that fires fully.
+    consistency : float
+        The least consistency of a rule: agreement of the output with its consequent where it fires most.
     reach : float
         The least fraction of the output's range that should be reached.
     partition : float
-        The least GM3M, of a variable's terms against an even partition.
+        The least GM3M of a variable's terms, against the reference or an even partition.
     clipped : float
         The largest fraction of inferences in which an input may lie outside its universe.
     dead : float
@@ -106,7 +106,7 @@ class Thresholds:
     jump: float = 0.55
     against: float = 0.25
     reversal: float = 0.1
-    meaning: float = 0.3
+    consistency: float = 0.3
     reach: float = 0.5
     partition: float = 0.3
     clipped: float = 0.05

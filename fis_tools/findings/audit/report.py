@@ -10,7 +10,7 @@ from fis_tools.findings.audit.finding import Finding, Severity
 from fis_tools.words.text import aligned
 
 SCHEMA = "fuzzy-audit"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,6 +88,8 @@ def text(audit: Audit, width: int = 110) -> str:
             lines += _wrapped(f"{finding.system} · {finding.id}: {finding.sentence}", width, "  ", "    ")
             lines += _wrapped(f"→ {finding.cure}", width, "    ", "      ")
     lines += ["", "MEASURES", *aligned(_measure_rows(audit), 2)]
+    for words in measure_words(audit):
+        lines += _wrapped(words, width, "  ", "    ")
     return "\n".join(lines) + "\n"
 
 
@@ -95,6 +97,18 @@ def _wrapped(words: str, width: int, first: str, others: str) -> list[str]:
     kept = words.replace(" %", "\N{NO-BREAK SPACE}%")
     lines = textwrap.wrap(kept, width, initial_indent=first, subsequent_indent=others, break_on_hyphens=False)
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+
+
+def measure_words(audit: Audit) -> tuple[str, ...]:
+    """Explain the measures, a sentence each; all are from 0 (worst) to 1."""
+    return (
+        "Completeness: how strongly the strongest rule fires where rules cover the inputs worst.",
+        "Nauck index: how easily the rules are read (few premises, few and evenly spread terms; Nauck 2003).",
+        f"GM3M: how near the terms are to {audit.systems[0].measures.reference}, by their places, symmetry "
+        "and areas (Gacto, Alcalá and Herrera 2010, who compare with the terms before tuning: --reference).",
+        "Rule consistency: how much the system answers what a rule says where that rule fires most strongly, "
+        "against the rule alone; our own index.",
+    )
 
 
 def _measure_rows(audit: Audit) -> list[list[str]]:
@@ -108,8 +122,8 @@ def _measure_rows(audit: Audit) -> list[list[str]]:
     )
     rows.append(["completeness (lowest maximum strength)", *(_completeness(m) for m in measured)])
     rows.append(["Nauck index", *(f"{m.nauck.index:.4f}" for m in measured)])
-    rows.append(["GM3M against an even partition", *(f"{m.gm3m:.2f}" for m in measured)])
-    rows.append(["RMI (lowest of the rules)", *(f"{m.rule_meaning.index:.2f}" for m in measured)])
+    rows.append(["GM3M", *(f"{m.gm3m:.2f}" for m in measured)])
+    rows.append(["rule consistency (lowest)", *(f"{m.rule_consistency.index:.2f}" for m in measured)])
     if any(system.num_samples is not None for system in audit.systems):
         rows.append(["inferences on flights", *(str(system.num_samples) for system in audit.systems)])
     return rows
@@ -123,7 +137,7 @@ def _completeness(measures: Measures) -> str:
 def plain(audit: Audit) -> dict[str, Any]:
     """Return an audit as plain JSON data.
 
-    Keys are ``schema`` (fuzzy-audit), ``schema_version`` (1), ``controller``, ``summary`` (how many findings
+    Keys are ``schema`` (fuzzy-audit), ``schema_version`` (2), ``controller``, ``summary`` (how many findings
     of each severity), ``systems`` (each with ``name``, ``samples`` and ``measures``) and ``findings``, the
     most serious first, each with ``id``, ``severity``, ``system``, ``variable``, ``terms``, ``rules``
     (numbers from 1), ``sentence``, ``cure`` and ``evidence``. Keys may be added; the version changes when one
@@ -170,8 +184,15 @@ def _plain_measures(measures: Measures) -> dict[str, Any]:
         },
         "coverage": {name: {"least": c.least, "at": c.at} for name, c in measures.coverage.items()},
         "completeness": {"least": complete.least, "at": complete.at.tolist(), "exact": complete.is_exact},
-        "gm3m": {"index": measures.gm3m, **{name: i.gm3m for name, i in measures.integrity.items()}},
-        "rmi": {"index": measures.rule_meaning.index, "rules": measures.rule_meaning.values.tolist()},
+        "gm3m": {
+            "reference": measures.reference,
+            "index": measures.gm3m,
+            "variables": {name: found.gm3m for name, found in measures.integrity.items()},
+        },
+        "rule_consistency": {
+            "index": measures.rule_consistency.index,
+            "rules": measures.rule_consistency.values.tolist(),
+        },
     }
 
 
@@ -190,6 +211,7 @@ def html(audit: Audit) -> str:
         f'<tr><th scope="row">{escape(name)}</th>' + "".join(f"<td>{escape(c)}</td>" for c in cells) + "</tr>"
         for name, *cells in rows
     )
+    explained = "".join(f"<li>{escape(words)}</li>" for words in measure_words(audit))
     heads = "".join(
         f'<th scope="col">{word}</th>' for word in ("severity", "system", "kind", "finding and cure")
     )
@@ -197,5 +219,5 @@ def html(audit: Audit) -> str:
         f'<section class="audit"><p>{escape(audit.summary())}</p>'
         f"<table><caption>Findings</caption><thead><tr>{heads}</tr></thead><tbody>{findings}</tbody></table>"
         f"<table><caption>Measures</caption><thead><tr><td></td>{columns}</tr></thead>"
-        f"<tbody>{measures}</tbody></table></section>"
+        f"<tbody>{measures}</tbody></table><ul>{explained}</ul></section>"
     )

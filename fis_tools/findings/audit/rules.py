@@ -41,7 +41,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         steps = _steps(system, axis)
         yield from _jumps(system, axis, steps, thresholds)
         yield from _turns(system, axis, steps, thresholds)
-    yield from _meaning(system, measures, thresholds)
+    yield from _consistency(system, measures, thresholds)
     yield from _many(system, measures, thresholds)
 
 
@@ -249,9 +249,11 @@ def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     )
 
 
-def _meaning(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
-    found = measures.rule_meaning
-    weak = [int(i) for i in np.argsort(found.values, kind="stable") if found.values[i] < thresholds.meaning]
+def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
+    found = measures.rule_consistency
+    weak = [
+        int(i) for i in np.argsort(found.values, kind="stable") if found.values[i] < thresholds.consistency
+    ]
     if not weak:
         return
     worst = weak[0]
@@ -264,17 +266,17 @@ def _meaning(system: FuzzySystem, measures: Measures, thresholds: Thresholds) ->
         if not np.isnan(own)
     ]
     yield Finding(
-        "rule-meaning",
+        "rule-consistency",
         Severity.WARNING if len(weak) > thresholds.against * len(system.rules) else Severity.NOTE,
         system.name,
         f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
         f"{'it fires' if len(weak) == 1 else 'they fire'} most strongly. The worst is "
-        f"rule {worst + 1} (RMI {found.values[worst]:.2f}): it concludes "
+        f"rule {worst + 1} (consistency {found.values[worst]:.2f}): it concludes "
         f"{consequent_words(rule.consequents)}, but at {place(system, found.points[worst])} "
         f"the system gives {' and '.join(answers)}.",
         "Do not read these rules one by one; narrow the terms that overlap them, or make them agree.",
         rules=tuple(index + 1 for index in weak),
-        evidence={"rmi": found.index, "values": [float(found.values[index]) for index in weak]},
+        evidence={"consistency": found.index, "values": [float(found.values[index]) for index in weak]},
     )
 
 

@@ -266,7 +266,7 @@ def _even(
         "uneven-partition",
         Severity.NOTE,
         system.name,
-        f"The terms of {variable.name} are far from an even partition, GM3M {found.gm3m:.2f}: "
+        f"The terms of {variable.name} are far from {measures.reference}, GM3M {found.gm3m:.2f}: "
         f"{' and '.join(parts)}.",
         "Judge the terms by their pictures, not by their names, or tune within narrower bounds.",
         variable.name,

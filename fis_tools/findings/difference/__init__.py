@@ -8,12 +8,14 @@ from fis_tools.findings.difference.change import (
     Fact,
     OutputChange,
     RuleChange,
+    Source,
     SystemDifference,
     TermChange,
     VariableChange,
 )
 from fis_tools.findings.difference.comparison import compare_rules, compare_variables, new_names, system_facts
 from fis_tools.findings.difference.outputs import Floats, compare_outputs
+from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import validate
 
@@ -22,6 +24,7 @@ __all__ = [
     "Fact",
     "OutputChange",
     "RuleChange",
+    "Source",
     "SystemDifference",
     "TermChange",
     "VariableChange",
@@ -35,16 +38,16 @@ class Difference:
 
     Parameters
     ----------
-    before, after : str
-        The names of the controllers.
+    before, after : Source
+        What was compared.
     facts : tuple of Fact
         Attributes that changed, and the name.
     systems : tuple of SystemDifference
         In their present order, removed systems last; unchanged systems are included.
     """
 
-    before: str
-    after: str
+    before: Source
+    after: Source
     facts: tuple[Fact, ...]
     systems: tuple[SystemDifference, ...]
 
@@ -56,24 +59,25 @@ class Difference:
     @property
     def text(self) -> str:
         """The difference for a terminal."""
-        return words.write(f"{self.before} → {self.after}", self.facts, self.systems)
+        return words.write((self.before, self.after), self.facts, self.systems)
 
     @property
     def html(self) -> str:
         """The difference as a self-contained page."""
-        return page.write(f"{self.before} → {self.after}", self.facts, self.systems)
+        return page.write((self.before, self.after), self.facts, self.systems)
 
     def __repr__(self) -> str:
         return self.text
 
     def _repr_html_(self) -> str:
-        return page.fragment(f"{self.before} → {self.after}", self.facts, self.systems)
+        return page.fragment((self.before, self.after), self.facts, self.systems)
 
 
 def difference(
     before: FuzzyController | FuzzySystem,
     after: FuzzyController | FuzzySystem,
     samples: Mapping[str, Floats] | None = None,
+    files: tuple[str, str] = ("", ""),
 ) -> Difference:
     """Compare two controllers, system by system.
 
@@ -84,6 +88,8 @@ def difference(
     samples : mapping of str to (n, num_inputs), optional
         Inputs by the system's name, such as `fis_tools.analysis.flights.inputs_along` returns: outputs are
         compared over them too, besides the whole ranges of the inputs.
+    files : (str, str)
+        Where the two were read from; empty if from no file.
 
     Raises
     ------
@@ -98,7 +104,17 @@ def difference(
         validate(system)
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]
-    return Difference(before.name, after.name, facts, (*compared, *gone))
+    sources = [_source(one, file) for one, file in zip((before, after), files, strict=True)]
+    return Difference(sources[0], sources[1], facts, (*compared, *gone))
+
+
+def _source(controller: FuzzyController | FuzzySystem, file: str) -> Source:
+    whole = (
+        controller
+        if isinstance(controller, FuzzyController)
+        else FuzzyController(controller.name, (controller,))
+    )
+    return Source(controller.name, file, fingerprint(whole))
 
 
 def _systems(controller: FuzzyController | FuzzySystem) -> dict[str, FuzzySystem]:

@@ -1,8 +1,23 @@
 """The changes between two fuzzy systems, as data."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fis_tools.model import FuzzySystem, Rule, Term, Variable
+
+
+class Source(NamedTuple):
+    """One of the two controllers that are compared.
+
+    Attributes
+    ----------
+    name, file, sha256 : str
+        Its name, where it was read from (empty if from no file), and its fingerprint, as of what is signed.
+    """
+
+    name: str
+    file: str
+    sha256: str
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 
 from fis_tools.findings.difference import pictures, surfaces, words
-from fis_tools.findings.difference.change import Fact, SystemDifference, VariableChange
+from fis_tools.findings.difference.change import Fact, Source, SystemDifference, VariableChange
 from fis_tools.words.text import number, shape_words, with_unit
 
 _STYLE = """\
@@ -26,6 +26,7 @@ vertical-align: top; }
 .difference .inline del, .difference .inline ins { display: inline; }
 .difference .inline ins::before { content: " → "; color: var(--muted); font-weight: 400; }
 .difference .note { color: var(--muted); font-size: .9rem; }
+.difference td { overflow-wrap: anywhere; }
 .difference .surfaces { margin: .8rem 0 1.4rem; } .difference .surfaces img { width: 100%; height: auto; }
 .difference figcaption { color: var(--muted); font-size: .9rem; }
 .difference svg.terms { display: block; width: 100%; max-width: 46rem; height: auto; }
@@ -71,16 +72,21 @@ tr, svg {{ break-inside: avoid; }} h2, h3, caption {{ break-after: avoid; }} }}
 """
 
 
-def write(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
+def write(sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
     """Write a difference as a self-contained page."""
-    return _PAGE.format(title=escape(title), body=fragment(title, facts, systems))
+    return _PAGE.format(title=escape(words.title(sources)), body=fragment(sources, facts, systems))
 
 
-def fragment(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
+def fragment(
+    sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]
+) -> str:
     """Write a difference as a part of a page, with its styles."""
     parts = [
         f'<style>\n{_STYLE}</style>\n<main class="difference">',
-        f"<h1>{escape(title)}</h1>",
+        f"<h1>{escape(words.title(sources))}</h1>",
+        _table(
+            "", ["", "file", "hash"], [[escape(cell) for cell in row] for row in words.source_rows(sources)]
+        ),
         _facts(facts),
     ]
     if not facts and all(system.is_empty for system in systems):

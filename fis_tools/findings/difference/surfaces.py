@@ -3,6 +3,7 @@
 import base64
 from dataclasses import replace
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.change import SystemDifference
 from fis_tools.findings.difference.outputs import over_both_ranges
 from fis_tools.model import FuzzySystem, Variable
+
+if TYPE_CHECKING:
+    from fis_tools.render import Figure, Theme
 
 Floats = NDArray[np.float64]
 
@@ -62,23 +66,33 @@ def changed_surfaces(
     )
 
 
+def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figure":
+    """Draw both with one scale, and the change with one whose middle is zero."""
+    from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
+
+    shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
+    limits = (float(shown.min()), float(shown.max()))
+    figure = render.Figure(figsize=(12.6, 3.7), layout="constrained")
+    *axes, last = figure.subplots(1, 3)
+    for one, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):
+        render.draw_surface(one, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
+    render.draw_surface(surfaces[2], last, title="after less before", is_change=True, theme=theme)
+    return figure
+
+
 def _picture(before: FuzzySystem, after: FuzzySystem, output: Variable) -> str:
     from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
 
     surfaces = changed_surfaces(before, after, output.name)
-    shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
-    limits = (float(shown.min()), float(shown.max()))
-    figure = render.Figure(figsize=(12.6, 3.7), layout="constrained")
-    for one, words, ax in zip(
-        surfaces, ("before", "after", "after less before"), figure.subplots(1, 3), strict=True
-    ):
-        render.draw_surface(
-            one, ax, None if one is surfaces[2] or limits[0] == limits[1] else limits, title=words
-        )
-    content = base64.b64encode(render.encode(figure, "png", 100)).decode("ascii")
+    light, dark = (
+        base64.b64encode(render.encode(_figure(surfaces, theme), "png", 100)).decode("ascii")
+        for theme in (render.LIGHT, render.DARK)
+    )
     held = render.held_words(after, surfaces[0].fixed)
     told = f"{output.name}, before, after and the difference" + (f", where {held}" if held else "")
     return (
-        f'<figure class="surfaces"><img alt="{escape(told)}" src="data:image/png;base64,{content}">'
+        '<figure class="surfaces"><picture><source media="(prefers-color-scheme: dark)" '
+        f'srcset="data:image/png;base64,{dark}">'
+        f'<img alt="{escape(told)}" src="data:image/png;base64,{light}"></picture>'
         f"<figcaption>{escape(told)}</figcaption></figure>"
     )

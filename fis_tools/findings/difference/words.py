@@ -7,6 +7,7 @@ from fis_tools.findings.difference.change import (
     Fact,
     OutputChange,
     RuleChange,
+    Source,
     SystemDifference,
     TermChange,
     VariableChange,
@@ -43,9 +44,20 @@ class Cell:
     after: str
 
 
-def write(title: str, facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
+def title(sources: tuple[Source, Source]) -> str:
+    """Return the names of both controllers."""
+    return f" {TO} ".join(source.name for source in sources)
+
+
+def source_rows(sources: tuple[Source, Source]) -> list[list[str]]:
+    """Return for both controllers where they were read from, and their hashes."""
+    rows = zip(("before", "after"), sources, strict=True)
+    return [[word, source.file or source.name, f"SHA-256 {source.sha256}"] for word, source in rows]
+
+
+def write(sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
     """Describe the differences between two controllers, for a terminal."""
-    lines = [title, *_fact_lines(facts, 2)]
+    lines = [title(sources), *aligned(source_rows(sources), 2), *_fact_lines(facts, 2)]
     if not facts and all(system.is_empty for system in systems):
         lines.append("  nothing changed")
     for system in systems:
@@ -285,11 +297,15 @@ def rule_words(change: RuleChange) -> Iterator[tuple[str, str]]:
             yield sign, (f"[{rule.label}] " if rule.label else "") + sentence(rule)
 
 
-def plain(facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> dict[str, object]:
+def plain(
+    sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]
+) -> dict[str, object]:
     """Return a difference as plain data, for JSON (schema fuzzy-difference, version 1)."""
     return {
         "schema": "fuzzy-difference",
         "schema_version": 1,
+        "before": sources[0]._asdict(),
+        "after": sources[1]._asdict(),
         "facts": [_plain_fact(fact) for fact in facts],
         "systems": [_plain_system(system) for system in systems],
     }

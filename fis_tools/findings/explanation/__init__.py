@@ -1,10 +1,11 @@
-"""Explanations: how far each rule moved an output, what would flip it, and the shares over a flight."""
+"""Explanations: the share of each rule in an output, what would flip it, and the shares over a flight."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import Flip, compiled_once, flips, row
@@ -25,7 +26,7 @@ __all__ = [
 
 
 def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: float = 0.0) -> Explanation:
-    """Explain one inference: how far each rule moved the outputs, and what would flip them.
+    """Explain one inference: the share of each rule in the outputs, and what would flip them.
 
     Parameters
     ----------
@@ -43,7 +44,8 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
     compiled = compiled_once(system)
     given = row(compiled, inputs)
     inference = infer(compiled.system, given)
-    moved = contributions(compiled, given[np.newaxis])[0]
+    shared, error = shapley.shares(compiled, given[np.newaxis])
+    needed = contributions(compiled, given[np.newaxis])
     found = flips(compiled, given, crossing)
     outputs = []
     for place, output in enumerate(inference.outputs):
@@ -55,13 +57,25 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
             and any(c.variable == output.variable.name and c.weight > 0.0 for c in rule.consequents)
         ]
         moves = [
-            Move(number + 1, float(strengths[number]), float(moved[number, place])) for number in concluding
+            Move(
+                number + 1,
+                float(strengths[number]),
+                float(shared[0, number, place]),
+                float(needed[0, number, place]),
+            )
+            for number in concluding
         ]
-        moves.sort(key=lambda move: (-abs(move.moved), -move.strength))
+        moves.sort(key=lambda move: (-abs(move.share), -move.strength))
         of_output = tuple(flip for flip in found if flip.output == output.variable)
         outputs.append(
             ExplainedOutput(
-                output.variable, output.value, output.is_default, tuple(moves), float(crossing), of_output
+                output.variable,
+                output.value,
+                output.is_default,
+                tuple(moves),
+                float(error[0, place]),
+                float(crossing),
+                of_output,
             )
         )
     return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.findings.explanation.flips import Flip
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.amounts import NEGLIGIBLE, amount, percent, span
+from fis_tools.words.amounts import NEGLIGIBLE, amount, listed, percent, span
 from fis_tools.words.text import aligned, sentence
 
 Floats = NDArray[np.float64]
@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01
 MOST_RULES = 8
+#: Of an output nearer to its default than this fraction of its range, shares are told as amounts alone.
+SMALL = 1e-3
 #: An output that changes by more than this share of its range at a flip jumps there.
 JUMP = 1e-3
 #: A change of less than this share of an input's range is any change at all.
@@ -33,13 +35,16 @@ class Move:
         The rule's number, from 1 as in every listing.
     strength : float
         How strongly it fires, before weights.
-    moved : float
-        The output minus the output without the rule, in the output's unit.
+    share : float
+        Its part of the output's way from its default, in the output's unit; the parts of all rules add up.
+    needed : float
+        What would be missing without it: the output minus the output without the rule, in the output's unit.
     """
 
     rule: int
     strength: float
-    moved: float
+    share: float
+    needed: float
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,9 @@ class ExplainedOutput:
     is_default : bool
         Whether no rule that concludes on it fires.
     moves : tuple of Move
-        The rules that fire and conclude on it, the largest effect first.
+        The rules that fire and conclude on it, the largest share first.
+    error : float
+        The largest standard error of the shares; 0 where they are exact.
     crossing : float
         The value that the flips are about.
     flips : tuple of Flip
@@ -64,6 +71,7 @@ class ExplainedOutput:
     value: float
     is_default: bool
     moves: tuple[Move, ...]
+    error: float
     crossing: float
     flips: tuple[Flip, ...]
 
@@ -89,8 +97,8 @@ class Explanation:
         lines = [f"{self.system.name} at {self._place()}"]
         for output in self.outputs:
             told, rest = self._moves(output, everything)
-            lines += ["", _value(output)]
-            lines += aligned(told, 2)
+            lines += ["", _value(output), *(f"  {words}" for words in self.conclusions(output))]
+            lines += ["", *aligned(told, 2)] if told else []
             lines += [f"  {rest}"] if rest else []
             lines += ["", f"{_question(output)}:", *(f"  {words}" for words in _flip_words(output))]
         return "\n".join(lines) + "\n"
@@ -102,8 +110,8 @@ class Explanation:
         lines = [f"**{self.system.name}** at {self._place()}"]
         for output in self.outputs:
             told, rest = self._moves(output, everything=False)
-            lines += ["", _value(output), ""]
-            lines += ["| moved | strength | rule |", "|---|---|---|"] if told else []
+            lines += ["", _value(output), "", *(f"- {words}" for words in self.conclusions(output)), ""]
+            lines += ["| share | needed | strength | rule |", "|---|---|---|---|"] if told else []
             lines += [
                 f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |" for cells in told
             ]
@@ -115,11 +123,12 @@ class Explanation:
         """Return the explanation as plain JSON data; numbers are in the units of their variables.
 
         Keys are ``system``, ``inputs`` (by name, as given) and ``outputs``; of each ``output`` its ``unit``,
-        ``value``, whether that is its ``default``, the ``rules`` that fire, those that moved it most first
-        (number, ``sentence``, ``strength``, ``moved``), and what takes it across ``crossing``: ``flips``, an
-        entry for each ``input`` and ``way`` (``up``, ``down``), the smallest first, with the ``change``, the
-        inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it), and
-        whether no rule fires there (``takes_default``).
+        ``value``, whether that is its ``default``, the ``rules`` that fire, the greatest share first (number,
+        ``sentence``, ``strength``, ``share``, ``needed``), the ``error`` of the shares (0 where they are
+        exact), the ``silent`` value that they count from, and what takes it across ``crossing``: ``flips``,
+        an entry for each ``input`` and ``way`` (``up``, ``down``), the smallest first, with the ``change``,
+        the inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it),
+        and whether no rule fires there (``takes_default``).
         """
         names = [variable.name for variable in self.system.inputs]
         return {
@@ -136,10 +145,13 @@ class Explanation:
                             "rule": move.rule,
                             "sentence": sentence(self.system.rules[move.rule - 1]),
                             "strength": move.strength,
-                            "moved": move.moved,
+                            "share": move.share,
+                            "needed": move.needed,
                         }
                         for move in output.moves
                     ],
+                    "error": output.error,
+                    "silent": output.variable.default,
                     "crossing": output.crossing,
                     "flips": [_plain_flip(flip) for flip in output.flips],
                 }
@@ -155,14 +167,44 @@ class Explanation:
             words.append(f"{variable.name} = {amount(variable, given)}{note}")
         return ", ".join(words)
 
-    def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[tuple[str, str, str]], str]:
+    def conclusions(self, output: ExplainedOutput) -> list[str]:
+        """Say what share each conclusion has, and which rules come to it, the greatest share first."""
+        name = output.variable.name
+        groups: dict[str, list[Move]] = {}
+        for move in output.moves:
+            consequents = self.system.rules[move.rule - 1].consequents
+            terms = dict.fromkeys(c.term for c in consequents if c.variable == name and c.weight > 0.0)
+            groups.setdefault(" and ".join(terms), []).append(move)
+        whole = output.value - (output.variable.default or 0.0)
+        shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
+        told = []
+        for term in sorted(groups, key=lambda term: -abs(shared[term])):
+            who = [
+                str(move.rule)
+                for move in groups[term]
+                if abs(move.share) > NEGLIGIBLE * span(output.variable)
+            ]
+            if who:
+                words = (
+                    f"rules {listed(who, MOST_RULES)} say so together"
+                    if len(who) > 1
+                    else f"rule {who[0]} says so"
+                )
+                of_all = f", {shared[term] / whole:.2f}" if abs(whole) > SMALL * span(output.variable) else ""
+                told.append(f"{term}{of_all} ({_signed(output.variable, shared[term])}): {words}")
+        return told
+
+    def _moves(
+        self, output: ExplainedOutput, everything: bool
+    ) -> tuple[list[tuple[str, str, str, str]], str]:
         """Return the listed rules as cells, and a sentence on the others."""
         variable, moves = output.variable, output.moves
-        told = [move for move in moves if abs(move.moved) >= WORTH_TELLING * span(variable)][:MOST_RULES]
+        told = [move for move in moves if abs(move.share) >= WORTH_TELLING * span(variable)][:MOST_RULES]
         told = list(moves) if everything else told or list(moves[:1])
         rows = [
             (
-                _signed(variable, move.moved),
+                _signed(variable, move.share),
+                f"needed {_signed(variable, move.needed)}",
                 f"strength {move.strength:.2f}",
                 f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}",
             )
@@ -171,13 +213,10 @@ class Explanation:
         rest = moves[len(told) :]
         if not rest:
             return rows, ""
-        most = abs(rest[0].moved)
-        fire = "1 more rule fires, but" if len(rest) == 1 else f"{len(rest)} more rules fire, but each"
-        is_something = most > NEGLIGIBLE * span(variable)
-        moved = (
-            f"moved it by {amount(variable, most)} at most" if is_something else "could be missing as well"
-        )
-        return rows, f"{fire} {moved}"
+        fire = "1 more rule fires, with" if len(rest) == 1 else f"{len(rest)} more rules fire, each with"
+        most = abs(rest[0].share)
+        share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * span(variable) else "no share"
+        return rows, f"{fire} {share}"
 
 
 def _question(output: ExplainedOutput) -> str:
@@ -202,7 +241,12 @@ def _value(output: ExplainedOutput) -> str:
     told = f"{output.variable.name} = {amount(output.variable, output.value)}"
     if output.is_default:
         return f"{told}, its default: no rule that concludes on it fires"
-    return f"{told}; how far each rule moved it, against the same inference without the rule:"
+    variable, silent = output.variable, output.variable.default or 0.0
+    way = f"{_signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
+    error = (
+        f", sampled with a standard error of {amount(variable, output.error)} at most" if output.error else ""
+    )
+    return f"{told}: {way}. By shares{error}:"
 
 
 def _flip_words(output: ExplainedOutput) -> Iterator[str]:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.analysis import shapley
 from fis_tools.analysis.arrays import FIRED, rule_usage
-from fis_tools.analysis.contribution import contributions
+from fis_tools.analysis.contribution import importance
 from fis_tools.findings.explanation.flips import compiled_once
 from fis_tools.model import FuzzySystem
 from fis_tools.words.amounts import amount, percent
@@ -29,10 +30,11 @@ class RuleShare:
     number : int
         The rule's, from 1 as in every listing.
     share : float
-        Of all that the rules moved: its contribution over the sum of all. Contributions are measured against
-        the output's range; of several outputs the one that the rule moves most counts.
-    moved : tuple of float
-        How far it moved each output, the mean size of its contributions, in the outputs' units.
+        Of all that the rules moved: its part over the sum of all. Parts are measured against the output's
+        range; of several outputs the one that the rule moves most counts.
+    moved, needed : tuple of float
+        How far it moved each output, in the outputs' units: the mean sizes of its shares, and of what would
+        have been missing without it.
     fired, leading : float
         Fractions of the samples in which it fires at `fis_tools.analysis.arrays.FIRED` or more, and in which
         no rule fires stronger.
@@ -43,6 +45,7 @@ class RuleShare:
     number: int
     share: float
     moved: tuple[float, ...]
+    needed: tuple[float, ...]
     fired: float
     leading: float
     strongest: float
@@ -78,8 +81,8 @@ class Shares:
         """Return the shares as plain JSON data.
 
         Keys are ``system``, ``samples`` (how many) and ``rules``, the greatest share first: its number
-        (``rule``), ``sentence``, and as in `RuleShare` ``share``, ``moved`` (by the output's name),
-        ``fired``, ``leading`` and ``strongest``.
+        (``rule``), ``sentence``, and as in `RuleShare` ``share``, ``moved`` and ``needed`` (by the output's
+        name), ``fired``, ``leading`` and ``strongest``.
         """
         outputs = [variable.name for variable in self.system.outputs]
         return {
@@ -91,6 +94,7 @@ class Shares:
                     "sentence": sentence(self.system.rules[rule.number - 1]),
                     "share": rule.share,
                     "moved": dict(zip(outputs, rule.moved, strict=True)),
+                    "needed": dict(zip(outputs, rule.needed, strict=True)),
                     "fired": rule.fired,
                     "leading": rule.leading,
                     "strongest": rule.strongest,
@@ -113,7 +117,7 @@ class Shares:
         decides = (
             f"rule {first.number} decides most, with {percent(first.share)} of all that rules moved"
             if first.share > 0.0
-            else "no rule moved anything alone"
+            else "no rule moved anything"
         )
         return (
             f"{self.system.name} over {self.num_samples} inferences: {decides}; {silent} of "
@@ -129,10 +133,15 @@ class Shares:
 
     def _rows(self, told: tuple[RuleShare, ...]) -> list[list[str]]:
         outputs = self.system.outputs
-        moved = ["moved" if len(outputs) == 1 else f"moved {with_unit(v)}" for v in outputs]
-        rows = [["share", *moved, "fired", "leading", "max", "rule"]]
+        heads = [
+            word if len(outputs) == 1 else f"{word} {with_unit(v)}"
+            for word in ("moved", "needed")
+            for v in outputs
+        ]
+        rows = [["share", *heads, "fired", "leading", "max", "rule"]]
         for rule in told:
-            amounts = [amount(v, value) for v, value in zip(outputs, rule.moved, strict=True)]
+            values = zip((*outputs, *outputs), (*rule.moved, *rule.needed), strict=True)
+            amounts = [amount(variable, value) for variable, value in values]
             rows.append(
                 [
                     f"{100 * rule.share:5.1f} %",
@@ -162,9 +171,10 @@ def shares(system: object, samples: Floats) -> Shares:
     """
     compiled = compiled_once(system)
     usage = rule_usage(compiled.firing_strengths(samples))
-    moved = np.abs(contributions(compiled, samples)).mean(axis=0)
     spans = np.array([variable.maximum - variable.minimum for variable in compiled.system.outputs])
-    weights = (moved / spans).max(axis=1)
+    weights = shapley.importance(compiled, samples)
+    moved, needed = weights * spans, importance(compiled, samples) * spans
+    weights = weights.max(axis=1)
     total = float(weights.sum())
     parts = weights / total if total > 0.0 else weights
     order = np.lexsort((-usage.fired, -parts))
@@ -173,6 +183,7 @@ def shares(system: object, samples: Floats) -> Shares:
             int(place) + 1,
             float(parts[place]),
             tuple(moved[place].tolist()),
+            tuple(needed[place].tolist()),
             float(usage.fired[place]),
             float(usage.leading[place]),
             float(usage.max_strength[place]),

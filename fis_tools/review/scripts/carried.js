@@ -35,8 +35,11 @@ function decodeFlight(flight) {
 function readCarried() {
   const carried = JSON.parse(document.getElementById("carried").textContent);
   return {
+    name: carried.name,
+    sha256: carried.sha256,
     systems: carried.systems.map(decodeSystem),
     flights: carried.flights.map(decodeFlight),
     brightness: carried.brightness,
+    quadrature: { chances: decodeDoubles(carried.quadrature[0]), weights: decodeDoubles(carried.quadrature[1]) },
   };
 }

@@ -1,8 +1,8 @@
 // What a system did along a flight: its output, which rules fired, and the moment that all views show.
 
-const MOST_ROWS = 40;
+const MOST_ROWS = 8;
 const FIRED = 0.05;
-const STRIP = { left: 64, right: 14, top: 10, output: 84, gap: 12, row: 11, foot: 38 };
+const STRIP = { left: 64, right: 14, top: 10, output: 66, gap: 8, row: 11, foot: 36 };
 
 /** The flight and the time that all systems of the page show together. */
 class FlightClock {
@@ -97,21 +97,48 @@ function paintTimes(context, times, x, bottom, width, colours) {
   context.fillText("time (s)", (STRIP.left + width - STRIP.right) / 2, bottom + 32);
 }
 
-/** Draw the output and the firing strengths over time; return the map from time to the canvas. */
-function paintStrip(canvas, system, inferred, rows, scale, time) {
-  const { context, width } = sharpContext(canvas);
+/** The map from time to the canvas, and the times that are shown: each sample holds until the next. */
+function timeScale(times, part, width) {
+  const hold = times.length > 1 ? times.at(-1) - times.at(-2) : 1;
+  const [start, end] = part.of(times[0], times.at(-1) + hold);
+  return { x: linear(start, end, STRIP.left, width - STRIP.right), start, end };
+}
+
+/** Draw the output and the firing strengths over the part of the flight that is shown. */
+function paintStrip(canvas, system, inferred, rows, scale, time, part) {
+  const { context, width, height } = sharpContext(canvas);
   const colours = themeColours();
   const right = width - STRIP.right;
-  const { times } = inferred;
-  const x = linear(times[0], times.at(-1), STRIP.left, right - (right - STRIP.left) / times.length);
+  const { x, start, end } = timeScale(inferred.times, part, width);
+  const clip = (left) => {
+    context.save();
+    context.beginPath();
+    context.rect(left, 0, right - left + 1, height);
+    context.clip();
+  };
+  clip(0);
   paintOutputOverTime(context, system, inferred, x, right, colours);
   const bottom = paintFiring(context, inferred, rows, x, right, scale, colours);
-  paintTimes(context, times, x, bottom, width, colours);
+  context.restore();
+  paintTimes(context, [start, end], x, bottom, width, colours);
+  clip(STRIP.left);
   context.strokeStyle = colours.mark;
   context.lineWidth = 2;
   polygon(context, [[x(time), STRIP.top], [x(time), bottom]]);
   context.stroke();
-  return x;
+  context.restore();
+}
+
+/** What a strip shows under a place: the time, and the output or the rule of that row. */
+function stripWordsAt(system, { inferred, rows }, time, y) {
+  const sample = sampleAt(inferred.times, time);
+  const place = Math.floor((y - STRIP.top - STRIP.output - STRIP.gap) / STRIP.row);
+  const [variable] = system.outputs;
+  const told =
+    place >= 0 && place < rows.length
+      ? `rule ${rows[place] + 1}: ${inferred.firing[sample][rows[place]].toFixed(2)}`
+      : `${variable.name} = ${quantity(inferred.outputs[sample], variable)}`;
+  return `${shown(inferred.times[sample], 6)} s, ${told}`;
 }
 
 /** The last sample that is not after a time; the first where all are. */
@@ -125,7 +152,7 @@ function stripWords({ fired, times, numInferences }, left) {
     `${silent} of ${fired.length} rules never fire at ${FIRED} or more on this flight.`,
     times.length < numInferences ? `Of its ${numInferences} inferences ${times.length} are shown.` : "",
     left ? `The ${left} that fire least often have no row.` : "",
-    "The brighter, the stronger, from 0 to 1. Moving the time sets the inputs of every system on this page.",
+    "The brighter, the stronger. The time sets the inputs of every system.",
   ].filter(Boolean).join(" ");
 }
 
@@ -139,17 +166,17 @@ function flightView(element, state, place, clock, scale) {
     return known.get(flight) ?? null;
   };
   const about = `Output of ${system.name} and firing of its rules over time`;
-  const canvas = make("canvas", { class: "strip", role: "img", "aria-label": about });
+  const canvas = make("canvas", { class: "strip", role: "img", tabindex: "0", "aria-label": about });
+  const part = new Part();
   const slider = make("input", { type: "range", min: "0", step: "1", "aria-label": "Time along the flight" });
   const now = make("output", { class: "number" });
   const note = make("p", { class: "note" });
   let isByNumber = false;
-  let along = null;
   let drawn = null;
 
   const paint = keepDrawn(canvas, () => {
     if (!drawn) return;
-    along = paintStrip(canvas, system, drawn.inferred, drawn.rows, scale, drawn.inferred.times[drawn.sample]);
+    paintStrip(canvas, system, drawn.inferred, drawn.rows, scale, drawn.inferred.times[drawn.sample], part);
   });
   const show = () => {
     const inferred = inferredOf(clock.flight);
@@ -171,12 +198,18 @@ function flightView(element, state, place, clock, scale) {
     state.setInputs(inferred.inputs[sample]);
     paint();
   };
-  const goTo = (event) => {
-    if (!drawn || !along || (event.type === "pointermove" && event.buttons !== 1)) return;
-    const [start, end] = [drawn.inferred.times[0], drawn.inferred.times.at(-1)];
-    const back = linear(along(start), along(end), start, end);
-    clock.set(clock.flight, Math.min(Math.max(back(event.offsetX), start), end));
+  const timeAt = ({ offsetX }) => {
+    const { times } = drawn.inferred;
+    const { x, start, end } = timeScale(times, part, canvas.clientWidth);
+    const time = linear(x(start), x(end), start, end)(offsetX);
+    return Math.min(Math.max(time, times[0]), times.at(-1));
   };
+  const goTo = (event) => {
+    if (drawn && (event.type !== "pointermove" || event.buttons === 1)) clock.set(clock.flight, timeAt(event));
+  };
+  const placeOf = ({ offsetX }) => [(offsetX - STRIP.left) / (canvas.clientWidth - STRIP.left - STRIP.right)];
+  const zooming = makeZoomable(canvas, [part], placeOf, paint, `the time of ${system.name}`);
+  tellUnder(canvas, (event) => (drawn ? stripWordsAt(system, drawn, timeAt(event), event.offsetY) : null));
   canvas.addEventListener("pointerdown", goTo);
   canvas.addEventListener("pointermove", goTo);
   slider.addEventListener("input", () => clock.set(clock.flight, drawn.inferred.times[Number(slider.value)]));
@@ -187,7 +220,7 @@ function flightView(element, state, place, clock, scale) {
     show();
   });
   const time = make("div", { class: "control time" }, make("span", {}, "Time"), now, slider);
-  element.append(make("div", { class: "controls" }, flights.element, orders.element, time), canvas, note);
+  element.append(make("div", { class: "controls" }, flights.element, orders.element, time, zooming), canvas, note);
   clock.follow(() => {
     flights.select.value = String(clock.flight);
     show();

@@ -114,15 +114,35 @@ function paintMark(context, x, y, colours) {
   }
 }
 
+function mapFrame({ clientWidth, clientHeight }) {
+  const { left, right, top, bottom } = MAP_MARGIN;
+  return { left, top, width: clientWidth - left - right, height: clientHeight - top - bottom };
+}
+
+/** Where a pointer is on a map, in fractions of what is shown along x and y. */
+function placeOnMap(canvas, { offsetX, offsetY }) {
+  const { left, top, width, height } = mapFrame(canvas);
+  return [(offsetX - left) / width, 1 - (offsetY - top) / height];
+}
+
+/** The values along x and y under a pointer; null beside the map. */
+function pointOnMap(canvas, { xVariable, yVariable }, event) {
+  const place = placeOnMap(canvas, event);
+  if (place.some((part) => part < 0 || part > 1)) return null;
+  return [xVariable, yVariable].map(({ minimum, maximum }, axis) => minimum + place[axis] * (maximum - minimum));
+}
+
 /** Draw the heat map of a response; `point` holds the present values along x and y. */
 function paintHeatMap(canvas, response, scale, point) {
-  const { context, width, height } = sharpContext(canvas);
+  const { context } = sharpContext(canvas);
   const colours = themeColours();
-  const { left, right, top, bottom } = MAP_MARGIN;
-  const frame = { left, top, width: width - left - right, height: height - top - bottom };
+  const frame = mapFrame(canvas);
   paintCells(context, response, scale, frame);
   paintContours(context, response, frame);
   const { x, y } = paintMapAxes(context, response, frame, colours);
   paintColourBar(context, response, scale, frame, colours);
+  context.beginPath();
+  context.rect(frame.left - 7, frame.top - 7, frame.width + 14, frame.height + 14);
+  context.clip();
   paintMark(context, x(point[0]), y(point[1]), colours);
 }

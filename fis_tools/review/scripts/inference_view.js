@@ -1,7 +1,10 @@
 // One inference step by step: sliders, fuzzified inputs, fired rules, the aggregated output and its number.
 
 const MOST_RULES = 8;
+const LOW_PLOT = 60;
 const SHOWN_FROM = 0.005;
+// of an output nearer to its default than this part of its range, shares are told as amounts alone
+const SMALL = 1e-3;
 
 /** The number that a text says, or null: a point before the decimals, no other mark, so that 12,5 is not 125. */
 function numberSaid(text) {
@@ -61,7 +64,12 @@ function membershipWords(variable, memberships) {
 
 function inputStep(state, place, id) {
   const variable = state.system.inputs[place];
-  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`);
+  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`, LOW_PLOT);
+  const follow = (event) => {
+    if (event.type === "pointerdown" || event.buttons === 1) state.setInput(place, chart.valueAt(event));
+  };
+  chart.svg.classList.add("settable");
+  for (const kind of ["pointerdown", "pointermove"]) chart.svg.addEventListener(kind, follow);
   const words = make("p", { class: "belongs" });
   state.follow(() => {
     const { clipped, memberships } = state.inference;
@@ -87,32 +95,76 @@ function strengthBar(strength) {
   return bar;
 }
 
-function firedRules(state, output, id) {
+/** Name some rules: the first of them with links, how many more. */
+function ruleLinks(rules, id) {
+  const links = rules.slice(0, MOST_RULES).map((rule) => make("a", { href: `#${id}-r${rule + 1}` }, String(rule + 1)));
+  const parts = links.flatMap((link, i) => (i === 0 ? [link] : [i + 1 === rules.length ? " and " : ", ", link]));
+  return rules.length > MOST_RULES ? [...parts, ` and ${rules.length - MOST_RULES} more`] : parts;
+}
+
+/** What share each conclusion has, and which rules come to it, as items of a list. */
+function conclusionItems({ system, inference }, output, share, nothing, id) {
+  const variable = system.outputs[output];
+  const whole = inference.outputs[output].value - (variable.default ?? 0);
+  const groups = new Map();
+  share.forEach((value, rule) => {
+    if (Math.abs(value) < nothing) return;
+    const concluded = system.rules[rule].consequents.filter(([place, , weight]) => place === output && weight > 0);
+    const terms = [...new Set(concluded.map(([, term]) => variable.terms[term].name))].join(" and ");
+    const group = groups.get(terms) ?? { terms, rules: [], value: 0 };
+    group.rules.push(rule);
+    group.value += value;
+    groups.set(terms, group);
+  });
+  return [...groups.values()]
+    .sort((a, b) => Math.abs(b.value) - Math.abs(a.value))
+    .map(({ terms, rules, value }) => {
+      rules.sort((a, b) => Math.abs(share[b]) - Math.abs(share[a]) || a - b);
+      const isLarge = Math.abs(whole) > SMALL * (variable.maximum - variable.minimum);
+      const ofAll = isLarge ? `, ${(value / whole).toFixed(2).replace("-", "−")}` : "";
+      const [noun, verb] = rules.length > 1 ? ["rules", "say so together"] : ["rule", "says so"];
+      const words = `${ofAll} (${signed(value, variable, 3)}): ${noun} `;
+      return make("li", {}, make("strong", {}, terms), words, ...ruleLinks(rules, id), ` ${verb}`);
+    });
+}
+
+function firedRules(state, output, id, quadrature) {
   const { system, inference } = state;
   const variable = system.outputs[output];
   const nothing = 1e-9 * (variable.maximum - variable.minimum);
-  const moved = contributions(system, output, inference).map((by) => (Math.abs(by) < nothing ? 0 : by));
+  const shown0 = (by) => (Math.abs(by) < nothing ? 0 : by);
+  const needed = contributions(system, output, inference);
+  const { values: share, error } = shares(system, output, inference, quadrature);
   const firing = Array.from(inference.firing.keys()).filter((rule) => inference.firing[rule] > 0);
-  firing.sort((a, b) => inference.firing[b] - inference.firing[a] || a - b);
+  const size = (rule) => Math.abs(shown0(share[rule]));
+  firing.sort((a, b) => size(b) - size(a) || inference.firing[b] - inference.firing[a] || a - b);
   const isShown = (rule, place) => place === 0 || inference.firing[rule] >= SHOWN_FROM;
   const rows = firing.slice(0, MOST_RULES).filter(isShown);
-  const items = rows.map((rule) =>
-    make(
+  const items = rows.map((rule) => {
+    const words = `needed ${signed(shown0(needed[rule]), variable, 3)}. ${system.rules[rule].words}`;
+    return make(
       "li",
       {},
       make("a", { href: `#${id}-r${rule + 1}` }, `Rule ${rule + 1}`),
       strengthBar(inference.firing[rule]),
       make("span", { class: "number" }, inference.firing[rule].toFixed(2)),
-      make("span", { class: "number" }, signed(moved[rule], variable, 3)),
-      make("span", { class: "words" }, system.rules[rule].words),
-    ),
-  );
+      make("span", { class: "number" }, signed(shown0(share[rule]), variable, 3)),
+      make("span", { class: "words" }, words),
+    );
+  });
   const left = firing.length - rows.length;
+  const from = quantity(variable.default ?? 0, variable, 4);
   const words = [
-    left ? `${left} more fire${left === 1 ? "s" : ""} less strongly.` : "",
-    "A rule moves the output by what would be missing without it: nothing where others say the same as strongly.",
+    left ? `${left} more fire${left === 1 ? "s" : ""} with less of a share.` : "",
+    `Shares (Shapley values) add up to the way from ${from}, where no rule fires`,
+    error ? `; they are sampled, with a standard error of ${quantity(error, variable, 2)} at most.` : ".",
+    "Needed is what would be missing without the rule: nothing where others say the same.",
   ];
-  return { items, note: firing.length ? words.filter(Boolean).join(" ") : "No rule fires." };
+  return {
+    conclusions: conclusionItems(state, output, share, nothing, id),
+    items,
+    note: firing.length ? words.filter(Boolean).join(" ").replace(" ;", ";").replace(" .", ".") : "No rule fires.",
+  };
 }
 
 const METHODS = {
@@ -163,10 +215,11 @@ function signWords(state, output) {
 }
 
 /** Fill an element with the inference view of a system. */
-function inferenceView(element, state, id) {
+function inferenceView(element, state, id, quadrature) {
   const { system } = state;
   let output = 0;
   let chart = null;
+  const conclusions = make("ul", { class: "conclusions" });
   const rules = make("ol", { class: "fired" });
   const note = make("p", { class: "note" });
   const picture = make("div");
@@ -179,7 +232,8 @@ function inferenceView(element, state, id) {
   });
   const show = () => {
     const variable = system.outputs[output];
-    const fired = firedRules(state, output, id);
+    const fired = firedRules(state, output, id, quadrature);
+    conclusions.replaceChildren(...fired.conclusions);
     rules.replaceChildren(...fired.items);
     note.textContent = fired.note;
     how.textContent = outputStep(state, output, chart);
@@ -189,16 +243,17 @@ function inferenceView(element, state, id) {
   };
   const choose = (chosen) => {
     output = chosen;
-    chart = membershipChart(system.outputs[output], `Terms of ${system.outputs[output].name}, cut and put together`);
+    chart = membershipChart(system.outputs[output], `Terms of ${system.outputs[output].name}, cut and put together`, LOW_PLOT);
     picture.replaceChildren(chart.svg);
     show();
   };
   const names = system.outputs.map(withUnit);
   const chooser = names.length > 1 ? [choice("Output", names, 0, choose).element] : [];
-  element.classList.toggle("wide", system.inputs.length > 2);
+  const about = `Rules of ${system.name} that fire`;
+  const scrolled = make("div", { class: "firing", role: "region", tabindex: "0", "aria-label": about }, conclusions, rules, note);
   const steps = [
     ["1. Inputs and their terms", ...system.inputs.map((_, place) => inputStep(state, place, `${id}-x${place + 1}`))],
-    ["2. Rules that fire, and what each moves", rules, note],
+    ["2. Rules that fire, and their shares", scrolled],
     ["3. Output", ...chooser, result, picture, how, sign],
   ];
   element.append(...steps.map(([title, ...parts]) => make("div", { class: "step" }, make("h4", {}, title), ...parts)));

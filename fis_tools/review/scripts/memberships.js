@@ -60,12 +60,12 @@ function chartAxes(variable, x, y) {
  * Draw a variable's terms, each with its name over its top.
  * `under` and `over` are layers for what else belongs there; `x` and `y` map values into the drawing.
  */
-function membershipChart(variable, description) {
+function membershipChart(variable, description, plotHeight = CHART.plotHeight) {
   const x = linear(variable.minimum, variable.maximum, CHART.left, CHART.right);
   const labels = variable.terms.map((term) => ({ text: term.name, x: x(peakOf(variable.universe, term.values)) }));
   const { placed, numRows } = stagger(labels);
   const top = numRows * CHART.rowHeight + 8;
-  const y = linear(0, 1, top + CHART.plotHeight, top);
+  const y = linear(0, 1, top + plotHeight, top);
   const under = draw("g");
   const over = draw("g");
   const curves = variable.terms.map((term, i) =>
@@ -79,7 +79,7 @@ function membershipChart(variable, description) {
       draw("text", { ...middle, class: `name term-${i % 7}`, x: placed[i].middle, y: baseline }, label.text),
     ];
   });
-  const height = top + CHART.plotHeight + CHART.foot;
+  const height = top + plotHeight + CHART.foot;
   const svg = draw(
     "svg",
     { viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": description, class: "chart" },
@@ -89,5 +89,16 @@ function membershipChart(variable, description) {
     over,
     ...names,
   );
-  return { svg, under, over, x, y };
+  const valueAt = ({ clientX }) => {
+    const { left, width } = svg.getBoundingClientRect();
+    const value = linear(CHART.left, CHART.right, variable.minimum, variable.maximum)(((clientX - left) / width) * CHART.width);
+    return Math.min(Math.max(value, variable.minimum), variable.maximum);
+  };
+  tellUnder(svg, (event) => {
+    const value = valueAt(event);
+    const place = placeIn(variable.universe, value);
+    const memberships = variable.terms.map(({ values }) => interpolate(value, variable.universe, values, place));
+    return `${quantity(value, variable, 3)}: ${membershipWords(variable, memberships)}`;
+  });
+  return { svg, under, over, x, y, valueAt };
 }

@@ -42,12 +42,12 @@ function fillPictures(section, system) {
   }
 }
 
-function fillSystem(state, place, clock, scale) {
+function fillSystem(state, place, clock, scale, quadrature) {
   const id = `s${place + 1}`;
   const section = document.getElementById(id);
   const live = (name) => section.querySelector(`.live.${name}`);
   fillPictures(section, state.system);
-  inferenceView(live("inference"), state, id);
+  inferenceView(live("inference"), state, id, quadrature);
   followRules(section, state);
   if (state.system.inputs.length > 1) surfaceView(live("surface"), state, scale, id);
   else curveView(live("surface"), state);
@@ -73,8 +73,9 @@ followPrinting();
 prepareTables();
 const clock = new FlightClock(carried.flights);
 const scale = brightnessScale(carried.brightness);
-states.forEach((state, place) => fillSystem(state, place, clock, scale));
+states.forEach((state, place) => fillSystem(state, place, clock, scale, carried.quadrature));
 showPoints(states);
+followSignature(carried);
 addEventListener("resize", oncePerFrame(redrawAll));
 // for whoever looks at the page with a browser's console
-window.review = Object.freeze({ systems: carried.systems, states, infer, contributions, signChange });
+window.review = Object.freeze({ systems: carried.systems, states, infer, contributions, shares, signChange, quadrature: carried.quadrature });

@@ -2,10 +2,16 @@
 
 const GRID_POINTS = 49;
 
-/** Evaluate an output over two inputs: points along both, and values a row of x for each y. */
-function responseOver(state, xInput, yInput, output, count = GRID_POINTS) {
+/** A variable of which only a part of the range is shown. */
+function partOf(variable, part) {
+  const [minimum, maximum] = part.of(variable.minimum, variable.maximum);
+  return { ...variable, minimum, maximum };
+}
+
+/** Evaluate an output over parts of two inputs: points along both, and values a row of x for each y. */
+function responseOver(state, xInput, yInput, output, parts, count = GRID_POINTS) {
   const { system } = state;
-  const [xVariable, yVariable] = [system.inputs[xInput], system.inputs[yInput]];
+  const [xVariable, yVariable] = [xInput, yInput].map((input, axis) => partOf(system.inputs[input], parts[axis]));
   const x = spaced(xVariable.minimum, xVariable.maximum, count);
   const y = spaced(yVariable.minimum, yVariable.maximum, count);
   const inputs = [...state.inputs];

@@ -150,8 +150,8 @@ function paintZero(context, corners, [a, b, c, d]) {
   }
 }
 
-/** Draw the surface as seen from `view`; `point` holds the present x, y and output. */
-function paintSolid(canvas, response, scale, view, point) {
+/** Draw the surface as seen from `view`; each point holds an x, a y and an output: the present one, one pointed at. */
+function paintSolid(canvas, response, scale, view, points) {
   const { context, width, height } = sharpContext(canvas);
   const colours = themeColours();
   const scales = boxScales(response);
@@ -159,9 +159,12 @@ function paintSolid(canvas, response, scale, view, point) {
   paintBox(context, response, scales, projected, colours);
   paintSurface(context, response, cellsByDepth(response, scales, projected), scale);
   labelBox(context, response, scales, projected, colours);
-  const [x, y] = [scales.x(point[0]), scales.y(point[1])];
-  const top = projected.screen(x, y, scales.z(Math.min(Math.max(point[2], response.low), response.high)));
-  paintMark(context, ...top, colours);
+  for (const point of points) {
+    const [x, y] = [scales.x(point[0]), scales.y(point[1])];
+    if (Math.max(Math.abs(x), Math.abs(y)) > 1 + 1e-9) continue;
+    const top = projected.screen(x, y, scales.z(Math.min(Math.max(point[2], response.low), response.high)));
+    paintMark(context, ...top, colours);
+  }
 }
 
 /** Let a mouse, a finger or the arrow keys turn a view; `changed` draws it again. */

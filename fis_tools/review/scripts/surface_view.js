@@ -7,7 +7,10 @@ function surfaceView(element, state, scale, id) {
   const view = { ...FIRST_VIEW };
   const about = `Surface of ${system.name} in space; the arrow keys turn it, Home turns it back`;
   const solid = make("canvas", { class: "solid", tabindex: "0", role: "img", "aria-label": about });
-  const map = make("canvas", { class: "map", role: "img", "aria-label": `Heat map of ${system.name} with contours` });
+  const words = `Heat map of ${system.name} with contours; + and − zoom, 0 shows all`;
+  const map = make("canvas", { class: "map", tabindex: "0", role: "img", "aria-label": words });
+  const parts = [new Part(), new Part()];
+  let pointed = null;
   const range = make("p", { class: "note" });
   let response = null;
   let shape = "";
@@ -16,10 +19,10 @@ function surfaceView(element, state, scale, id) {
   const evaluated = () => {
     const { x, y, output } = shownAs;
     const others = state.inputs.filter((_, i) => i !== x && i !== y);
-    const wanted = [x, y, output, ...others].join();
+    const wanted = [x, y, output, ...others, ...parts.flatMap(({ low, high }) => [low, high])].join();
     if (wanted !== shape) {
       shape = wanted;
-      response = responseOver(state, x, y, output);
+      response = responseOver(state, x, y, output, parts);
       range.textContent = rangeWords(response, heldWords(state, x, y));
     }
     return response;
@@ -27,7 +30,10 @@ function surfaceView(element, state, scale, id) {
   const point = () => [state.inference.clipped[shownAs.x], state.inference.clipped[shownAs.y]];
   const value = () => state.inference.outputs[shownAs.output].value;
   const paintMap = keepDrawn(map, () => paintHeatMap(map, evaluated(), scale, point()));
-  const turned = keepDrawn(solid, () => paintSolid(solid, evaluated(), scale, view, [...point(), value()]));
+  const turned = keepDrawn(solid, () => {
+    const points = [[...point(), value()], ...(pointed ? [pointed] : [])];
+    paintSolid(solid, evaluated(), scale, view, points);
+  });
   const update = () => {
     paintMap();
     turned();
@@ -43,8 +49,32 @@ function surfaceView(element, state, scale, id) {
     update();
   });
   makeTurnable(solid, view, turned);
+  /** The inputs under a pointer on the map, the others as they are. */
+  const inputsAt = (event) => {
+    const at = pointOnMap(map, evaluated(), event);
+    return at && state.inputs.with(shownAs.x, at[0]).with(shownAs.y, at[1]);
+  };
+  const pointAt = (inputs) => {
+    pointed = inputs && [inputs[shownAs.x], inputs[shownAs.y], evaluate(system, inputs, shownAs.output)];
+    turned();
+    return pointed;
+  };
+  const describe = (event) => {
+    const inputs = inputsAt(event);
+    if (inputs && event.buttons === 1) state.setInputs(inputs);
+    const found = pointAt(inputs);
+    if (!found) return null;
+    const variables = [system.inputs[shownAs.x], system.inputs[shownAs.y], system.outputs[shownAs.output]];
+    return variables.map((variable, i) => `${variable.name} = ${quantity(found[i], variable, 3)}`).join(", ");
+  };
+  tellUnder(map, describe, () => pointAt(null));
+  map.addEventListener("pointerdown", (event) => {
+    const inputs = inputsAt(event);
+    if (inputs) state.setInputs(inputs);
+  });
+  const zooming = makeZoomable(map, parts, (event) => placeOnMap(map, event), update, `the surface of ${system.name}`);
   const pictures = make("div", { class: "surfaces" }, solid, map);
-  element.append(make("div", { class: "controls" }, ...axes, held), pictures, range);
+  element.append(make("div", { class: "controls" }, ...axes, zooming, held), pictures, range);
   holdOthers();
   state.follow(update);
 }
@@ -93,22 +123,39 @@ function curveView(element, state) {
   const { system } = state;
   const [variable] = system.inputs;
   system.outputs.forEach((shownOutput, output) => {
-    const xs = spaced(variable.minimum, variable.maximum, 201);
-    const ys = xs.map((x) => evaluate(system, [x], output));
+    const part = new Part();
     const about = `${shownOutput.name} over ${variable.name}`;
-    const canvas = make("canvas", { class: "response", role: "img", "aria-label": about });
-    element.append(canvas);
-    state.follow(keepDrawn(canvas, () => paintCurve(canvas, variable, shownOutput, xs, ys, state, output)));
+    const canvas = make("canvas", { class: "response", tabindex: "0", role: "img", "aria-label": about });
+    const paint = keepDrawn(canvas, () => paintCurve(canvas, partOf(variable, part), shownOutput, state, output));
+    const place = ({ offsetX }) => (offsetX - CURVE.left) / (canvas.clientWidth - CURVE.left - CURVE.right);
+    const inputAt = (event) => {
+      const [low, high] = part.of(variable.minimum, variable.maximum);
+      return low + Math.min(Math.max(place(event), 0), 1) * (high - low);
+    };
+    tellUnder(canvas, (event) => {
+      const x = inputAt(event);
+      if (event.buttons === 1) state.setInputs([x]);
+      const y = evaluate(system, [x], output);
+      return `${variable.name} = ${quantity(x, variable, 3)}, ${shownOutput.name} = ${quantity(y, shownOutput, 3)}`;
+    });
+    canvas.addEventListener("pointerdown", (event) => state.setInputs([inputAt(event)]));
+    const zooming = makeZoomable(canvas, [part], (event) => [place(event)], paint, about);
+    element.append(make("div", { class: "controls" }, zooming), canvas);
+    state.follow(paint);
   });
 }
 
-function paintCurve(canvas, variable, output, xs, ys, state, place) {
+const CURVE = { left: 58, right: 12 };
+
+function paintCurve(canvas, variable, output, state, place) {
+  const xs = spaced(variable.minimum, variable.maximum, 201);
+  const ys = xs.map((x) => evaluate(state.system, [x], place));
   const { context, width, height } = sharpContext(canvas);
   const colours = themeColours();
   const [low, high] = extremes(ys);
   const margin = (high - low || Math.abs(high) || 1) * 0.06;
   const along = { ...output, minimum: low - margin, maximum: high + margin };
-  const frame = { left: 58, top: 10, width: width - 70, height: height - 54 };
+  const frame = { left: CURVE.left, top: 10, width: width - CURVE.left - CURVE.right, height: height - 54 };
   const { x, y } = paintMapAxes(context, { xVariable: variable, yVariable: along }, frame, colours);
   context.strokeStyle = colours.accent;
   context.lineWidth = 2;

@@ -19,6 +19,8 @@ Integers = NDArray[np.int64]
 #: inspection points that are looked at together
 POINTS = 8
 
+#: columns of a track: position, or position, velocity, delta-v spent and points not yet inspected
+NUM_PLACED, NUM_TRACKED = 3, 8
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
 SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8

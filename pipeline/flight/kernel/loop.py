@@ -9,6 +9,7 @@ Single letters follow the equations: r, v position and velocity (Hill), q attitu
 """
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from pipeline.flight.kernel.arrays import (
     MAX_DISTANCE,
     MEAN_DISTANCE,
     MIN_DISTANCE,
+    NUM_TRACKED,
     OUTSIDE,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
@@ -39,7 +41,7 @@ from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
-from pipeline.flight.log import FlightLog
+from pipeline.flight.log import REHEARSED, FlightLog
 from pipeline.flight.signals import (
     ANGLES,
     APPROACH,
@@ -71,6 +73,25 @@ def move(world: World, work: Workspace) -> None:
     ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
     write_three(lanes.position, 0, px, py, pz)
     write_three(lanes.velocity, 0, ux, uy, uz)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def open_with(
+    world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
+) -> None:
+    """Replace what was inferred at the start by forces given for each start, Hill axes."""
+    limit = world.max_force
+    for lane in range(num_lanes):
+        for axis in range(3):
+            force = openings[first + lane, axis]
+            work.lanes.asked[axis, lane] = force
+            work.lanes.force[axis, lane] = min(max(force, -limit), limit)
+    if len(log.position_m) > 0:
+        log.is_decided[0] = False
+        log.fis_input[0], log.fis_output_n[0] = 0.0, 0.0
+        for axis in range(3):
+            log.force_asked_n[0, axis] = openings[first, axis]
+            log.reason[0, axis] = REHEARSED
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -146,17 +167,31 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
         row[SAFETY_DELTA_V] = lanes.corrected[lane]
 
 
+@compiled(error_model="numpy", inline="always")
+def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+    """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
+    for component in range(3):
+        row[component] = lanes.position[component, lane]
+    if len(row) == NUM_TRACKED:
+        for component in range(3):
+            row[3 + component] = lanes.velocity[component, lane]
+        row[6] = lanes.spent[lane]
+        row[7] = lanes.num_unseen[lane]
+
+
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
 def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world: World,
     guard: Guard | None,
     clusters: bool | None,
+    pushes: bool | None,
     law: Law,
     values: Floats,
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats | None,
     first: int,
     num_lanes: int,
     work: Workspace,
@@ -170,14 +205,15 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     Parameters
     ----------
     world, law : what is flown
-    guard, clusters : as in `fly_many`
+    guard, clusters, pushes : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     starts : (m, 6) position (m) and velocity (m/s), Hill axes
     sun_angles : (m,) rad, at k = 0
+    openings : (m, 3) forces of the first control period, N, Hill axes; None where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
-    tracks : (n, K+1, 3) float32, filled with positions from row `flight` on, unless it is empty
+    tracks : (n, K+1, NUM_PLACED or NUM_TRACKED) float32, filled from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
@@ -207,16 +243,17 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
             sense_urgency(world, law, values, work, num_lanes, k, is_logged)
-        if decides and law.needs & SETTING:
+        if pushes is not None and decides:
             sense_push(world, law, values, work, num_lanes, k, is_logged)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
-            for component in range(3):
-                tracks[flight + lane, k, component] = lanes.position[component, lane]
+            write_track(lanes, lane, tracks[flight + lane, k])
         if is_logged:
             write_sample(world, work, log, k, sun_angles[first])
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
+        if openings is not None and k == 0:
+            open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
@@ -236,11 +273,13 @@ def fly_many(
     world: World,
     guard: Guard | None,
     clusters: bool | None,
+    pushes: bool | None,
     law: Law,
     values: Floats,
     rules: Integers,
     starts: Floats,
     sun_angles: Floats,
+    openings: Floats | None,
     work: Workspace,
     log: FlightLog,
     tracks: NDArray[np.float32],
@@ -250,23 +289,14 @@ def fly_many(
 ) -> None:
     """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
 
-    Without the safety layer `guard` is None, without guidance by clusters `clusters`: numba leaves out what
+    Without the safety layer `guard` is None, without guidance by clusters `clusters`, where no controller
+    senses a push that shows what sets `pushes`, and without rehearsal `openings`: numba leaves out what
     depends on them, and nobody waits for the compilation of what is not flown.
     """
-    world, guard, law, work, log = (
-        borrowed(world),
-        borrowed(guard),
-        borrowed(law),
-        borrowed(work),
-        borrowed(log),
-    )
-    values, rules, starts, sun_angles = (
-        borrowed(values),
-        borrowed(rules),
-        borrowed(starts),
-        borrowed(sun_angles),
-    )
-    tracks, outcomes = borrowed(tracks), borrowed(outcomes)
+    # not what may be None: what is left out then hangs on the argument itself
+    world, law, values, rules = borrowed((world, law, values, rules))
+    starts, sun_angles = borrowed((starts, sun_angles))
+    work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))
     num_starts = len(starts)
     flight = first
     while flight < last:
@@ -276,11 +306,13 @@ def fly_many(
             world,
             guard,
             clusters,
+            pushes,
             law,
             values[row],
             rules[row],
             starts,
             sun_angles,
+            openings,
             start,
             num_lanes,
             work,

@@ -41,7 +41,6 @@ from pipeline.flight.kernel.lanes import three
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
 from pipeline.physics.motion import (
     Motion,
-    Stop,
     drift,
     drifted_place,
     joined,
@@ -353,11 +352,10 @@ def guard_of(mission: "Mission") -> Guard:
     """Turn the safety settings of a mission into the numbers that `assure` reads."""
     safety = mission.safety
     period = mission.control_period_s
-    if safety.kind == "none":
-        nothing = motion_over(mission.orbit, mission.deputy, ())
-        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, Stop(np.zeros((3, 6))), nothing, 0, 0)
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     stop = stop_of(motion)
+    if safety.kind == "none":
+        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, stop, motion, 0, 0)
     num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
     now = motion_over(mission.orbit, mission.deputy, (0.0,))
     drifts = [(j + 1) * period for j in range(max(num_drifts))]

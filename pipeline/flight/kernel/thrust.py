@@ -22,6 +22,7 @@ from pipeline.flight.log import (
     DEAD_BAND,
     FIRED,
     LEAST_CHANGE_N,
+    REHEARSED,
     SAFETY,
     SILENT,
     WAITING,
@@ -148,7 +149,9 @@ def write_reasons(
         is_changed[row] = abs(log.safety_force_hill_n[k, row]) > LEAST_CHANGE_N
     for row in range(3):
         reason = FIRED
-        if is_complete and not law.has_plan:
+        if log.reason[k, row] == REHEARSED:
+            reason = REHEARSED
+        elif is_complete and not law.has_plan:
             reason = COMPLETE
         elif not law.has_plan and not is_decision(law, k):
             reason = WAITING

@@ -14,7 +14,7 @@ from fis_tools.engines import interpreter
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
-from pipeline.flight.log import FlightLog, Scenario, empty_log
+from pipeline.flight.log import REHEARSED, FlightLog, Scenario, empty_log
 from pipeline.flight.reference import thrust
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
 from pipeline.flight.reference.guidance import (
@@ -201,6 +201,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     channels: Channels,
     infer: Infer,
     choose_target: ChooseTarget | None = None,
+    opening_h: Floats | None = None,
 ) -> FlightLog:
     """Fly once.
 
@@ -217,6 +218,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         may be unused: `inference_of` its systems, or any other engine.
     choose_target : callable, optional
         By default the one of the mission, `guidance_of`.
+    opening_h : array, shape (3,), optional
+        Fired in the first control period in place of what the rules decide, N, Hill axes.
     """
     world, safety = world_of(mission), safety_world_of(mission)
     num_points = len(world.points_c)
@@ -287,7 +290,9 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 log.foreseen[k] = foreseen
                 coasts = thrust.is_coasting_enough(channels, world, foreseen)
         resting = None if has_plan else thrust.rest(is_complete, decides, coasts)
-        if has_plan:
+        if k == 0 and opening_h is not None:
+            asked, resting = opening_h, REHEARSED
+        elif has_plan:
             asked = channels.plan_h[k]
         elif resting is None:
             time = k * world.control_period
@@ -326,7 +331,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 log.fis_input[k, f] = inputs
                 log.fis_output_n[k, f] = infer(f, inputs)
                 asked[channels.axes[f]] += log.fis_output_n[k, f]
-        commanded = asked if has_plan else thrust.beyond_dead_bands(channels, asked)
+        is_given = has_plan or resting == REHEARSED
+        commanded = asked if is_given else thrust.beyond_dead_bands(channels, asked)
         wanted_h = commanded if has_plan else thrust.in_hill_axes(channels, commanded, dcm)
         force_h = clipped(wanted_h, world.max_force)
         if safety.is_on:

@@ -44,6 +44,7 @@ class Control(_message.Message):
         COMPLETE: _ClassVar[Control.Reason]
         CLIPPED: _ClassVar[Control.Reason]
         SAFETY: _ClassVar[Control.Reason]
+        REHEARSED: _ClassVar[Control.Reason]
     UNKNOWN: Control.Reason
     FIRED: Control.Reason
     SILENT: Control.Reason
@@ -53,6 +54,7 @@ class Control(_message.Message):
     COMPLETE: Control.Reason
     CLIPPED: Control.Reason
     SAFETY: Control.Reason
+    REHEARSED: Control.Reason
     FORCE_BODY_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_HILL_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_ASKED_N_FIELD_NUMBER: _ClassVar[int]
@@ -82,14 +84,16 @@ class Guidance(_message.Message):
     def __init__(self, num_candidates: _Optional[int] = ..., target_direction: _Optional[_Iterable[float]] = ..., lambda_u_rad: _Optional[float] = ..., eta_u_rad: _Optional[float] = ...) -> None: ...
 
 class FisActivation(_message.Message):
-    __slots__ = ("inputs", "firing_strengths", "output_n")
+    __slots__ = ("inputs", "firing_strengths", "output_n", "shares_n")
     INPUTS_FIELD_NUMBER: _ClassVar[int]
     FIRING_STRENGTHS_FIELD_NUMBER: _ClassVar[int]
     OUTPUT_N_FIELD_NUMBER: _ClassVar[int]
+    SHARES_N_FIELD_NUMBER: _ClassVar[int]
     inputs: _containers.RepeatedScalarFieldContainer[float]
     firing_strengths: _containers.RepeatedScalarFieldContainer[float]
     output_n: float
-    def __init__(self, inputs: _Optional[_Iterable[float]] = ..., firing_strengths: _Optional[_Iterable[float]] = ..., output_n: _Optional[float] = ...) -> None: ...
+    shares_n: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, inputs: _Optional[_Iterable[float]] = ..., firing_strengths: _Optional[_Iterable[float]] = ..., output_n: _Optional[float] = ..., shares_n: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class MissionStatus(_message.Message):
     __slots__ = ("sun_angle_rad", "distance_m", "inspected_count", "inspection_rate_percent", "delta_v_m_s", "inspected_mask")

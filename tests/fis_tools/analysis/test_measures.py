@@ -1,5 +1,7 @@
 """Indices against closed forms and counts by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from fis_tools.analysis.measures import (
     integrity,
     measure,
     nauck,
-    rule_meaning,
+    rule_consistency,
 )
 from fis_tools.engines.inference import firing_strengths
 from fis_tools.model import (
@@ -130,6 +132,35 @@ def test_a_centre_that_moves_by_half_the_spacing_keeps_nothing() -> None:
         integrity(Variable("x", "", 0.0, 8.0, terms[:1]))
 
 
+def test_terms_are_compared_with_those_before_tuning() -> None:
+    """Untuned Gaussians are 1 against themselves; one of twice the width has twice the area."""
+    terms = tuple(Term(name, Gaussian(mean, 2.0)) for name, mean in (("a", 0.0), ("b", 40.0), ("c", 100.0)))
+    before = Variable("x", "", -50.0, 150.0, terms, 4001)
+    assert integrity(before, before).gm3m == 1.0
+    assert integrity(before).gm3m < 0.5
+    tuned = replace(before, terms=(terms[0], Term("b", Gaussian(46.0, 4.0)), terms[2]))
+    found = integrity(tuned, before)
+    # up by 6 of half the way of 60 to the next
+    np.testing.assert_allclose(found.displacement, [1.0, 0.8, 1.0], atol=1e-12)
+    np.testing.assert_allclose(found.area, [1.0, 0.5, 1.0], atol=1e-9)
+    assert found.gm3m == pytest.approx((0.8 * 0.5) ** (1 / 3))
+    wider = replace(
+        before,
+        minimum=-100.0,
+        maximum=300.0,
+        terms=tuple(Term(t.name, Gaussian(2 * t.membership.mean, 4.0)) for t in terms),
+    )
+    assert integrity(wider, before).gm3m == pytest.approx(1.0)
+
+
+def test_symmetry_is_against_that_of_the_reference() -> None:
+    ends = (Term("a", Triangular(0.0, 0.0, 1.0)), Term("c", Triangular(3.0, 4.0, 4.0)))
+    leaning = Variable("x", "", 0.0, 4.0, (ends[0], Term("b", Triangular(1.0, 2.0, 4.0)), ends[1]), 401)
+    upright = replace(leaning, terms=(ends[0], Term("b", Triangular(0.5, 2.0, 3.5)), ends[1]))
+    assert integrity(leaning, leaning).symmetry[1] == pytest.approx(1.0)
+    assert integrity(upright, leaning).symmetry[1] == pytest.approx(0.5)
+
+
 def test_centres_and_half_widths_of_every_shape() -> None:
     points = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
     sampled = Term("t", Sampled((0.0, 0.8, 0.8, 0.6, 0.2, 0.0)))
@@ -206,7 +237,7 @@ def test_rules_of_even_triangles_are_fully_meant() -> None:
     y = Variable("y", "", 0.0, 8.0, even_terms(THREE, 0.0, 8.0))
     output = Variable("z", "", 0.0, 1.0, even_terms(THREE, 0.0, 1.0), default=0.0)
     system = FuzzySystem("s", (x, y), (output,), table_rules((x, y), output, list(THREE) * 3))
-    found = rule_meaning(system)
+    found = rule_consistency(system)
     np.testing.assert_allclose(found.values, 1.0, atol=1e-9)
     np.testing.assert_allclose(found.points[5], [0.5, 8.0])
     # half a triangle from 1/2 to 1, the centre of which lies a third of the way from its higher end
@@ -238,7 +269,7 @@ def test_a_rule_that_is_outvoted_means_little() -> None:
         Rule(Not(Is("x", "high")), (Consequent("z", "high"),)),
         Rule(Is("x", "high"), (Consequent("z", "medium"),)),
     )
-    found = rule_meaning(FuzzySystem("s", (x,), (output,), rules))
+    found = rule_consistency(FuzzySystem("s", (x,), (output,), rules))
     np.testing.assert_allclose(found.values, [0.0, 0.0, 1.0], atol=1e-9)
     np.testing.assert_allclose(found.outputs[:, 0], 0.5, atol=1e-12)
     np.testing.assert_allclose(found.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)
@@ -250,4 +281,4 @@ def test_all_measures_of_a_system_with_everything() -> None:
     assert set(found.integrity) == {"temperature", "heat"}
     assert 0.0 <= found.gm3m <= min(each.gm3m for each in found.integrity.values())
     # rule 1 says nothing wrong of both outputs
-    assert found.rule_meaning.alone.shape == (2, 2)
+    assert found.rule_consistency.alone.shape == (2, 2)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.__main__ import main
+from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
 from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
@@ -340,3 +341,22 @@ def test_it_runs_as_a_module_and_into_a_closed_pipe(controller_path: Path) -> No
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+def test_domain_tells_when_flights_left_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
+    sensed = inputs_along([flight])
+    boxes = [box_of(system, sensed[system.name]) for system in paper_like_controller().systems]
+    path = tmp_path / "domain.json"
+    path.write_text(json.dumps(as_mapping(boxes)), encoding="utf-8")
+    assert run(capsys, "domain", path, flight) == (0, f"{flight}: stayed inside\n", "")
+    first = boxes[0]
+    smaller = replace(first, high=(0.5 * (first.low[0] + first.high[0]), *first.high[1:]))
+    path.write_text(json.dumps(as_mapping([smaller, *boxes[1:]])), encoding="utf-8")
+    status, told, _ = run(capsys, "domain", path, flight)
+    assert status == 1
+    assert f"{first.system} senses {first.inputs[0]} = {first.high[0]:.6g}" in told
+    path.write_text(json.dumps(as_mapping(boxes[1:])), encoding="utf-8")
+    status, _, mistake = run(capsys, "domain", path, flight)
+    assert status == 2
+    assert "which the domain does not have" in mistake

@@ -216,6 +216,22 @@ def test_an_uneven_partition_and_many_terms() -> None:
     assert the_one(FuzzySystem("many", (many,), (TORQUE,), rules), "many-terms").evidence["terms"] == 12
 
 
+def test_terms_are_compared_with_a_reference() -> None:
+    system = with_terms(controller_of(), "rate", NS=Triangular(-2.0, -1.9, 0.0))
+    reference = FuzzyController("untuned", (controller_of(),))
+    found = audit(system, reference=reference)
+    assert found.systems[0].measures.reference == "those of untuned"
+    sentence = next(finding.sentence for finding in found.findings if finding.id == "uneven-partition")
+    assert "far from those of untuned" in sentence
+    assert "how near the terms are to those of untuned" in " ".join(repr(found).split())
+    assert audit(controller_of(), reference=reference).systems[0].measures.gm3m == 1.0
+    with pytest.raises(ValueError, match="the reference has no system"):
+        audit(replace(system, name="other"), reference=reference)
+    other = replace(system, inputs=(replace(system.inputs[0], name="speed"), system.inputs[1]))
+    with pytest.raises(ValueError, match="no variable 'error'"):
+        audit(system, reference=FuzzyController("other", (other,)))
+
+
 def test_rules_said_twice() -> None:
     system = controller_of()
     again = And((Is("rate", "NL"), Is("error", "NL")))
@@ -297,7 +313,7 @@ def test_a_surface_that_turns_back() -> None:
 
 def test_rules_that_are_outvoted() -> None:
     wide = {name: Trapezoidal(-2.0, -2.0, 2.0, 2.0) for name in ("NL", "PL")}
-    finding = the_one(with_terms(controller_of(), "rate", **wide), "rule-meaning")
+    finding = the_one(with_terms(controller_of(), "rate", **wide), "rule-consistency")
     assert 13 in finding.rules or 3 in finding.rules
     assert "the rule alone would give" in finding.sentence
 
@@ -406,7 +422,7 @@ def test_an_audit_is_told_as_text_and_as_data() -> None:
     assert all(len(line) <= 90 for line in told.splitlines())
     assert "error has a gap" in told
     data = json.loads(json.dumps(report.plain(result), allow_nan=False))
-    assert (data["schema"], data["schema_version"]) == ("fuzzy-audit", 1)
+    assert (data["schema"], data["schema_version"]) == ("fuzzy-audit", 2)
     assert sum(data["summary"].values()) == len(data["findings"])
     severities = [Severity[finding["severity"].upper()] for finding in data["findings"]]
     assert severities == sorted(severities, reverse=True)

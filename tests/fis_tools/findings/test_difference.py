@@ -311,9 +311,9 @@ class _Tags(HTMLParser):
         self.loading += [
             f"{name}={value}"
             for name, value in attrs
-            if name in {"src", "href"} and not str(value).startswith("data:image/png;base64,")
+            if name in {"src", "srcset", "href"} and not str(value).startswith("data:image/png;base64,")
         ]
-        if tag not in {"meta", "br", "img"}:
+        if tag not in {"meta", "br", "img", "source"}:
             self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:

@@ -171,20 +171,20 @@ def test_a_rule_moved_what_scikit_fuzzy_loses_without_it(system: FuzzySystem) ->
     for start in spread_inputs(system, 3):
         told = explain(system, start).outputs[0]
         assert told.value == pytest.approx(whole.compute(start)[0], abs=1e-13)
-        sizes = [abs(move.moved) for move in told.moves]
+        sizes = [abs(move.share) for move in told.moves]
         assert sizes == sorted(sizes, reverse=True)
         for move in told.moves[:3]:
             rules = system.rules[: move.rule - 1] + system.rules[move.rule :]
             without = ReferenceEngine(replace(system, rules=rules)).compute(start)[0]
-            assert move.moved == pytest.approx(told.value - without, abs=1e-12)
+            assert move.needed == pytest.approx(told.value - without, abs=1e-12)
 
 
 def test_a_control_system_is_explained_as_it_is() -> None:
     system = force_x_system()
     own, given = explain(system, [80.0, 0.05]), explain(build_control_system(system), [80.0, 0.05])
-    assert [move.moved for move in given.outputs[0].moves] == pytest.approx(
-        [move.moved for move in own.outputs[0].moves]
-    )
+    for field in ("share", "needed"):
+        values = [[getattr(move, field) for move in told.outputs[0].moves] for told in (own, given)]
+        assert values[1] == pytest.approx(values[0])
 
 
 def test_an_explanation_leads_with_what_matters() -> None:
@@ -193,11 +193,11 @@ def test_an_explanation_leads_with_what_matters() -> None:
     assert lines[0] == "force_x at distance = 80 m, velocity_body_x = 0.05 m/s"
     assert lines[2].startswith("force_x = ")
     strongest = told.outputs[0].moves[0]
-    assert f"{strongest.rule}. If distance is" in lines[3]
-    assert "more rules fire, but each" in told.text()
+    assert f"{strongest.rule}. If distance is" in lines[lines.index("", 3) + 1]
+    assert "more rules fire, each with" in told.text()
     assert len(told.text(everything=True).splitlines()) > len(lines) + 5
     assert isinstance(told, Explanation)
-    assert "| moved | strength | rule |" in told._repr_markdown_()
+    assert "| share | needed | strength | rule |" in told._repr_markdown_()
 
 
 def test_an_explanation_is_plain_json() -> None:
@@ -209,15 +209,30 @@ def test_an_explanation_is_plain_json() -> None:
     assert output["flips"][1]["change"] is None
 
 
+def test_rules_that_agree_say_so_together() -> None:
+    system = ramp()
+    told = explain(replace(system, rules=(*system.rules, *system.rules[:1] * 2)), [0.2])
+    value = ramp_output(0.2)
+    (left, right) = told.conclusions(told.outputs[0])
+    shares_of = {move.rule: move.share for move in told.outputs[0].moves}
+    assert shares_of[1] == shares_of[3] == shares_of[4]
+    assert sum(shares_of.values()) == pytest.approx(value - 0.5, abs=1e-12)
+    whole = 3 * shares_of[1]
+    assert left == f"left, {whole / (value - 0.5):.2f} ({whole:.4g} N): rules 1, 3 and 4 say so together"
+    assert right.endswith(f"(+{shares_of[2]:.4g} N): rule 2 says so")
+    assert all(move.needed == 0 for move in told.outputs[0].moves if move.rule != 2)
+
+
 def test_shares_by_hand() -> None:
-    """Leave-one-out moves of the ramp at 0, 1/2 and 1: -7/2, -3, 0 and 0, 3, 5/2."""
+    """The ramp at 0, 1/2 and 1: shares -7/2, -13/4, 0 and 0, 11/4, 5/2; needed -7/2, -3, 0 and 0, 3, 5/2."""
     found = shares(ramp(), np.array([[0.0], [0.5], [1.0]]))
     assert [rule.number for rule in found.rules] == [1, 2]
-    assert [rule.share for rule in found.rules] == pytest.approx([6.5 / 12, 5.5 / 12], abs=1e-14)
-    assert [rule.moved[0] for rule in found.rules] == pytest.approx([6.5 / 3, 5.5 / 3], abs=1e-14)
+    assert [rule.share for rule in found.rules] == pytest.approx([6.75 / 12, 5.25 / 12], abs=1e-14)
+    assert [rule.moved[0] for rule in found.rules] == pytest.approx([6.75 / 3, 5.25 / 3], abs=1e-14)
+    assert [rule.needed[0] for rule in found.rules] == pytest.approx([6.5 / 3, 5.5 / 3], abs=1e-14)
     assert [rule.fired for rule in found.rules] == pytest.approx([2 / 3, 2 / 3])
     assert [rule.leading for rule in found.rules] == pytest.approx([2 / 3, 2 / 3])
-    assert found.text().startswith("ramp over 3 inferences: rule 1 decides most, with 54 % of all")
+    assert found.text().startswith("ramp over 3 inferences: rule 1 decides most, with 56 % of all")
     assert "1. If x is low then y is left" in found._repr_markdown_()
 
 
@@ -252,6 +267,6 @@ def test_what_cannot_be_explained_says_why(inputs: object, value: float, sentenc
 def test_what_is_lost_in_rounding_is_told_as_nothing() -> None:
     system = load(Path("conf/controller/paper_champion.yaml")).systems[0]
     told = explain(system, [200.0, 0.05])
-    left = told.outputs[0].moves[2]
-    assert 0.0 < abs(left.moved) < 1e-9
-    assert "23 more rules fire, but each could be missing as well" in told.text()
+    assert 0.0 < min(abs(move.needed) for move in told.outputs[0].moves if move.needed) < 1e-9
+    assert "needed 0 N" in told.text()
+    assert "more rules fire, each with no share" in told.text()

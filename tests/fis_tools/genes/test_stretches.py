@@ -53,7 +53,7 @@ def test_whatever_the_genes_every_rule_means_what_it_says() -> None:
     for genome in np.random.default_rng(5).random((20, 5)):
         (system,) = stretches.decode(genome)
         measures = measure(system)
-        assert measures.rule_meaning.index == pytest.approx(1.0, abs=1e-9)
+        assert measures.rule_consistency.index == pytest.approx(1.0, abs=1e-9)
         assert measures.completeness.least == pytest.approx(0.5, abs=0.02)  # rounded, and between two points
         table = rule_table(system).reshape(3, 3)
         assert max(np.abs(np.diff(table, axis=axis)).max() for axis in (0, 1)) <= 2

@@ -1,12 +1,14 @@
 """One browser for all tests; a page that asks for anything, or complains, fails."""
 
+import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.programs import program
+from tests.programs import missing, program
 
 #: no sandbox, no screen, and no word to anybody
 ARGUMENTS = (
@@ -22,6 +24,18 @@ def browser() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=list(ARGUMENTS))
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def axe(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The script of axe-core, which finds what keeps people from using a page."""
+    folder = tmp_path_factory.mktemp("npm") / "axe"
+    shutil.copytree(Path(__file__).parent / "axe", folder)
+    command = [program("npm", "npm"), "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
+    if done.returncode:
+        missing(f"npm cannot install axe-core: {done.stderr.strip()[-500:]}")
+    return (folder / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

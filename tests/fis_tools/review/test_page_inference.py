@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fis_tools.analysis import contribution
+from fis_tools.analysis import arrays, contribution, shapley
 from fis_tools.engines import compiler, inference
 from fis_tools.findings import explanation
 from fis_tools.formats import serialize
@@ -21,6 +21,16 @@ NUM_SAMPLES = 200
 INFER = """([place, rows]) => rows.map((row) => {
   const told = review.infer(review.systems[place], row);
   return { values: told.outputs.map(({ value }) => String(value)), firing: [...told.firing] };
+})"""
+
+
+SHARES = """([place, rows]) => rows.map((row) => {
+  const system = review.systems[place];
+  const inference = review.infer(system, row);
+  return system.outputs.map((_, output) => {
+    const { values, error } = review.shares(system, output, inference, review.quadrature);
+    return { values: [...values], error };
+  });
 })"""
 
 
@@ -75,6 +85,39 @@ def test_contributions_are_those_of_python(opened):
     expected = contribution.contributions(compiler.compile(system), rows)
     assert np.count_nonzero(expected) > 60
     np.testing.assert_allclose(np.array(told).transpose(0, 2, 1), expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("most", [shapley.MOST_COALITIONS, 1], ids=["exact", "sampled"])
+@pytest.mark.parametrize("name", ["everything", "champion", "125 rules", "random"])
+def test_shares_are_those_of_python(opened, monkeypatch, name, most):
+    controller = CONTROLLERS[name]()
+    monkeypatch.setattr(page, "_script", lambda script=page._script: limited(script(), most))
+    browser_page = opened(page.write(controller))
+    monkeypatch.setattr(shapley, "MOST_COALITIONS", most)
+    generator = np.random.default_rng(3)
+    count = 0
+    for place, system in enumerate(controller.systems):
+        rows = inputs_for(system, generator, 4)
+        told = browser_page.evaluate(SHARES, [place, rows.tolist()])
+        expected = shapley.shares(compiler.compile(system), rows)
+        spans = np.array([variable.maximum - variable.minimum for variable in system.outputs])
+        values = np.array([[output["values"] for output in sample] for sample in told]).transpose(0, 2, 1)
+        np.testing.assert_allclose(values / spans, expected.values / spans, rtol=0, atol=1e-9)
+        errors = np.array([[output["error"] for output in sample] for sample in told])
+        np.testing.assert_allclose(errors / spans, expected.error / spans, rtol=0, atol=1e-9)
+        count += np.count_nonzero(expected.values)
+    assert count > 5
+
+
+def limited(script: str, most: int) -> str:
+    return script.replace("MOST_COALITIONS = 4096", f"MOST_COALITIONS = {most}")
+
+
+def test_the_limits_of_the_page_are_those_of_python():
+    told = page._script()
+    for name in ("MOST_COALITIONS", "NUM_ORDERS", "SEED"):
+        assert f"const {name} = {getattr(shapley, name)};" in told
+    assert f"const FIRED = {arrays.FIRED};" in told
 
 
 def test_the_smallest_change_that_turns_the_sign_is_that_of_python(opened):

@@ -13,7 +13,7 @@ from tests.pipeline.command_line.cases import plain_config
 FILES = sorted(conf_folder().rglob("*.yaml"))
 EXPERIMENTS = options([conf_folder()])["experiment"]
 VALUES = [path for path in FILES if path.relative_to(conf_folder()).parts[0] not in ("experiment", "hydra")]
-VALUES = [path for path in VALUES if path.parent.name not in ("controller", "champions")]
+VALUES = [path for path in VALUES if path.parent.name not in ("controller", "champions", "requirements")]
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

@@ -126,8 +126,9 @@ def test_a_constant_that_is_no_length_is_told(text: str) -> None:
 
 
 def test_constants_go_with_the_controller() -> None:
-    expected = [31.0, 0.4, 0.002, 0.004, 0.001, *[0.0] * 6]
-    np.testing.assert_array_equal(constants_of(ORBITAL), expected)
-    np.testing.assert_array_equal(constants_of(LOOKING_AHEAD), [0, 0, 0.001, 0, 0, 800.0, *[0] * 5])
+    np.testing.assert_array_equal(constants_of(ORBITAL)[:6], [31.0, 0.4, 0.002, 0.004, 0.001, 0.0])
+    np.testing.assert_array_equal(constants_of(LOOKING_AHEAD)[:6], [0, 0, 0.001, 0, 0, 800.0])
+    assert not constants_of(ORBITAL)[6:].any()
+    assert not constants_of(LOOKING_AHEAD)[6:].any()
     plain = replace(ORBITAL, fuzzy=FuzzyController("tried", ORBITAL.systems, (("force_axes", "hill"),)))
     np.testing.assert_array_equal(constants_of(plain), 0.0)

@@ -170,7 +170,7 @@ CASES = [
     (
         "stages",
         [],
-        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, compare, report",
+        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, compare, assure, ",
     ),
     ("stages", ["reprt"], "stages has 'reprt'; did you mean report?"),
     ("stages", ["report", "evaluate"], "name each once in the order scenario, train"),

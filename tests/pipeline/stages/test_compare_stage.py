@@ -156,8 +156,8 @@ def test_comparisons_that_cannot_be(setting, message):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("lqrr", r"there is no controller lqrr; did you mean lqr\? The controllers are champion_any_sun, "),
-        ("qqqq", "there is no controller qqqq; the controllers are champion_any_sun, "),
+        ("lqrr", r"there is no controller lqrr; did you mean lqr\? The controllers are aim, champion_"),
+        ("qqqq", "there is no controller qqqq; the controllers are aim, champion_"),
         ("open_loop", "there is no controller open_loop"),
         ("missing.csv", "missing.csv cannot be read"),
     ],

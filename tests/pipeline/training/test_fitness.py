@@ -63,6 +63,14 @@ def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, 
     assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
 
 
+def test_at_most_so_many_metres_outside_are_paid_for() -> None:
+    capped = replace(PENALTY, outside_most_m=2.0)
+    for outside_m, fitness in ((0.0, 0.0), (1.0, 2000.0), (2.0, 3000.0), (40.0, 3000.0)):
+        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, LIMITS_M, 99, 95.0)
+        assert parts["fitness"].tolist() == [fitness]
+        assert parts["outside_m"].tolist() == [outside_m]
+
+
 @pytest.mark.parametrize(
     ("delta_v", "points", "outside_m", "spent", "missed"),
     [

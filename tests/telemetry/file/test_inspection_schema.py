@@ -47,6 +47,7 @@ CONTRACT = {
         ("inputs", DOUBLE, True),
         ("firing_strengths", FLOAT, True),
         ("output_n", DOUBLE, False),
+        ("shares_n", FLOAT, True),
     ],
     "MissionStatus": [
         ("sun_angle_rad", DOUBLE, False),

@@ -158,7 +158,7 @@ def test_a_table_with_samples_missing_is_refused(run: Path) -> None:
 
 def test_a_table_of_something_else_is_refused(tmp_path: Path) -> None:
     synthetic_run.write_table(tmp_path / "x.parquet", {"case": [1], "sample": [0]})
-    with pytest.raises(RecordingError, match="has no column position_x_m, position_y_m, position_z_m"):
+    with pytest.raises(RecordingError, match="has no column position_x_m, position_y_m, position_z_m of"):
         campaign.scene(tmp_path / "x.parquet")
 
 

@@ -69,9 +69,9 @@ def test_words_name_what_was_told_and_the_strongest_rules_first(recording: Recor
     first, second, third, _ = drawing.inference_in_words(recording, drawing.sample_times(recording))
     assert first.splitlines() == [
         "- **f_x = -0.5000 N** · distance 80.000 m · speed 0.250",
-        "  - `1.00` rule 1: if far then pull",
+        "  - rule 1 (1.00): if far then pull",
     ]
-    assert second.index("`0.50` rule 2") < second.index("`0.25` rule 1")
+    assert second.index("rule 2 (0.50)") < second.index("rule 1 (0.25)")
     assert drawing.NO_INFERENCE in third
     assert drawing.NO_INFERENCE not in second
 

@@ -41,7 +41,7 @@ def test_layout_holds_every_view(replay_file: Path) -> None:
         "3D": 2,
         "2D": 1,
         "TimeSeries": 9,
-        "TextDocument": 2,
+        "TextDocument": 3,
         "TextLog": 1,
     }
     titles = [name for _, name in found]
@@ -53,7 +53,7 @@ def test_layout_holds_every_view(replay_file: Path) -> None:
         "Force, Hill axes (N; limit ±1)",
         "Torque, body axes (mN m; limit ±10)",
         "Delta-v (m/s)",
-        "Fuzzy outputs (N)",
+        "Outputs that were fired (N)",
         "Inputs (m)",
         "Inputs (rad)",
         "Inputs (m/s)",
@@ -153,7 +153,7 @@ def test_rules_are_told_in_words_at_each_instant(flight: SyntheticFlight, conten
     assert len(words) == 361
     strongest = int(np.argmax(flight.firing_strengths[0, 50]))
     strength = flight.firing_strengths[0, 50, strongest]
-    assert f"`{strength:.2f}` rule {strongest + 1}: if distance is " in words[50][0]
+    assert f"rule {strongest + 1} ({strength:.2f}): if distance is " in words[50][0]
     assert "No inference" in words[360][0]
 
 

@@ -41,7 +41,7 @@ def ring_of(settings, start, k):
 def test_a_single_burn_is_found_where_it_is_the_least(plans):
     # to change the swing along k, a burn of size d at one time gives d/n in one direction; no sum of
     # several, that point in other directions, gives as much for less
-    plan_for = planner("receding_horizon", height_tolerance_m=1e-7, centre_tolerance_m=1e-3)
+    plan_for = planner("receding_horizon", height_tolerance_m=1e-6, centre_tolerance_m=1e-3)
     length = max(plan_for.horizons)
     horizon = plan_for.horizons[length]
     transition, control = discrete()

@@ -12,6 +12,7 @@ from pipeline.training.evolution.state import Generation
 
 PENALTY = Penalty(
     outside_m_s=100.0,
+    outside_most_m=None,
     short_point_m_s=10.0,
     missed_point_m_s=0.1,
     growth=1.0,

@@ -1,0 +1,198 @@
+"""Every reader of files and settings, what it may raise, and intact samples to damage."""
+
+import contextlib
+import io
+import json
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+import telemetry
+from fis_tools.analysis.condition import read_conditions, read_region
+from fis_tools.formats import serialize
+from fis_tools.model.validate import InvalidSystem
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import read_forces
+from pipeline.run import artifacts, tables
+from pipeline.settings.places import conf_folder
+from pipeline.settings.schema import experiment_from
+from pipeline.training.evolution.checkpoint import CheckpointError, load
+from telemetry.file.recover import recover
+from telemetry.file.summary import in_words, summarize
+from telemetry.scene import runs
+
+#: what may be raised: refusals, in sentences of ours
+REFUSALS: Final = (
+    serialize.ControllerFileError, InvalidSystem, artifacts.ArtifactError, telemetry.RecordingError,
+    CheckpointError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader and what it reads.
+
+    Parameters
+    ----------
+    name : str
+    read : callable
+        Takes the bytes of a file and a folder to put them in.
+    samples : sequence of bytes
+        Intact files.
+    kind : str
+        ``text``, ``tree`` (JSON of plain data), ``table`` (Parquet), ``recording`` or ``bytes``.
+    refusals : tuple of types
+    """
+
+    name: str
+    read: Callable[[bytes, Path], object]
+    samples: Sequence[bytes]
+    kind: str = "text"
+    refusals: tuple[type[Exception], ...] = REFUSALS
+
+
+def _controller(kind: serialize.Kind) -> Callable[[bytes, Path], object]:
+    def read(content: bytes, folder: Path) -> object:
+        path = folder / f"controller.{kind}"
+        path.write_bytes(content)
+        controller = serialize.load(path)
+        return serialize.dump_json(controller), serialize.dump_yaml(controller)
+
+    return read
+
+
+def _settings(content: bytes, _folder: Path) -> object:
+    try:
+        told = json.loads(content)
+    except RecursionError as error:  # of the harness: settings come from Hydra
+        raise ValueError("too deep") from error
+    return replace(experiment_from(told))
+
+
+def _run_folder(content: bytes, folder: Path) -> object:
+    (folder / artifacts.CONFIG).write_bytes(content)
+    (folder / artifacts.MANIFEST).write_bytes(content)
+    for read in (artifacts.read_config, artifacts.read_manifest):
+        try:
+            read(folder)
+        except artifacts.ArtifactError:
+            continue
+    return runs.file_of(folder, "champion")
+
+
+def _forces(content: bytes, folder: Path) -> object:
+    path = folder / "forces.csv"
+    path.write_bytes(content)
+    return read_forces(path, compose_experiment(["+experiment=fly", "duration_s=60"]).experiment.mission)
+
+
+def _recording(content: bytes, folder: Path) -> object:
+    path = folder / "flight.mcap"
+    path.write_bytes(content)
+    (folder / "rescued.mcap").unlink(missing_ok=True)
+    with contextlib.suppress(telemetry.RecordingError):
+        recover(path, folder / "rescued.mcap")
+    recording = telemetry.read(path)
+    return in_words(summarize(recording)), [
+        telemetry.flat_table(recording, name) for name in recording.topics
+    ]
+
+
+def _table(content: bytes, folder: Path) -> object:
+    path = folder / "trajectories.parquet"
+    path.write_bytes(content)
+    with contextlib.suppress(artifacts.ArtifactError):
+        tables.read_parquet(folder, path.name)
+    return runs.read_evaluation(path).distance_m
+
+
+def _checkpoint(content: bytes, folder: Path) -> object:
+    path = folder / "checkpoint.npz"
+    path.write_bytes(content)
+    return load(path, {})
+
+
+def _conditions(content: bytes, _folder: Path) -> object:
+    text = content.decode("utf-8", "replace")
+    system = _champion().systems[0]
+    return read_region(system, text), read_conditions(text, [variable.name for variable in system.inputs])
+
+
+def _champion() -> Any:
+    return serialize.load(conf_folder() / "controller" / "paper_champion.yaml")
+
+
+def _parquet() -> bytes:
+    columns = {"case": np.repeat([0, 1, 2], 4), "sample": np.tile(np.arange(4), 3),
+               **{f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}}  # fmt: skip
+    sink = io.BytesIO()
+    pq.write_table(pa.table(columns), sink)
+    return sink.getvalue()
+
+
+def _saved_checkpoint(folder: Path) -> bytes:
+    from pipeline.training.evolution import evolve_rounds  # noqa: PLC0415 - brings DEAP
+
+    optimizer = compose_experiment(["+experiment=train"]).experiment.optimizer
+    small = replace(optimizer, population_size=6, generations=2)
+    path = folder / "made.npz"
+    evolve_rounds(
+        lambda _index, _champion: lambda genomes: {"fitness": genomes.sum(axis=1)},
+        3,
+        small,
+        1,
+        checkpoint=path,
+    )
+    return path.read_bytes()
+
+
+def _flown(folder: Path) -> bytes:
+    """Record a short flight without any force."""
+    from pipeline.run.runner import run_stages  # noqa: PLC0415 - flies
+
+    run = compose_experiment(["+experiment=fly", "controller=paper_champion", "duration_s=60"])
+    run_stages(run.experiment, run.config, folder / "flown")
+    return (folder / "flown" / "episodes" / "start.mcap").read_bytes()
+
+
+def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
+    """Return the readers of some names, of all unless given, with their samples."""
+    champion = _champion()
+    one = replace(champion, systems=champion.systems[:1])
+    examples = Path(__file__).parents[1] / "docs" / "examples"
+    config = compose_experiment(["+experiment=train"]).config
+    value_errors = (*REFUSALS, ValueError)
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        makers: Mapping[str, Callable[[], Reader]] = {
+            "json": lambda: Reader("json", _controller("json"), [serialize.dump_json(one).encode()], "tree"),
+            "yaml": lambda: Reader("yaml", _controller("yaml"), [serialize.dump_yaml(one).encode()]),
+            "fis": lambda: Reader("fis", _controller("fis"), [(examples / "tipper.fis").read_bytes()]),
+            "fll": lambda: Reader("fll", _controller("fll"), [(examples / "dimmer.fll").read_bytes()]),
+            "fml": lambda: Reader("fml", _controller("fml"), [(examples / "pendulum.fml").read_bytes()]),
+            "settings": lambda: Reader(
+                "settings", _settings, [json.dumps(config).encode()], "tree", value_errors
+            ),
+            "run": lambda: Reader(
+                "run", _run_folder, [json.dumps(config).encode(), b'{"manifest_version": 2}']
+            ),
+            "forces": lambda: Reader(
+                "forces", _forces,
+                [b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"], "text", value_errors,
+            ),
+            "conditions": lambda: Reader(
+                "conditions", _conditions,
+                [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
+                "text", value_errors,
+            ),
+            "table": lambda: Reader("table", _table, [_parquet()], "table"),
+            "checkpoint": lambda: Reader("checkpoint", _checkpoint, [_saved_checkpoint(folder)], "bytes"),
+            "recording": lambda: Reader("recording", _recording, [_flown(folder)], "recording"),
+        }  # fmt: skip
+        return {name: makers[name]() for name in (names or makers)}

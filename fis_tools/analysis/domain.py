@@ -1,0 +1,164 @@
+"""The operational domain of a controller: the inputs that its evaluation met, as a box for each system.
+
+What a controller does at inputs that no evaluated flight sensed is not covered by what was found on those
+flights. A domain says where that begins, and a monitor says when a flight was there.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.model import FuzzySystem
+
+Floats = NDArray[np.float64]
+
+SCHEMA, SCHEMA_VERSION = "operational-domain", 1
+
+
+@dataclass(frozen=True)
+class Box:
+    """The inputs of one system that were met.
+
+    Parameters
+    ----------
+    system : str
+    inputs, units : tuple of str
+    low, high : tuple of float
+        The least and the greatest of each, before they are clipped to the universes.
+    num_samples : int
+        Inferences that it was made from.
+    """
+
+    system: str
+    inputs: tuple[str, ...]
+    units: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    num_samples: int
+
+    def beyond(self, inputs: Floats) -> Floats:
+        """Return by how much of the box's width each input is outside, (n, num_inputs); zero inside."""
+        low, high = np.array(self.low), np.array(self.high)
+        outside = np.maximum(np.maximum(low - inputs, inputs - high), 0.0)
+        width = high - low
+        shares: Floats = outside / np.where(width > 0.0, width, 1.0)
+        return shares
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A time during which an input was outside its box.
+
+    Parameters
+    ----------
+    system, name, unit : str
+        The input.
+    first_s, last_s : float
+        Of the inferences outside.
+    value : float
+        The farthest outside.
+    low, high : float
+        What was met in evaluation.
+    """
+
+    system: str
+    name: str
+    unit: str
+    first_s: float
+    last_s: float
+    value: float
+    low: float
+    high: float
+
+
+def box_of(system: FuzzySystem, inputs: Floats) -> Box:
+    """Return the box of what a system sensed, (n, num_inputs), n at least one."""
+    return Box(
+        system.name,
+        tuple(variable.name for variable in system.inputs),
+        tuple(variable.unit for variable in system.inputs),
+        tuple(inputs.min(axis=0).tolist()),
+        tuple(inputs.max(axis=0).tolist()),
+        len(inputs),
+    )
+
+
+def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...]:
+    """Tell when the inputs of a system left a box: one departure for each stretch of inferences outside.
+
+    Parameters
+    ----------
+    box : Box
+    time_s : (n,)
+    inputs : (n, num_inputs)
+    """
+    beyond = box.beyond(inputs)
+    found = []
+    for place, name in enumerate(box.inputs):
+        is_outside = np.concatenate([[False], beyond[:, place] > 0.0, [False]])
+        edges = np.flatnonzero(np.diff(is_outside.astype(np.int8)))
+        for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            farthest = first + int(np.argmax(beyond[first:end, place]))
+            found.append(
+                Departure(
+                    box.system,
+                    name,
+                    box.units[place],
+                    float(time_s[first]),
+                    float(time_s[end - 1]),
+                    float(inputs[farthest, place]),
+                    box.low[place],
+                    box.high[place],
+                )
+            )
+    return tuple(sorted(found, key=lambda one: (one.first_s, one.system, one.name)))
+
+
+def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
+    """Return a domain as plain data."""
+    systems = [
+        {
+            "system": box.system,
+            "num_samples": box.num_samples,
+            "inputs": [
+                {"name": name, "unit": unit, "low": low, "high": high}
+                for name, unit, low, high in zip(box.inputs, box.units, box.low, box.high, strict=True)
+            ],
+        }
+        for box in boxes
+    ]
+    return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "systems": systems}
+
+
+def from_mapping(told: Any, source: str) -> tuple[Box, ...]:
+    """Read a domain from plain data.
+
+    Raises
+    ------
+    ControllerFileError
+        If it is something else.
+    """
+    try:
+        if (told["schema"], told["schema_version"]) != (SCHEMA, SCHEMA_VERSION):
+            raise KeyError("schema")
+        return tuple(_box(one) for one in told["systems"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ControllerFileError(
+            f"{source} holds no operational domain; give the domain.json that the stage assure writes"
+        ) from error
+
+
+def _box(told: Mapping[str, Any]) -> Box:
+    columns = {key: tuple(one[key] for one in told["inputs"]) for key in ("name", "unit", "low", "high")}
+    return Box(
+        str(told["system"]),
+        tuple(map(str, columns["name"])),
+        tuple(map(str, columns["unit"])),
+        tuple(map(float, columns["low"])),
+        tuple(map(float, columns["high"])),
+        int(told["num_samples"]),
+    )

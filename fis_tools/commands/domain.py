@@ -1,0 +1,69 @@
+"""`domain`: when logged flights left the inputs that an evaluation met."""
+
+import argparse
+import json
+from pathlib import Path
+
+from fis_tools.analysis import flights
+from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
+from fis_tools.formats.error import ControllerFileError
+
+EPILOG = """\
+DOMAIN is a domain.json of `python -m pipeline +experiment=assure`: the least and the greatest of each
+input that the flights of an evaluation met. What a controller does beyond is not covered by them.
+
+The exit status is 0 where all flights stayed inside, 1 where one left, 2 for a mistake.
+
+examples:
+  python -m fis_tools domain outputs/assure/TIME/assure/domain.json episodes/*.mcap
+"""
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    command.add_argument("domain", metavar="DOMAIN", help="an operational domain (.json)")
+    command.add_argument("flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print each departure; return 1 where there is one."""
+    boxes = {box.system: box for box in _read(Path(arguments.domain))}
+    num_left = 0
+    for path in arguments.flights:
+        found = _departures(path, boxes)
+        num_left += bool(found)
+        print(f"{path}: {'stayed inside' if not found else ''}".rstrip())
+        for one in found:
+            print(f"  {_sentence(one)}")
+    return int(num_left > 0)
+
+
+def _read(path: Path) -> tuple[Box, ...]:
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ControllerFileError(f"{path} cannot be read ({error}); give a domain.json") from error
+    return from_mapping(told, str(path))
+
+
+def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
+    """Return when a flight left the boxes of its systems, in order of time."""
+    found: list[Departure] = []
+    for flown in flights.read_flight(path):
+        box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
+        if box is None or box.inputs != inputs:
+            raise ControllerFileError(
+                f"{path} was flown with a system {flown.system.name} of {', '.join(inputs)}, which the "
+                "domain does not have; give flights of the controller that it was made with"
+            )
+        found += departures(box, flown.time_s, flown.inputs)
+    return sorted(found, key=lambda one: one.first_s)
+
+
+def _sentence(one: Departure) -> str:
+    unit = f" {one.unit}" if one.unit else ""
+    when = f"at {one.first_s:g} s" if one.first_s == one.last_s else f"{one.first_s:g} to {one.last_s:g} s"
+    return (
+        f"{when}: {one.system} senses {one.name} = {one.value:.6g}{unit}, outside {one.low:.6g} to "
+        f"{one.high:.6g}{unit}"
+    )

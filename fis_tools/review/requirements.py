@@ -1,0 +1,45 @@
+"""The requirements of an evidence file and what became of them, as rows of the page."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from fis_tools.formats.error import ControllerFileError
+
+SCHEMA = "evidence"
+
+
+def read_evidence(path: Path | str, fingerprint: str) -> list[dict[str, Any]]:
+    """Return a row for each requirement: id, text, how it was verified, verdict and why.
+
+    Raises
+    ------
+    ControllerFileError
+        If the file cannot be read, is no evidence, or is about another controller.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if content["schema"] != SCHEMA:
+            raise ValueError(content["schema"])
+        about = content["controller"]
+        found = [
+            {
+                "id": str(one["id"]),
+                "text": str(one["text"]),
+                "verified_by": ", ".join(one["verified_by"]),
+                "verdict": str(one["verdict"]),
+                "why": str(one["why"]),
+            }
+            for one in content["requirements"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ControllerFileError(
+            f"{path} is no evidence that can be read ({error}); give the evidence.json that "
+            "`python -m pipeline assure RUN` writes"
+        ) from error
+    if about.get("sha256") != fingerprint:
+        raise ControllerFileError(
+            f"{path} is about the controller {about.get('name')!r} with the SHA-256 {about.get('sha256')}, "
+            f"but this one has {fingerprint}; give the evidence of this controller"
+        )
+    return found

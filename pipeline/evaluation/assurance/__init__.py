@@ -1,0 +1,1 @@
+"""Assurance: requirements as formulas, judged over many flights, attacked by search, backed by proofs."""

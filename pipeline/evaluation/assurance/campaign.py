@@ -1,0 +1,99 @@
+"""Many flights and their margins: each requirement's formula, by how much every case fulfils it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.evaluation.assurance.formula import Formula, quantities_of
+from pipeline.evaluation.assurance.quantities import of_tracks
+from pipeline.evaluation.assurance.requirements import Requirement, RequirementError
+from pipeline.evaluation.assurance.robustness import holds, robustness
+from pipeline.flight.controller import Controller
+from pipeline.flight.kernel.arrays import NUM_TRACKED
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.world import inspection_points
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: flights whose tracks are in memory together, 12 kB each an hour
+PART = 1000
+#: flights that are not worth sharing out
+FEW = 64
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How some cases fulfil a formula: the margin of each, (n,), and whether it holds, (n,)."""
+
+    margins: Floats
+    is_met: NDArray[np.bool_]
+
+
+class Flights:
+    """Flights of one controller in one mission, judged by formulas; each part of them is flown once.
+
+    Parameters
+    ----------
+    mission : Mission
+    controller : Controller
+    workers : int, optional
+        Threads; one for each processor unless given.
+    """
+
+    def __init__(self, mission: Mission, controller: Controller, workers: int | None = None) -> None:
+        self._mission, self._controller, self._workers = mission, controller, workers
+        self._num_points = len(inspection_points(mission))
+
+    def judge(self, scenarios: Sequence[Scenario], requirements: Sequence[Requirement]) -> dict[str, Outcome]:
+        """Fly all scenarios; return the outcome of each requirement with a formula, by its id.
+
+        Raises
+        ------
+        RequirementError
+            If a flight of this mission says nothing about a formula.
+        """
+        formulas = {one.id: one.formula for one in requirements if one.formula is not None}
+        parts: list[dict[str, Outcome]] = []
+        for first in range(0, len(scenarios), PART):
+            tracks = self.tracks(list(scenarios[first : first + PART]))
+            parts.append(judged(tracks, self._num_points, formulas, self._mission.control_period_s))
+        return {name: joined([part[name] for part in parts]) for name in formulas}
+
+    def tracks(self, scenarios: list[Scenario]) -> NDArray[np.float32]:
+        """Return the tracks of some flights, (n, K+1, 8), see `pipeline.evaluation.assurance.quantities`."""
+        shape = (len(scenarios), self._mission.num_controls + 1, NUM_TRACKED)
+        tracks = np.empty(shape, dtype=np.float32)
+        # a few fly side by side in one thread: shared out, they would leave its vectors half empty
+        workers = 1 if len(scenarios) < FEW else self._workers
+        fly_all(self._mission, self._controller, scenarios, workers, tracks)
+        return tracks
+
+
+def judged(
+    tracks: NDArray[np.floating], num_points: int, formulas: Mapping[str, Formula], period_s: float
+) -> dict[str, Outcome]:
+    """Return the outcomes of formulas, by name, on flights whose tracks are given, (n, K+1, 8)."""
+    names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
+    quantities = of_tracks(tracks, num_points, names)
+    outcomes = {
+        name: Outcome(robustness(formula, quantities, period_s), holds(formula, quantities, period_s))
+        for name, formula in formulas.items()
+    }
+    for name, outcome in outcomes.items():
+        if not np.all(np.isfinite(outcome.margins)):
+            raise RequirementError(
+                f"{name}: its formula says nothing about a flight of {(tracks.shape[1] - 1) * period_s:g} s; "
+                "let its windows begin before the end of the flight and hold a sample"
+            )
+    return outcomes
+
+
+def joined(parts: Sequence[Outcome]) -> Outcome:
+    """Put outcomes of one formula under one another."""
+    return Outcome(
+        np.concatenate([part.margins for part in parts]), np.concatenate([part.is_met for part in parts])
+    )

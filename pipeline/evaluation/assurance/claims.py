@@ -1,0 +1,115 @@
+"""What numbers of flights show: binomial bounds and order statistics.
+
+A requirement claims that, with some confidence, at least a share of all cases meets it. Hanson and Beard,
+"Applying Monte Carlo Simulation to Launch Vehicle Design and Requirements Analysis", NASA/TP-2010-216447,
+2010, tell how many cases such a claim needs for each failure that is allowed; their consumer's risk is one
+minus the confidence. The bounds are those of Clopper and Pearson, Biometrika 26, 1934, one-sided.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Verdict = Literal["shown", "refuted", "open"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What n cases say about a claim.
+
+    Parameters
+    ----------
+    verdict : str
+        ``shown``: the least share of cases that meets it is at least the one claimed; ``refuted``: the
+        greatest is below; else ``open``.
+    num_cases, num_failed, num_allowed : int
+        Flown; not met; and with how many failures the claim would still be shown (-1: more cases are needed).
+    low, high : float
+        One-sided bounds of the share that meets it, each with the claim's confidence.
+    margin : float, optional
+        With the claim's confidence, at least the claimed share of cases has this margin or more; None where
+        there are too few cases for any.
+    worst_margin, median_margin : float
+    """
+
+    verdict: Verdict
+    num_cases: int
+    num_failed: int
+    num_allowed: int
+    low: float
+    high: float
+    margin: float | None
+    worst_margin: float
+    median_margin: float
+
+
+def share_bounds(num_met: int, num_cases: int, confidence: float) -> tuple[float, float]:
+    """Return the lower and the upper bound of a share, each one-sided, by Clopper and Pearson."""
+    from scipy.special import betaincinv  # noqa: PLC0415 - takes longer to import than a thousand flights take
+
+    num_failed = num_cases - num_met
+    low = betaincinv(num_met, num_failed + 1, 1.0 - confidence) if num_met else 0.0
+    high = betaincinv(num_met + 1, num_failed, confidence) if num_failed else 1.0
+    return float(low), float(high)
+
+
+def cases_needed(probability: float, confidence: float, num_failed: int = 0) -> int:
+    """Return the least number of cases that shows a claim with so many failures.
+
+    Parameters
+    ----------
+    probability, confidence : float
+        Both between 0 and 1.
+    num_failed : int
+    """
+    low, high = num_failed, num_failed + 1
+    while not _shows(high, num_failed, probability, confidence):
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _shows(middle, num_failed, probability, confidence):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def failures_allowed(num_cases: int, probability: float, confidence: float) -> int:
+    """Return with how many failures so many cases show a claim; -1 where not even none is enough."""
+    low, high = -1, num_cases
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _shows(num_cases, middle, probability, confidence):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confidence: float) -> Judgement:
+    """Judge a claim by the margins of its cases, (n,), and whether each meets it, (n,)."""
+    num_cases, num_failed = len(margins), int(np.count_nonzero(~is_met))
+    allowed = failures_allowed(num_cases, probability, confidence)
+    low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
+    ascending = np.sort(margins)
+    return Judgement(
+        verdict="shown" if num_failed <= allowed else "refuted" if high < probability else "open",
+        num_cases=num_cases,
+        num_failed=num_failed,
+        num_allowed=allowed,
+        low=low,
+        high=high,
+        margin=float(ascending[allowed]) if allowed >= 0 else None,
+        worst_margin=float(ascending[0]),
+        median_margin=float(np.median(margins)),
+    )
+
+
+def _shows(num_cases: int, num_failed: int, probability: float, confidence: float) -> bool:
+    """Tell whether so few failures are unlikely enough if the share were just below the one claimed."""
+    from scipy.special import bdtr  # noqa: PLC0415 - as above
+
+    return bool(num_failed < num_cases and bdtr(num_failed, num_cases, 1.0 - probability) <= 1.0 - confidence)

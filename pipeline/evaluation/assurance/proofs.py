@@ -1,0 +1,134 @@
+"""Proofs that requirements refer to: boxes of inputs that bound a system, and the safety layer's own."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.bounds import ask
+from fis_tools.engines.interval import NotBounded
+from fis_tools.model import FuzzySystem
+from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula
+from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import Scenario
+from pipeline.flight.reference.safety import NUM_STANDING, excesses, safety_world_of
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The answer to a question about a system's outputs, with the boxes that prove a no.
+
+    Parameters
+    ----------
+    question : Question
+    system : str
+    verdict : str
+        ``no`` where it is proved that the outputs cannot, ``yes`` where an example shows that they can,
+        ``undecided``, or ``unbounded`` for systems that cannot be bounded.
+    sentence : str
+        The answer in words.
+    inputs : tuple of str
+        The columns of the boxes.
+    low, high : (n, num_inputs)
+        The boxes; none without a proof.
+    """
+
+    question: Question
+    system: str
+    verdict: str
+    sentence: str
+    inputs: tuple[str, ...]
+    low: Floats
+    high: Floats
+
+
+def certificates(requirement: Requirement, controller: Controller) -> tuple[Certificate, ...]:
+    """Answer a requirement's questions about the systems of a controller.
+
+    Raises
+    ------
+    RequirementError
+        If a question cannot be read.
+    """
+    return tuple(
+        _certificate(question, system, requirement.id)
+        for question in requirement.questions
+        for system in controller.systems
+        if _is_about(question, system)
+    )
+
+
+def _is_about(question: Question, system: FuzzySystem) -> bool:
+    words = set(re.findall(r"[A-Za-z_]\w*", question.ask))
+    return any(variable.name in words for variable in system.outputs)
+
+
+def _certificate(question: Question, system: FuzzySystem, name: str) -> Certificate:
+    inputs = tuple(variable.name for variable in system.inputs)
+    none = np.empty((0, len(inputs)))
+    try:
+        answer = ask(system, question.ask, question.where)
+    except NotBounded as error:
+        return Certificate(question, system.name, "unbounded", str(error), inputs, none, none)
+    except ValueError as error:
+        raise RequirementError(f"{name}, its bounds {question.ask!r}: {error}") from error
+    low = none if answer.refuted_low is None else answer.refuted_low
+    high = none if answer.refuted_high is None else answer.refuted_high
+    return Certificate(question, system.name, answer.verdict, answer.sentence, inputs, low, high)
+
+
+@dataclass(frozen=True)
+class SafetyProof:
+    """What must be true for the proof of the safety layer to hold of some flights, and whether it is.
+
+    Parameters
+    ----------
+    is_on : bool
+        Whether the layer flies.
+    keep_out_m, keep_in_m : float
+        The spheres that it keeps the samples between.
+    num_starts, num_safe : int
+        Starts, and how many of them are safe states, from which the induction begins.
+    """
+
+    is_on: bool
+    keep_out_m: float
+    keep_in_m: float
+    num_starts: int
+    num_safe: int
+
+    def proves(self, formula: Formula) -> bool:
+        """Return whether the layer's proof is one of a formula, for these flights at their samples."""
+        return (
+            self.is_on
+            and self.num_safe == self.num_starts
+            and _follows(formula, (self.keep_out_m, self.keep_in_m))
+        )
+
+
+def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
+    """Tell whether a formula holds wherever the distance stays between two; False where that is not seen."""
+    match formula:
+        case And(left, right):
+            return _follows(left, distances_m) and _follows(right, distances_m)
+        case Always(_, Comparison((("distance", factor),), constant)):
+            # linear: what is above zero at both ends is above zero between them
+            return all(factor * distance + constant > 0.0 for distance in distances_m)
+    return False
+
+
+def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
+    """Check the premises of the safety layer's proof for the starts of some flights."""
+    is_on = mission.safety.kind == "filter"
+    num_safe = 0
+    if is_on:
+        world = safety_world_of(mission)
+        states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
+        num_safe = sum(bool(excesses(world, state, NUM_STANDING).max() <= 0.0) for state in states)
+    return SafetyProof(is_on, mission.keep_out_m, mission.keep_in_m, len(scenarios), num_safe)

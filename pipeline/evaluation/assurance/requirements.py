@@ -1,0 +1,172 @@
+"""Requirements as a file tells them: who they are, how each is verified, and with what confidence."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import yaml
+
+from pipeline.evaluation.assurance.formula import Formula, unit_of
+from pipeline.evaluation.assurance.parser import FormulaError, parse
+from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.settings.nearest import choices_of, did_you_mean
+
+SCHEMA: Final = ("requirements", 1)
+#: ways to verify a requirement: many flights, a search for the worst of them, boxes of inputs that prove what
+#: the systems ask for, and the proof of the safety layer
+CASES, SEARCH, BOUNDS, SAFETY_LAYER = "cases", "search", "bounds", "safety_layer"
+METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER)
+KEYS: Final = ("id", "title", "text", "verified_by", "formula", "probability", "confidence", "bounds")
+
+
+class RequirementError(ValueError):
+    """A file of requirements that cannot be used; the text says where and why."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a system must answer nowhere in a region of its inputs, see `fis_tools.analysis.bounds.ask`."""
+
+    ask: str
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What must be true of flights, or of a controller's systems.
+
+    Parameters
+    ----------
+    id, title, text : str
+    verified_by : tuple of str
+        Of `METHODS`.
+    formula_text : str
+        Empty for what is asked of systems alone.
+    formula : Formula, optional
+    probability : float
+        Share of the cases that must meet the formula.
+    confidence : float
+        With which that is to be shown.
+    questions : tuple of Question
+        Each to be answered with a proved no.
+    """
+
+    id: str
+    title: str
+    text: str
+    verified_by: tuple[str, ...]
+    formula_text: str = ""
+    formula: Formula | None = None
+    probability: float = 0.0
+    confidence: float = 0.0
+    questions: tuple[Question, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """The unit of its margin: ``mixed`` where several units meet, empty for pure numbers."""
+        found = unit_of(self.formula) if self.formula else ""
+        return "mixed" if found is None else found
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """A set of requirements and its name."""
+
+    name: str
+    requirements: tuple[Requirement, ...]
+
+
+def read(text: str, source: str) -> Requirements:
+    """Read a set of requirements from YAML.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        What the file is called in messages.
+
+    Raises
+    ------
+    RequirementError
+    """
+    try:
+        told = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise RequirementError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(told, dict) or (told.get("schema"), told.get("schema_version")) != SCHEMA:
+        raise RequirementError(
+            f"{source} holds no requirements; its first lines must say schema: {SCHEMA[0]} and "
+            f"schema_version: {SCHEMA[1]}"
+        )
+    entries = told.get("requirements")
+    if not isinstance(entries, list) or not entries or not all(isinstance(one, dict) for one in entries):
+        raise RequirementError(f"{source}: requirements must be a list of at least one, each with an id")
+    found = tuple(_requirement(one, f"{source}, requirement {n}") for n, one in enumerate(entries, 1))
+    names = [one.id for one in found]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise RequirementError(f"{source}: {twice} is the id of two requirements; give each its own")
+    return Requirements(str(told.get("name", source)), found)
+
+
+def _requirement(told: Mapping[str, Any], where: str) -> Requirement:
+    for key in told:
+        if key not in KEYS:
+            raise RequirementError(f"{where}: there is no key {key}{did_you_mean(str(key), KEYS)}")
+    name = _text(told, "id", where)
+    if not name.replace("-", "_").isidentifier():
+        raise RequirementError(
+            f"{where}: its id is {name!r}; it names files: use letters, digits, - and _, a letter first"
+        )
+    where = where.rpartition(",")[0] + f", {name}"
+    methods = told.get("verified_by")
+    if not isinstance(methods, list) or not methods:
+        raise RequirementError(f"{where}: verified_by must be a list of {', '.join(METHODS)}")
+    for method in methods:
+        if method not in METHODS:
+            raise RequirementError(f"{where}: verified_by has {method!r}{choices_of(str(method), METHODS)}")
+    requirement = Requirement(name, _text(told, "title", where), _text(told, "text", where), tuple(methods))
+    flown = _flown(told, where) if set(methods) - {BOUNDS} else {}
+    asked = {"questions": _questions(told.get("bounds"), where)} if BOUNDS in methods else {}
+    return Requirement(**{**vars(requirement), **flown, **asked})
+
+
+def _flown(told: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return what is asked of flights."""
+    text = _text(told, "formula", where)
+    try:
+        formula = parse(text, UNITS)
+    except FormulaError as error:
+        raise RequirementError(f"{where}, its formula:\n{error}") from error
+    found: dict[str, Any] = {"formula_text": text, "formula": formula}
+    for key in ("probability", "confidence") if CASES in told["verified_by"] else ():
+        value = told.get(key)
+        if not isinstance(value, float) or not 0.0 < value < 1.0:
+            raise RequirementError(
+                f"{where}: {key} is {value!r}; it must be above 0 and below 1, such as 0.99"
+            )
+        found[key] = value
+    return found
+
+
+def _questions(told: Any, where: str) -> tuple[Question, ...]:
+    asked = told if isinstance(told, list) else []
+    if not asked or not all(
+        isinstance(one, dict) and {"ask"} <= set(one) <= {"ask", "where"} for one in asked
+    ):
+        raise RequirementError(
+            f"{where}: bounds must be a list of questions to be answered with no, each "
+            "{ask: conditions on outputs, where: conditions on inputs}"
+        )
+    return tuple(Question(str(one["ask"]), str(one.get("where", ""))) for one in asked)
+
+
+def _text(told: Mapping[str, Any], key: str, where: str) -> str:
+    value = told.get(key)
+    if not isinstance(value, str) or not value.strip():
+        raise RequirementError(f"{where}: {key} is missing; give it a text")
+    return value.strip()
+
+
+def needs(requirements: Sequence[Requirement], method: str) -> tuple[Requirement, ...]:
+    """Return the requirements that are verified by a method, among others."""
+    return tuple(one for one in requirements if method in one.verified_by)

@@ -1,0 +1,143 @@
+"""What all evidence for a requirement comes to: shown, not shown or refuted, and why, in a sentence."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pipeline.evaluation.assurance.claims import Judgement, Verdict, cases_needed
+from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof
+from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, Requirement
+from pipeline.evaluation.assurance.search import Search
+
+#: from the best to the worst, and in words
+WORDS: Mapping[Verdict, str] = {"shown": "shown", "open": "not shown", "refuted": "refuted"}
+ORDER = list(WORDS)
+
+
+class Outcome(NamedTuple):
+    """What a way of verification says.
+
+    Attributes
+    ----------
+    verdict : str
+        Of the requirement, were there nothing else.
+    word : str
+        What was found, in a word or two.
+    why : str
+        In a sentence without its full stop.
+    """
+
+    verdict: Verdict
+    word: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """All evidence that was found for a requirement.
+
+    Parameters
+    ----------
+    requirement : Requirement
+    judgement : Judgement, optional
+        Of its cases.
+    searches : tuple of Search
+    certificates : tuple of Certificate
+    proof : SafetyProof, optional
+    """
+
+    requirement: Requirement
+    judgement: Judgement | None = None
+    searches: tuple[Search, ...] = ()
+    certificates: tuple[Certificate, ...] = ()
+    proof: SafetyProof | None = None
+
+
+def outcomes(found: Found) -> dict[str, Outcome]:
+    """Return what each way of verification says, by its name."""
+    judged: dict[str, Outcome] = {}
+    if found.judgement is not None:
+        judged[CASES] = _of_cases(found.requirement, found.judgement)
+    if found.searches:
+        judged[SEARCH] = _of_searches(found.searches)
+    if BOUNDS in found.requirement.verified_by:
+        judged[BOUNDS] = _of_bounds(found.certificates)
+    if found.proof is not None:
+        judged[SAFETY_LAYER] = _of_the_layer(found.requirement, found.proof)
+    return judged
+
+
+def verdict(found: Found) -> Outcome:
+    """Return what all say together.
+
+    A claim about a share of the cases stands or falls with the cases: single failures that a search finds do
+    not refute it. A proof shows a requirement whatever the share, unless a flight contradicts it.
+    """
+    judged = outcomes(found)
+    failed = any(one.first_failed is not None for one in found.searches)
+    layer = judged.get(SAFETY_LAYER)
+    if layer is not None and layer.verdict == "shown":
+        if failed or (found.judgement and found.judgement.num_failed):
+            return Outcome("refuted", WORDS["refuted"], "flights contradict the proof of the safety layer")
+        return layer._replace(word=WORDS["shown"])
+    decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
+    worst = max(decisive, key=lambda one: ORDER.index(one.verdict))
+    return worst._replace(word=WORDS[worst.verdict])
+
+
+def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
+    confidence = percent(requirement.confidence)
+    claim = f"{percent(requirement.probability)} with {confidence} confidence"
+    failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
+    if judgement.verdict == "shown":
+        why = f"{failed}; up to {judgement.num_allowed:,} show {claim}"
+    elif judgement.verdict == "refuted":
+        why = f"{failed}; with {confidence} confidence at most {percent(judgement.high)} meet it"
+    elif judgement.num_allowed < 0:
+        needed = cases_needed(requirement.probability, requirement.confidence)
+        why = f"{failed}; {claim} needs {needed:,} cases without a failure"
+    else:
+        why = f"{failed}; only up to {judgement.num_allowed:,} show {claim}"
+    return Outcome(judgement.verdict, WORDS[judgement.verdict], why)
+
+
+def _of_searches(searches: Sequence[Search]) -> Outcome:
+    flights = f"{sum(len(one.scenarios) for one in searches):,} flights"
+    if failed := sum(one.first_failed is not None for one in searches):
+        why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
+        return Outcome("refuted", "failure found", why)
+    return Outcome("open", "none found", f"{len(searches)} searches find no case that fails, in {flights}")
+
+
+def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
+    if not certificates:
+        return Outcome("open", "nothing to bound", "the controller has no system that is asked about")
+    for one in certificates:
+        if one.verdict == "yes":
+            return Outcome("refuted", WORDS["refuted"], one.sentence.rstrip("."))
+    for one in certificates:
+        if one.verdict != "no":
+            return Outcome("open", one.verdict, one.sentence.rstrip("."))
+    boxes = sum(len(one.low) for one in certificates)
+    why = f"no for all inputs: {boxes:,} boxes prove the answers to {len(certificates)} questions"
+    return Outcome("shown", "proved", why)
+
+
+def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
+    spheres = f"all samples from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
+    if not proof.is_on:
+        why = "the safety layer was off: its proof says nothing about these flights"
+    elif proof.num_safe < proof.num_starts:
+        starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
+        why = f"{starts} are not safe states, from which the proof begins"
+    elif requirement.formula is None or not proof.proves(requirement.formula):
+        why = f"the safety layer keeps {spheres}, from which this does not follow"
+    else:
+        why = f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts"
+        return Outcome("shown", "proved", why)
+    return Outcome("open", "does not apply", why)
+
+
+def percent(share: float) -> str:
+    """Write a share in per cent with the digits that it has, at most five significant ones."""
+    return f"{100.0 * share:.5g} %"

@@ -1,0 +1,141 @@
+"""The argument as a drawing: goals, the strategy between them, their contexts and what solves them.
+
+Shapes and arrows are those of the Goal Structuring Notation, GSN Community Standard version 3, 2021: goals
+are rectangles, strategies parallelograms, solutions circles, contexts rounded; a filled head means "solved
+by", a hollow one "in the context of".
+"""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from textwrap import wrap
+from typing import Any
+
+#: of the drawing, in its own units; text is about half as wide as high
+WIDTH, LINE, SIZE = 960, 17, 14
+GOAL_X, GOAL_WIDTH, GOAL_HEIGHT = 90, 400, 74
+FIRST_SOLUTION_X, SOLUTION_STEP, RADIUS = 570, 116, 46
+TOP, FIRST_ROW, ROW = 20, 270, 118
+SPINE_X = 45
+#: ways of verification, as circles are lettered
+LETTERED = {"cases": "cases", "search": "search", "bounds": "bounds", "safety_layer": "safety layer"}
+
+
+def draw(evidence: Mapping[str, Any]) -> str:
+    """Draw the argument of evidence as an SVG element whose goals and solutions are links into the page."""
+    requirements = evidence["requirements"]
+    height = FIRST_ROW + ROW * len(requirements)
+    parts = [*_top(evidence), *_spine(len(requirements))]
+    for row, requirement in enumerate(requirements):
+        parts += _row(requirement, FIRST_ROW + ROW * row)
+    title = f"The argument for {evidence['controller']['name']}, goal by goal"
+    return (
+        f'<svg class="argument" viewBox="0 0 {WIDTH} {height}" role="img" aria-labelledby="argument-name">'
+        f'<title id="argument-name">{escape(title)}</title>{_heads()}{"".join(parts)}</svg>'
+    )
+
+
+def _heads() -> str:
+    """Return the two heads of arrows."""
+    shape = '<path d="M0 0 10 5 0 10z"/>'
+    marks = "".join(
+        f'<marker id="{name}" class="{name}" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="9" '
+        f'markerHeight="9" orient="auto-start-reverse">{shape}</marker>'
+        for name in ("solved-by", "in-context")
+    )
+    return f"<defs>{marks}</defs>"
+
+
+def _top(evidence: Mapping[str, Any]) -> list[str]:
+    """Draw the first goal, its contexts and the strategy."""
+    conditions = evidence["conditions"]
+    near, far = conditions["start_distance_m"]
+    claim = f"{evidence['controller']['name']} meets the requirements {evidence['name']}"
+    worlds = [
+        f"C1: starts at rest, {near:g} to {far:g} m away, Sun {conditions['sun']}, "
+        f"safety {conditions['safety']}, {conditions['duration_s']:g} s",
+        "C2: the operational domain: inputs that flights have met"
+        if evidence["domain"]
+        else "C2: the controller has no fuzzy inputs, hence no operational domain",
+    ]
+    parts = [_goal("G0", claim, _overall(evidence), SPINE_X - 25, TOP, "#verdicts")]
+    for place, (words, link) in enumerate(zip(worlds, ("#provenance", "#domain"), strict=True)):
+        y = TOP + 62 * place
+        outline = f'<rect class="context" x="{FIRST_SOLUTION_X}" y="{y}" width="350" height="52" rx="26"/>'
+        parts.append(_link(link, outline + _text(words, FIRST_SOLUTION_X + 175, y + 26, 42)))
+        x = SPINE_X - 25 + GOAL_WIDTH
+        parts.append(_arrow(x, TOP + GOAL_HEIGHT / 2, FIRST_SOLUTION_X, y + 26, "in-context"))
+    y = TOP + GOAL_HEIGHT + 60
+    corners = f"{SPINE_X + 5},{y} {SPINE_X + 375},{y} {SPINE_X + 345},{y + 60} {SPINE_X - 25},{y + 60}"
+    words = "S1: argue requirement by requirement, each by the evidence that it asks for"
+    parts.append(f'<polygon class="strategy" points="{corners}"/>' + _text(words, SPINE_X + 175, y + 30, 40))
+    parts.append(_arrow(SPINE_X + 175, TOP + GOAL_HEIGHT, SPINE_X + 175, y, "solved-by"))
+    return parts
+
+
+def _overall(evidence: Mapping[str, Any]) -> str:
+    verdicts = [one["verdict"] for one in evidence["requirements"]]
+    return next((word for word in ("refuted", "not shown") if word in verdicts), "shown")
+
+
+def _spine(rows: int) -> list[str]:
+    """Draw the line from the strategy down to the goals."""
+    last = FIRST_ROW + ROW * (rows - 1) + GOAL_HEIGHT / 2
+    return [f'<path class="line" d="M{SPINE_X} {TOP + GOAL_HEIGHT + 120}V{last:g}"/>']
+
+
+def _row(requirement: Mapping[str, Any], y: float) -> list[str]:
+    """Draw the goal of a requirement and its solutions."""
+    name, middle = requirement["id"], y + GOAL_HEIGHT / 2
+    parts = [_arrow(SPINE_X, middle, GOAL_X, middle, "solved-by")]
+    parts.append(_goal(name, requirement["text"], requirement["verdict"], GOAL_X, y, f"#{name}"))
+    centre, bus = middle + 20, y + 3
+    for place, (method, found) in enumerate(requirement["methods"].items()):
+        x = FIRST_SOLUTION_X + SOLUTION_STEP * place
+        circle = f'<circle class="{css_of(found)}" cx="{x}" cy="{centre:g}" r="{RADIUS}"/>'
+        parts.append(f'<path class="line" d="M{GOAL_X + GOAL_WIDTH} {bus:g}H{x}"/>')
+        parts.append(_arrow(x, bus, x, centre - RADIUS, "solved-by"))
+        label = _lines([f"Sn-{name}", LETTERED[method], *wrap(found["word"], 10)], x, centre, "small")
+        parts.append(_link(f"#{name}-{method}", circle + label))
+    return parts
+
+
+def css_of(found: Mapping[str, Any]) -> str:
+    """Return how an outcome is drawn; a failure that a search finds refutes no share of the cases."""
+    return {"failure found": "not-shown", "none found": "neutral", "does not apply": "neutral"}.get(
+        found["word"], _css(found["verdict"])
+    )
+
+
+def _goal(name: str, words: str, verdict: str, x: float, y: float, link: str) -> str:
+    outline = (
+        f'<rect class="{_css(verdict)}" x="{x:g}" y="{y:g}" width="{GOAL_WIDTH}" height="{GOAL_HEIGHT}"/>'
+    )
+    label = f'<text class="name" x="{x + 10:g}" y="{y + 18:g}">{escape(name)}: {escape(verdict)}</text>'
+    return _link(link, outline + label + _text(words, x + GOAL_WIDTH / 2, y + 46, 50))
+
+
+def _link(target: str, inside: str) -> str:
+    return f'<a href="{escape(target)}">{inside}</a>'
+
+
+def _arrow(x: float, y: float, to_x: float, to_y: float, head: str) -> str:
+    return f'<path class="line" marker-end="url(#{head})" d="M{x:g} {y:g}L{to_x:g} {to_y:g}"/>'
+
+
+def _text(words: str, x: float, y: float, width: int) -> str:
+    """Write words in lines around a point; what does not fit into three ends in an ellipsis."""
+    lines = wrap(words, width, max_lines=2, placeholder=" …")
+    return _lines(lines, x, y)
+
+
+def _lines(lines: Sequence[str], x: float, y: float, css: str = "") -> str:
+    first = y - LINE * (len(lines) - 1) / 2 + SIZE * 0.35
+    spans = "".join(
+        f'<tspan x="{x:g}" y="{first + LINE * place:g}">{escape(line)}</tspan>'
+        for place, line in enumerate(lines)
+    )
+    return f'<text class="middle {css}">{spans}</text>'
+
+
+def _css(verdict: str) -> str:
+    return verdict.replace(" ", "-")

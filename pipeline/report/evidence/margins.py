@@ -1,0 +1,63 @@
+"""How the margins of many flights are spread, as a picture: a bar a bin, those that fail marked."""
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+WIDTH, HEIGHT, BASE, LEFT = 640, 150, 112, 10
+#: a number nearer to the zero than this would stand on it
+ROOM = 40.0
+
+
+def draw(histogram: Mapping[str, Any], unit: str, name: str) -> str:
+    """Draw a histogram of margins as an SVG element.
+
+    Parameters
+    ----------
+    histogram : mapping
+        ``edges``, one more than ``counts``; zero is an edge where margins of both signs are.
+    unit : str
+        Of the margins.
+    name : str
+        Of the requirement, for whom does not see the picture.
+    """
+    edges, counts = histogram["edges"], histogram["counts"]
+    span = edges[-1] - edges[0]
+    most = max(counts)
+
+    def place(value: float) -> float:
+        return float(LEFT + (WIDTH - 2 * LEFT) * (value - edges[0]) / span)
+
+    bars = []
+    for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True):
+        if count:
+            # the square root, so that few failures among thousands are seen
+            height = max(2.0, 100.0 * (count / most) ** 0.5)
+            x, width = place(low), max(1.0, place(high) - place(low) - 1.0)
+            kind = "refuted" if high <= 0.0 else "shown"
+            words = f"{count:,} from {low:.4g} to {high:.4g} {unit}".strip()
+            bars.append(
+                f'<rect class="bar {kind}" x="{x:.1f}" y="{BASE - height:.1f}" width="{width:.1f}" '
+                f'height="{height:.1f}"><title>{escape(words)}</title></rect>'
+            )
+    marks = [(edges[0], "start"), (edges[-1], "end")]
+    if edges[0] < 0.0 < edges[-1]:
+        marks.append((0.0, "middle"))
+    texts = "".join(
+        f'<text class="{anchor}" x="{place(value):.1f}" y="{BASE + 18}">{_number(value)}</text>'
+        for value, anchor in marks
+        if anchor == "middle" or len(marks) < 3 or abs(place(value) - place(0.0)) > ROOM
+    )
+    axis = f'<path class="line" d="M{LEFT} {BASE}H{WIDTH - LEFT}"/>'
+    zero = f'<path class="zero" d="M{place(0.0):.1f} 4V{BASE}"/>' if len(marks) == 3 else ""
+    caption = escape(f"margin{f' ({unit})' if unit else ''}; heights are square roots of counts")
+    label = escape(f"Margins of the cases of {name}: from {edges[0]:.4g} to {edges[-1]:.4g} {unit}")
+    return (
+        f'<svg class="margins" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">'
+        f"{''.join(bars)}{axis}{zero}{texts}"
+        f'<text class="middle" x="{WIDTH / 2}" y="{BASE + 34}">{caption}</text></svg>'
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")

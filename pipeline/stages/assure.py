@@ -1,0 +1,256 @@
+"""Gather evidence for requirements: flights, searches, proofs and a page of what they show: assure/."""
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fis_tools.analysis.domain import as_mapping
+from fis_tools.formats.serialize import fingerprint
+from pipeline.controllers.of_run import controller_of_run
+from pipeline.evaluation.assurance import columns, evidence
+from pipeline.evaluation.assurance.campaign import Flights, Outcome, judged
+from pipeline.evaluation.assurance.claims import Judgement, cases_needed, failures_allowed, judge
+from pipeline.evaluation.assurance.domain import Domain, domain_of, left_on
+from pipeline.evaluation.assurance.proofs import certificates, safety_proof
+from pipeline.evaluation.assurance.quantities import track_of
+from pipeline.evaluation.assurance.requirements import (
+    BOUNDS,
+    CASES,
+    SAFETY_LAYER,
+    SEARCH,
+    Requirement,
+    Requirements,
+    read,
+)
+from pipeline.evaluation.assurance.search import Search, case_space, search, speed
+from pipeline.evaluation.assurance.verdicts import Found, percent
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.report.evidence import page
+from pipeline.run import artifacts, maker, tables
+from pipeline.settings.experiment import Experiment
+from pipeline.settings.places import requirements_path
+from telemetry.file import reader
+from telemetry.file.topics import DEPUTY_STATE, MISSION
+
+#: of the operational domain and of what leaves it
+CONFIDENCE = 0.9
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Gather the evidence, write it as data and as a page; that of an earlier run of this stage goes.
+
+    Raises
+    ------
+    pipeline.evaluation.assurance.requirements.RequirementError
+        If the requirements cannot be read.
+    pipeline.run.artifacts.ArtifactError
+        If a recorded flight is not the one that was found.
+    """
+    text = requirements_path(experiment.assurance.requirements).read_text(encoding="utf-8")
+    requirements = read(text, experiment.assurance.requirements)
+    _tell_needs(requirements.requirements, experiment.assurance.num_cases)
+    for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
+        path.unlink()
+    artifacts.write_atomically(folder / artifacts.REQUIREMENTS, text)
+    gathered = _gather(experiment, folder, requirements)
+    artifacts.write_json(folder / artifacts.EVIDENCE, gathered)
+    artifacts.write_atomically(folder / artifacts.EVIDENCE_PAGE, page.write(gathered))
+    for one in gathered["requirements"]:
+        sys.stderr.write(f"  {one['id']} {one['verdict']}: {one['title']}: {one['why']}\n")
+    sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
+
+
+def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
+    """Say before anything flies how many cases the claims need."""
+    for one in requirements:
+        if CASES in one.verified_by:
+            needed = [cases_needed(one.probability, one.confidence, failed) for failed in (0, 1, 2)]
+            allowed = failures_allowed(num_cases, one.probability, one.confidence)
+            sys.stderr.write(
+                f"  {one.id}: {percent(one.probability)} with {percent(one.confidence)} confidence needs "
+                f"{', '.join(f'{count:,}' for count in needed)} cases with 0, 1, 2 failures; "
+                + (f"{num_cases:,} allow {allowed:,}\n" if allowed >= 0 else f"{num_cases:,} are too few\n")
+            )
+
+
+def _gather(experiment: Experiment, folder: Path, requirements: Requirements) -> dict[str, Any]:
+    """Fly, search and prove; return the evidence as plain data."""
+    settings, mission = experiment.assurance, experiment.mission
+    controller = controller_of_run(experiment, folder)
+    scenarios = _scenarios(experiment, settings.num_cases)
+    flights = Flights(mission, controller, settings.workers)
+    flights.tracks(scenarios[:1])  # compiles where that has not been done
+    started = time.perf_counter()
+    outcomes = flights.judge(scenarios, requirements.requirements)
+    sys.stderr.write(
+        f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
+    )
+    _write(folder, artifacts.ASSURED_CASES, columns.of_cases(scenarios, outcomes))
+    domain = _domain(experiment, controller, folder)
+    proof = safety_proof(mission, scenarios)
+    worst = _Worst(experiment, folder, controller, domain)
+    told, all_found = [], []
+    for one in requirements.requirements:
+        outcome = outcomes.get(one.id)
+        found = Found(
+            one,
+            _judged(one, outcome),
+            _searches(experiment, flights, one, outcome),
+            certificates(one, controller) if BOUNDS in one.verified_by else (),
+            proof if SAFETY_LAYER in one.verified_by else None,
+        )
+        recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
+        all_found.append(found)
+        told.append(evidence.of_requirement(found, outcome, recorded))
+    _write(folder, artifacts.SEARCHED, columns.of_searches(all_found))
+    _write(folder, artifacts.PROOF_BOXES, columns.of_boxes(all_found))
+    return {
+        **_provenance(experiment, folder, controller, requirements),
+        "domain": None if domain is None else evidence.of_domain(domain),
+        "requirements": told,
+    }
+
+
+def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
+    """Return the first cases of an evaluation from this seed."""
+    cases = replace(experiment.monte_carlo, num_cases=num_cases)
+    return evaluation_scenarios(cases, experiment.sun, experiment.seed)
+
+
+def _judged(requirement: Requirement, outcome: Outcome | None) -> Judgement | None:
+    """Judge a requirement by its cases, where that is asked for."""
+    if outcome is None or CASES not in requirement.verified_by:
+        return None
+    return judge(outcome.margins, outcome.is_met, requirement.probability, requirement.confidence)
+
+
+def _searches(
+    experiment: Experiment, flights: Flights, requirement: Requirement, random: Outcome | None
+) -> tuple[Search, ...]:
+    """Search for the worst case of a requirement, where that is asked for, and tell how it went."""
+    if SEARCH not in requirement.verified_by or random is None:
+        return ()
+    space = case_space(experiment.monte_carlo, experiment.sun)
+    settings, optimizer = experiment.assurance, experiment.optimizer
+    found = tuple(
+        search(requirement, flights, space, settings, optimizer, experiment.seed, number)
+        for number in range(settings.searches)
+    )
+    sys.stderr.write(f"  {requirement.id}: {speed(found, random).sentence}\n")
+    return found
+
+
+def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
+    """Find the operational domain of a fuzzy controller, and write it for the monitor."""
+    if not controller.systems:
+        (folder / artifacts.DOMAIN).unlink(missing_ok=True)
+        return None
+    scenarios = _scenarios(experiment, 2 * experiment.assurance.domain_cases)
+    domain = domain_of(experiment.mission, controller, scenarios, CONFIDENCE, experiment.assurance.workers)
+    artifacts.write_json(folder / artifacts.DOMAIN, as_mapping(domain.boxes))
+    return domain
+
+
+class _Worst:
+    """Records the worst case that is known of each requirement."""
+
+    def __init__(
+        self, experiment: Experiment, folder: Path, controller: Controller, domain: Domain | None
+    ) -> None:
+        self._experiment, self._folder = experiment, folder
+        self._controller, self._domain = controller, domain
+        self._recorder = FlightRecorder(
+            experiment.mission,
+            controller,
+            seed=experiment.seed,
+            config=artifacts.read_config(folder),
+            near_limit_m=experiment.telemetry.near_limit_m,
+        )
+
+    def record(
+        self,
+        requirement: Requirement,
+        scenarios: Sequence[Scenario],
+        outcome: Outcome,
+        searches: Sequence[Search],
+    ) -> dict[str, Any]:
+        """Fly the worst case again, logged; record it, and judge the recording."""
+        case = int(np.argmin(outcome.margins))
+        margin, scenario, source = float(outcome.margins[case]), scenarios[case], f"case {case}"
+        for number, one in enumerate(searches):
+            least = float(one.outcome.margins[one.worst])
+            if least < margin:
+                margin, scenario = least, one.scenarios[one.worst]
+                source = f"search {number}, flight {one.worst}"
+        name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        mission = self._experiment.mission
+        log = fly_logged(mission, self._controller, scenario)
+        self._recorder.record(path, scenario, log, f"{requirement.id}-worst")
+        recorded = self._judged_again(requirement, path)
+        if not abs(recorded - margin) <= 1e-5 * max(1.0, abs(margin)):
+            raise artifacts.ArtifactError(
+                f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
+                "not the one that was found: report this"
+            )
+        left = left_on(self._domain, log, self._controller, mission.control_period_s) if self._domain else ()
+        return evidence.of_worst(source, _start(scenario), margin, recorded, name, left)
+
+    def _judged_again(self, requirement: Requirement, path: Path) -> float:
+        """Return a requirement's margin from the topics of a recording."""
+        assert requirement.formula is not None  # noqa: S101 - flown ones have one
+        track, num_points = track_of(reader.read(path, (DEPUTY_STATE, MISSION)))
+        period = self._experiment.mission.control_period_s
+        found = judged(track, num_points, {requirement.id: requirement.formula}, period)
+        return float(found[requirement.id].margins[0])
+
+
+def _start(scenario: Scenario) -> dict[str, Any]:
+    return {"position_m": scenario.position_m.tolist(), "sun_angle_rad": float(scenario.sun_angle_rad)}
+
+
+def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
+    """Write a table; an empty one is no file."""
+    if table:
+        tables.write_parquet(folder / name, table)
+    else:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _provenance(
+    experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
+) -> dict[str, Any]:
+    """Say what the evidence is about and what it comes from."""
+    shell = experiment.monte_carlo
+    files = [name for name in artifacts.list_artifacts(folder) if name.startswith(artifacts.ASSURANCE)]
+    own = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE)
+    return {
+        "schema": evidence.SCHEMA,
+        "schema_version": evidence.SCHEMA_VERSION,
+        "name": requirements.name,
+        "controller": {
+            "name": controller.name,
+            "sha256": fingerprint(controller.fuzzy) if controller.fuzzy else None,
+        },
+        "conditions": {
+            "num_cases": experiment.assurance.num_cases,
+            "seed": experiment.seed,
+            "start_distance_m": [shell.min_distance_m, shell.max_distance_m],
+            "sun": experiment.sun.mode,
+            "safety": experiment.mission.safety.kind,
+            "duration_s": experiment.mission.duration_s,
+        },
+        "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
+        **maker.present_maker(),
+        "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},
+    }

@@ -1,0 +1,184 @@
+"""Shares of rules against every coalition enumerated, the axioms that define them, and values by hand."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from math import comb
+
+import numpy as np
+import pytest
+
+from fis_tools.analysis import shapley
+from fis_tools.analysis.arrays import FIRED, spread_inputs
+from fis_tools.engines import inference
+from fis_tools.engines.compiler import compile
+from fis_tools.formats import serialize
+from fis_tools.model import Consequent, FuzzySystem, Is, Rule, Term, Triangular, Variable
+from fis_tools.model.operators import ACCUMULATIONS
+from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.sample_controllers import force_x_system, general_controller
+from tests.places import PROJECT
+
+CONTROLLERS = sorted(
+    path for path in (PROJECT / "conf" / "controller").glob("*.yaml") if "systems:" in path.read_text()
+)
+
+
+def silenced(system: FuzzySystem, output: str, rules: set[int]) -> FuzzySystem:
+    """The same system, in which some rules conclude on an output with no weight."""
+
+    def quiet(place: int, rule: Rule) -> Rule:
+        told = (
+            replace(c, weight=0.0) if place in rules and c.variable == output else c for c in rule.consequents
+        )
+        return replace(rule, consequents=tuple(told))
+
+    return replace(system, rules=tuple(quiet(*numbered) for numbered in enumerate(system.rules)))
+
+
+def enumerated(system: FuzzySystem, row: np.ndarray, place: int) -> np.ndarray:
+    """Shapley's sum over all coalitions, each inferred step by step."""
+    output = system.outputs[place]
+    strengths = inference.firing_strengths(system, row[np.newaxis])[0]
+    concludes = [
+        any(c.variable == output.name and c.weight for c in rule.consequents) for rule in system.rules
+    ]
+    strongest = max((s for s, told in zip(strengths, concludes, strict=True) if told), default=0.0)
+    least = min(FIRED, strongest)
+    players = [i for i, s in enumerate(strengths) if concludes[i] and s >= least and s > 0.0]
+    worth = {frozenset[int](): output.default}
+    for size in range(1, len(players) + 1):
+        for some in combinations(players, size):
+            others = silenced(system, output.name, set(players) - set(some))
+            worth[frozenset(some)] = inference.infer(others, row).values[place]
+    values = np.zeros(len(system.rules))
+    for player in players:
+        for some, value in worth.items():
+            if player not in some:
+                weight = 1.0 / (len(players) * comb(len(players) - 1, len(some)))
+                values[player] += weight * (worth[some | {player}] - value)
+    return values
+
+
+def small_systems() -> Iterator[FuzzySystem]:
+    generator = np.random.default_rng(12)
+    found = 0
+    while found < 24:
+        system = random_general_system(generator)
+        if len(system.rules) <= 8:
+            found += 1
+            accumulations = generator.choice(list(ACCUMULATIONS), len(system.outputs))
+            pairs = zip(system.outputs, accumulations, strict=True)
+            yield replace(system, outputs=tuple(replace(v, accumulation=str(a)) for v, a in pairs))
+
+
+def test_shares_are_those_of_all_coalitions_enumerated() -> None:
+    generator = np.random.default_rng(3)
+    several = 0
+    for system in small_systems():
+        rows = inputs_for(system, generator, 3)
+        found = shapley.shares(compile(system), rows)
+        for sample, row in enumerate(rows):
+            for place, output in enumerate(system.outputs):
+                expected = enumerated(system, row, place)
+                several += np.count_nonzero(expected) > 2
+                scale = output.maximum - output.minimum
+                np.testing.assert_allclose(
+                    found.values[sample, :, place], expected, rtol=0, atol=1e-11 * scale
+                )
+        assert not found.error.any()
+    assert several > 20
+
+
+def adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
+    compiled = compile(system)
+    found = shapley.shares(compiled, rows)
+    silent = np.array([output.default for output in system.outputs])
+    spans = np.array([output.maximum - output.minimum for output in system.outputs])
+    np.testing.assert_allclose(
+        found.values.sum(axis=1) / spans, (compiled(rows) - silent) / spans, rtol=0, atol=1e-9
+    )
+    return found
+
+
+@pytest.mark.parametrize("path", CONTROLLERS, ids=lambda path: path.stem)
+def test_shares_add_up_for_every_controller_that_ships(path) -> None:
+    for system in serialize.load(path).systems:
+        found = adds_up(system, spread_inputs(system, 40))
+        assert not found.error.any()
+        assert np.count_nonzero(found.values) > 40
+
+
+def test_shares_add_up_for_random_systems() -> None:
+    generator = np.random.default_rng(21)
+    for number in range(60):
+        system = (random_general_system if number % 3 else full_table_system)(generator)
+        adds_up(system, inputs_for(system, generator, 5))
+
+
+def test_sampled_shares_add_up_and_are_as_near_as_they_say(monkeypatch) -> None:
+    system = force_x_system()
+    rows = spread_inputs(system, 30)
+    exact = adds_up(system, rows)
+    monkeypatch.setattr(shapley, "MOST_COALITIONS", 1)
+    drawn = adds_up(system, rows)
+    assert np.all(drawn.error[np.count_nonzero(exact.values[:, :, 0], axis=1) > 2] > 0)
+    apart = np.abs(drawn.values - exact.values).max(axis=1)
+    assert apart.max() > 0
+    assert np.all(apart <= 5 * drawn.error + 1e-15)
+    np.testing.assert_array_equal(drawn.values, shapley.shares(compile(system), rows).values)
+
+
+def ramp(*, rules: str = "low high") -> FuzzySystem:
+    terms = (Term("low", Triangular(0, 0, 1)), Term("high", Triangular(0, 1, 1)))
+    x = Variable("x", "", 0.0, 1.0, terms, 101)
+    sides = (Term("left", Triangular(-4.0, -3.0, -2.0)), Term("right", Triangular(2.0, 3.0, 4.0)))
+    y = Variable("y", "", -5.0, 5.0, sides, 101, default=0.5)
+    told = {"low": "left", "high": "right"}
+    return FuzzySystem(
+        "ramp",
+        (x,),
+        (y,),
+        tuple(Rule(Is("x", word), (Consequent("y", told[word]),)) for word in rules.split()),
+    )
+
+
+def test_shares_by_hand() -> None:
+    """Half way -3 and 3 hold each other; alone either led away from 0.5: (-3.5 - 3) / 2 and (3 + 2.5) / 2."""
+    found = shapley.shares(compile(ramp()), np.array([[0.0], [0.5], [1.0]])).values[:, :, 0]
+    np.testing.assert_allclose(found, [[-3.5, 0.0], [-3.25, 2.75], [0.0, 2.5]], rtol=0, atol=1e-14)
+
+
+def test_rules_that_say_the_same_share_equally_what_none_is_needed_for() -> None:
+    found = shapley.shares(compile(ramp(rules="low low low")), np.array([[0.2]])).values[0, :, 0]
+    np.testing.assert_allclose(found, [-3.5 / 3] * 3, rtol=0, atol=1e-14)
+
+
+def test_a_rule_that_changes_nothing_has_no_share() -> None:
+    system = ramp()
+    silent = Rule(Is("x", "high"), (Consequent("y", "right", 0.0),))
+    with_null = replace(system, rules=(*system.rules, silent))
+    found = shapley.shares(compile(with_null), np.array([[0.3]])).values[0, :, 0]
+    assert found[2] == 0.0
+    np.testing.assert_array_equal(
+        found[:2], shapley.shares(compile(system), np.array([[0.3]])).values[0, :, 0]
+    )
+
+
+def test_a_rule_that_hardly_fires_has_no_share_unless_it_is_the_strongest() -> None:
+    found = shapley.shares(compile(ramp()), np.array([[0.04]])).values[0, :, 0]
+    assert found[1] == 0.0
+    assert found[0] == pytest.approx(inference.infer(ramp(), np.array([0.04])).values[0] - 0.5, abs=1e-14)
+    lone = shapley.shares(compile(ramp(rules="high")), np.array([[0.04]])).values[0, :, 0]
+    np.testing.assert_allclose(lone, [2.5], rtol=0, atol=1e-14)
+
+
+def test_where_no_rule_fires_there_is_nothing_to_share() -> None:
+    found = shapley.shares(compile(ramp(rules="high")), np.array([[0.0]]))
+    assert not found.values.any()
+    assert not found.error.any()
+
+
+def test_shares_of_several_outputs_are_each_their_own() -> None:
+    (room,) = general_controller().systems
+    adds_up(room, spread_inputs(room, 30))

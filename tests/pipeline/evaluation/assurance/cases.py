@@ -1,0 +1,26 @@
+"""A champion, its mission, and flights of it."""
+
+from functools import cache
+
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.flight.controller import Controller
+from pipeline.flight.log import Scenario
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.settings.experiment import Experiment
+
+
+@cache
+def experiment(*overrides: str) -> Experiment:
+    return compose_experiment(
+        ["+experiment=assure", "controller=champion_any_sun", "sun=random", *overrides]
+    ).experiment
+
+
+@cache
+def champion() -> Controller:
+    return named("champion_any_sun", experiment().mission)
+
+
+def scenarios(count: int) -> list[Scenario]:
+    return evaluation_scenarios(experiment().monte_carlo, experiment().sun, 1)[:count]

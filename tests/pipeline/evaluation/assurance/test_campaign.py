@@ -1,0 +1,93 @@
+"""Margins of flights against their outcomes, their logs and their recordings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.evaluation.assurance import campaign
+from pipeline.evaluation.assurance.campaign import Flights, judged
+from pipeline.evaluation.assurance.parser import parse
+from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, of_tracks, track_of
+from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, read
+from pipeline.flight.simulation import fly_all, fly_logged, tracked
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.settings.places import requirements_path
+from telemetry.file.reader import read as read_recording
+from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
+
+REQUIREMENTS = read(requirements_path("inspection").read_text(encoding="utf-8"), "inspection").requirements
+MISSION = experiment().mission
+
+
+def test_margins_are_those_of_the_outcomes():
+    flown = scenarios(40)
+    outcomes = fly_all(MISSION, champion(), flown)
+    found = Flights(MISSION, champion()).judge(flown, REQUIREMENTS)
+    assert set(found) == {"R1", "R2", "R3", "R4", "R5", "R6", "R7"}
+    near = {"rtol": 0, "atol": 2e-5}  # tracks are in single precision
+    np.testing.assert_allclose(found["R1"].margins, outcomes.min_distance_m - 15.0, **near)
+    np.testing.assert_allclose(found["R2"].margins, 200.0 - outcomes.max_distance_m, **near)
+    np.testing.assert_allclose(found["R5"].margins, 1.5 - outcomes.delta_v_m_s, **near)
+    rates = 100.0 * outcomes.inspected_count / 99
+    np.testing.assert_allclose(found["R3"].margins, rates - 95.0, **near)
+    np.testing.assert_array_equal(found["R3"].is_met, outcomes.inspected_count >= 95)
+
+
+def test_parts_do_not_matter(monkeypatch: pytest.MonkeyPatch):
+    flown = scenarios(7)
+    together = Flights(MISSION, champion()).judge(flown, REQUIREMENTS)
+    monkeypatch.setattr(campaign, "PART", 3)
+    for name, outcome in Flights(MISSION, champion(), workers=1).judge(flown, REQUIREMENTS).items():
+        np.testing.assert_array_equal(outcome.margins, together[name].margins)
+
+
+def test_a_recording_says_what_its_track_says(tmp_path: Path):
+    """Every quantity, from the topics that `Quantity.topic` names, by another way than the track's."""
+    (scenario,) = scenarios(1)
+    log = fly_logged(MISSION, champion(), scenario)
+    recorder = FlightRecorder(MISSION, champion(), seed=1, config={}, near_limit_m=5.0)
+    recorder.record(tmp_path / "flight.mcap", scenario, log, "flight")
+    recording = read_recording(tmp_path / "flight.mcap")
+    track, num_points = track_of(recording)
+    np.testing.assert_array_equal(track[0], tracked(log))
+    found = of_tracks(track, num_points, QUANTITIES)
+    for name, quantity in QUANTITIES.items():
+        topic, field = quantity.topic.split(".")
+        field, _, place = field.rstrip("]").partition("[")
+        values = np.asarray(recording[topic][field], dtype=np.float64)
+        if place:
+            values = values[:, int(place)]
+        if values.ndim == 2:
+            values = np.sqrt((values**2).sum(axis=1))
+        np.testing.assert_allclose(found[name][0], values, rtol=1e-13, atol=1e-13, err_msg=name)
+
+
+def test_compiled_tracks_are_those_of_the_logs():
+    flown = scenarios(3)
+    tracks = Flights(MISSION, champion()).tracks(flown)
+    for track, scenario in zip(tracks, flown, strict=True):
+        exact = tracked(fly_logged(MISSION, champion(), scenario))
+        np.testing.assert_array_equal(track, exact.astype(np.float32))
+
+
+def test_a_formula_about_what_is_never_flown_is_refused():
+    formula = parse("always[4000:5000] distance > 15", UNITS)
+    late = Requirement("R9", "late", "late", ("cases",), "", formula, 0.9, 0.9)
+    with pytest.raises(RequirementError, match="R9: its formula says nothing about a flight of 3600 s"):
+        Flights(MISSION, champion()).judge(scenarios(1), [late])
+
+
+def test_quantities_of_a_flight_by_hand():
+    """Two samples: 3-4-0 m at 0-0-2 m/s, then a point more seen of ten and 0.5 m/s spent."""
+    track = np.array([[[3.0, 4.0, 0.0, 0.0, 0.0, 2.0, 0.0, 10.0], [6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.5, 9.0]]])
+    texts = {
+        "least": "always (distance >= 4 m)",
+        "rate": "eventually (inspection_rate >= 4 %)",
+        "spent": "always (delta_v <= 0.7 m/s)",
+        "speed": "always (speed <= 3 m/s)",
+        "along": "eventually (position_along_track >= 6 m and velocity_radial >= 0.5 m/s)",
+    }
+    formulas = {name: parse(text, UNITS) for name, text in texts.items()}
+    found = {name: one.margins[0] for name, one in judged(track, 10, formulas, 10.0).items()}
+    assert found == pytest.approx({"least": 1.0, "rate": 6.0, "spent": 0.2, "speed": 1.0, "along": 0.5})

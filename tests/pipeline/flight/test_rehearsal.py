@@ -1,0 +1,76 @@
+"""A first push chosen by flying the rules ahead, against flights that begin with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.flight.controller import (
+    Controller,
+    ControllerError,
+    constants_of,
+    from_fuzzy,
+    law_of,
+    packed,
+    rehearsed_pushes,
+)
+from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.loop import fly, inference_of
+from pipeline.flight.simulation import fly_all, fly_logged, fly_population, stack_starts
+from pipeline.flight.world import pack_world
+from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
+
+MISSION = mission(attitude={"mode": "ideal"})
+
+
+def rehearsing(reach_m_s: float, **changes: str) -> Controller:
+    assert SEEING.fuzzy is not None
+    attributes = dict(SEEING.fuzzy.attributes) | {"rehearsal_reach_m_s": repr(reach_m_s)} | changes
+    return from_fuzzy(replace(SEEING.fuzzy, attributes=tuple(sorted(attributes.items()))))
+
+
+def test_by_default_nothing_is_rehearsed() -> None:
+    assert rehearsed_pushes(SEEING).shape == (0, 3)
+    assert fly_logged(MISSION, SEEING, STARTS[0]).is_decided[0]
+
+
+def test_the_pushes_are_a_grid_with_none_first() -> None:
+    pushes = rehearsed_pushes(rehearsing(0.12))
+    assert not pushes[0].any()
+    assert len(np.unique(pushes.round(12), axis=0)) == len(pushes) == 105
+    np.testing.assert_allclose(np.abs(pushes).max(axis=0), [0.12, 0.06, 0.03])
+    np.testing.assert_allclose(pushes.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
+    controller = rehearsing(0.12)
+    forces = rehearsed_pushes(controller) * 12.0 / 10.0
+    flown = fly_all(MISSION, controller, STARTS)
+    world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), packed(SEEING)
+    for case, start in enumerate(STARTS):
+        places, sun_angles = stack_starts([start])
+        ends = [
+            fly_population(world, law, numbers, places, sun_angles, 1, openings=force[np.newaxis])
+            for force in forces
+        ]
+        # two points missed cost nothing, as the controller puts up with them
+        cost = [
+            float(end.delta_v_m_s[0, 0])
+            + 0.15 * max(0, 97 - int(end.inspected_count[0, 0]))
+            + 1e4 * float(end.is_violated[0, 0])
+            for end in ends
+        ]
+        best = int(np.argmin(cost))
+        assert flown.delta_v_m_s[case] == ends[best].delta_v_m_s[0, 0]
+        assert flown.inspected_count[case] == ends[best].inspected_count[0, 0]
+        log = fly_logged(MISSION, controller, start)
+        np.testing.assert_array_equal(log.force_hill_n[0], forces[best])
+        assert not log.is_decided[0]
+        channels = channels_of(SEEING.systems, "hill", None, constants_of(SEEING))
+        plain = fly(MISSION, start, channels, inference_of(SEEING.systems), opening_h=forces[best])
+        assert_same(log, plain, metres=1e-9, others=1e-9)
+
+
+def test_it_is_along_hills_axes() -> None:
+    with pytest.raises(ControllerError, match="set the attribute force_axes to hill"):
+        rehearsing(0.1, force_axes="body")

@@ -1,0 +1,153 @@
+"""Evidence in miniature: its files, that its parts agree, and that the page says no more than it."""
+
+import base64
+import hashlib
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from fis_tools.analysis.domain import from_mapping
+from pipeline.command_line.cli import main
+from pipeline.evaluation.assurance.claims import judge
+from pipeline.report.evidence import page
+from pipeline.run import artifacts
+
+SMALL = (
+    "controller=champion_any_sun",
+    "sun=random",
+    "assurance.num_cases=60",
+    "assurance.searches=2",
+    "assurance.search_starts=6",
+    "assurance.search_population=5",
+    "assurance.search_generations=2",
+    "assurance.domain_cases=4",
+)
+
+
+@pytest.fixture(scope="module")
+def assured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("assured") / "run"
+    assert main(["+experiment=assure", *SMALL, f"hydra.run.dir={folder}"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evidence(assured: Path) -> dict[str, Any]:
+    return dict(json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8")))
+
+
+def test_verdicts_follow_from_the_table_of_cases(assured: Path, evidence: dict[str, Any]) -> None:
+    table = pq.read_table(assured / artifacts.ASSURED_CASES)
+    assert table.num_rows == 60
+    words = {"open": "not shown"}
+    for one in evidence["requirements"]:
+        if "cases" not in one:
+            continue
+        margins, met = (table[f"{one['id']}_{what}"].to_numpy() for what in ("margin", "met"))
+        again = judge(margins, met, one["probability"], one["confidence"])
+        assert one["methods"]["cases"]["verdict"] == words.get(again.verdict, again.verdict)
+        assert one["cases"]["num_failed"] == int((~met).sum())
+        assert one["cases"]["worst_margin"] == margins.min()
+        assert sum(one["cases"]["histogram"]["counts"]) == 60
+        below = zip(one["cases"]["histogram"]["edges"][1:], one["cases"]["histogram"]["counts"], strict=True)
+        assert sum(count for edge, count in below if edge <= 0.0) == int((margins < 0.0).sum())
+
+
+def test_too_few_cases_show_nothing(evidence: dict[str, Any]) -> None:
+    by_id = {one["id"]: one for one in evidence["requirements"]}
+    assert by_id["R1"]["verdict"] == "not shown"
+    assert "needs 1,705 cases" in by_id["R1"]["why"]
+    assert by_id["R8"]["verdict"] == "shown"
+
+
+def test_the_worst_case_is_recorded_and_judged_again(assured: Path, evidence: dict[str, Any]) -> None:
+    searched = pq.read_table(assured / artifacts.SEARCHED)
+    names = np.array(searched["requirement"].to_pylist())
+    for one in evidence["requirements"]:
+        if "worst" not in one:
+            continue
+        worst = one["worst"]
+        assert (assured / worst["recording"]).stat().st_size > 1000
+        assert worst["recorded_margin"] == pytest.approx(worst["margin"], abs=1e-4)
+        of_searches = searched["margin"].to_numpy()[names == one["id"]]
+        assert worst["margin"] == min([one["cases"]["worst_margin"], *of_searches])
+    assert set(names) == {one["id"] for one in evidence["requirements"] if "search" in one["verified_by"]}
+    flights = sorted(path.name for path in (assured / artifacts.WORST_FLIGHTS).iterdir())
+    assert flights == [f"R{number}-worst.mcap" for number in range(1, 8)]
+
+
+def test_proofs_and_domain_are_files(assured: Path, evidence: dict[str, Any]) -> None:
+    boxes = pq.read_table(assured / artifacts.PROOF_BOXES)
+    counted = sum(part["num_boxes"] for one in evidence["requirements"] for part in one.get("bounds", ()))
+    assert boxes.num_rows == 3 * counted
+    domain = from_mapping(json.loads((assured / artifacts.DOMAIN).read_text(encoding="utf-8")), "domain")
+    assert [box.system for box in domain] == ["force_x", "force_y", "force_z"]
+    assert evidence["domain"]["num_made_from"] == evidence["domain"]["num_tried"] == 4
+
+
+def test_hashes_are_those_of_the_files(assured: Path, evidence: dict[str, Any]) -> None:
+    assert {artifacts.REQUIREMENTS, artifacts.ASSURED_CASES, artifacts.DOMAIN} < set(evidence["sha256"])
+    for name, digest in evidence["sha256"].items():
+        assert hashlib.sha256((assured / name).read_bytes()).hexdigest() == digest
+    assert artifacts.EVIDENCE_PAGE in artifacts.read_manifest(assured)["sha256"]
+
+
+def test_the_page_is_what_the_data_says_and_needs_nothing_else(
+    assured: Path, evidence: dict[str, Any]
+) -> None:
+    text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
+    assert text == page.write(evidence)
+    style = re.search(r"<style>(.*?)</style>", text, re.DOTALL)
+    assert style is not None
+    digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
+    assert f"style-src &#39;sha256-{digest}" in text or f"style-src 'sha256-{digest}'" in text
+    assert "default-src 'none'" in text
+    assert not re.search(r"<script|<link|style=\"|src=|https?:", text)
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r'href="#([^"]+)"', text)) <= set(ids)
+    for one in evidence["requirements"]:
+        for method in one["methods"]:
+            assert f'href="#{one["id"]}-{method}"' in text
+
+
+def test_words_of_the_file_are_words_on_the_page(evidence: dict[str, Any]) -> None:
+    hostile = '<script>alert("x")</script>'
+    requirement = {**evidence["requirements"][0], "title": hostile, "text": hostile, "why": hostile}
+    text = page.write({**evidence, "requirements": [requirement], "name": hostile})
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") >= 4
+
+
+def test_it_repeats_to_the_last_bit(assured: Path, evidence: dict[str, Any]) -> None:
+    recorded = {name: digest for name, digest in evidence["sha256"].items() if name.endswith("parquet")}
+    assert main(["stages=[assure]", f"hydra.run.dir={assured}"]) == 0
+    again = json.loads((assured / artifacts.EVIDENCE).read_text(encoding="utf-8"))
+    assert {name: again["sha256"][name] for name in recorded} == recorded
+    assert again["requirements"] == evidence["requirements"]
+
+
+def test_mistakes_in_requirements_are_told_before_a_folder_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("schema: requirements\nschema_version: 1\nrequirements: [{id: A1}]\n", encoding="utf-8")
+    words = ["+experiment=assure", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
+    assert main([*words, f"assurance.requirements={mine}"]) == 2
+    assert "A1: verified_by must be a list" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_controller_without_systems_has_no_domain(tmp_path: Path) -> None:
+    words = [word for word in SMALL if not word.startswith("controller")]
+    run = f"hydra.run.dir={tmp_path / 'run'}"
+    assert main(["+experiment=assure", *words, "controller=coast", "duration_s=3600.0", run]) == 0
+    told = json.loads((tmp_path / "run" / artifacts.EVIDENCE).read_text(encoding="utf-8"))
+    assert told["domain"] is None
+    assert not (tmp_path / "run" / artifacts.DOMAIN).exists()
+    assert {one["id"]: one["verdict"] for one in told["requirements"]}["R8"] == "not shown"
