@@ -33,7 +33,7 @@ _FORESEEN = {
 ABOUT = (
     "Call start() once, and step() once at the beginning of each control period. step() tells what is fired "
     "until the next call, as the recorded flights fired it. It is given the signals, and of the mission what "
-    "the thrust logic needs. A safety layer, where one flies, comes after it.",
+    "the thrust logic needs. A safety layer, where one flies, comes after it, a rehearsed push before it.",
     "A signal that is not a number asks for nothing. Signals are read only where inference decides, what "
     "coasting is decided by only where a force is decided on; members that are not read may hold anything.",
 )

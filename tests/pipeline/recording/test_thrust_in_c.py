@@ -25,7 +25,7 @@ from tests.places import PROJECT
 from tests.programs import program
 
 CONTROLLERS = PROJECT / "conf" / "controller"
-REASON_WORDS = np.array([word for word in REASONS if word not in {"safety", "rehearsed"}])
+REASON_WORDS = np.array([word for word in REASONS if word not in ("safety", "rehearsed")])
 
 
 def shipped(name: str, **attributes: str) -> FuzzyController:
