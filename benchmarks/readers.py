@@ -187,7 +187,8 @@ def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
                 [b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"], "text", value_errors,
             ),
             "conditions": lambda: Reader(
-                "conditions", _conditions, [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
+                "conditions", _conditions,
+                [b"distance > 3 and velocity_body_x <= 0.5", b"distance in [1, 2]"],
                 "text", value_errors,
             ),
             "table": lambda: Reader("table", _table, [_parquet()], "table"),

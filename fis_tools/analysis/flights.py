@@ -16,7 +16,7 @@ from fis_tools.model.extras import MissingExtra
 from fis_tools.model.thrust import COUNTED, UNKNOWN
 
 if TYPE_CHECKING:
-    from telemetry.file.reader import Recording, TopicColumns
+    from telemetry.file.reader import Recording
 
 Floats = NDArray[np.float64]
 Words = NDArray[np.str_]
@@ -24,7 +24,7 @@ Words = NDArray[np.str_]
 CONTROLLER_ATTACHMENT = "controller.json"
 TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
-CONTROL_TOPIC = "/deputy/control"
+CONTROL_TOPICS = "*/control"
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class FlownSystem:
 
     @property
     def is_counted(self) -> NDArray[np.bool_]:
-        """Whether the output was fired, within what is possible; true where the log does not say."""
+        """Whether the output was fired, perhaps clipped; true where the log does not say."""
         return np.isin(self.reason, (*COUNTED, UNKNOWN))
 
     def at(self, rows: NDArray[np.bool_]) -> "FlownSystem":
@@ -162,7 +162,7 @@ def read_flight(path: Path | str, all_periods: bool = False) -> tuple[FlownSyste
     ControllerFileError
         If the flight cannot be read, or its log does not fit the controller it carries.
     """
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPIC))
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
     flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
@@ -175,9 +175,10 @@ def read_outcome(path: Path | str) -> Outcome:
     ControllerFileError
         If the flight cannot be read.
     """
-    recording = _read(path, topics=("/mission", "/deputy/control", f"{TOPIC_PREFIX}*"))
+    recording = _read(path, topics=("/mission", CONTROL_TOPICS, f"{TOPIC_PREFIX}*"))
     episode, topics = recording.episode, recording.topics
-    mission, control = topics.get("/mission"), topics.get("/deputy/control")
+    mission = topics.get("/mission")
+    control = next((topic for name, topic in topics.items() if name.endswith("/control")), None)
     end: dict[str, float | None] = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent"))
     distance = np.array([])
     if mission is not None and len(mission):
@@ -232,10 +233,10 @@ def read_periods(path: Path | str, time_s: float) -> tuple[Period, ...]:
         If the flight cannot be read, its log does not fit the controller it carries, or it was not flown at
         that time.
     """
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPIC))
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
     flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
-    control = _control_of(recording)
-    times = [flown.time_s for flown in flown_systems] if control is None else [control.time_s]
+    starts = recording.control_time_s
+    times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
     starts = np.unique(np.concatenate([np.empty(0), *times]))
     hold = float(starts[-1] - starts[-2]) if len(starts) > 1 else 0.0
     if not len(starts) or not starts[0] <= time_s <= starts[-1] + hold:
@@ -372,8 +373,3 @@ def _flown(recording: "Recording", system: FuzzySystem) -> FlownSystem:
     return FlownSystem(
         system, messages.time_s, columns["inputs"], columns["firing_strengths"], output, reason
     )
-
-
-def _control_of(recording: "Recording") -> "TopicColumns | None":
-    control = recording.topics.get(CONTROL_TOPIC)
-    return control if control is not None and len(control) else None

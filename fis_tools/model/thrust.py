@@ -19,22 +19,20 @@ REASONS: Final = {
     "waiting": "between two decisions nothing is inferred or fired",
     "coasting": "coasting to the end shows enough: nothing was inferred or fired",
     "complete": "every point is inspected: nothing was inferred or fired",
-    "clipped": "it was fired as far as the thruster goes",
+    "clipped": "it was fired as far as the greatest force goes",
     "safety": "the safety layer fired something else",
     "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
 }
 
 #: nothing is asked for where less than this is, N: an output that should be zero is so to rounding
 SILENT_N: Final = 1e-12
-#: where the output of a system counts: what it asked for was fired, as far as the thruster goes
+#: where the output of a system counts: what it asked for was fired, as far as the greatest force goes
 COUNTED: Final = ("fired", "clipped")
 #: of a recording that gives no reasons
 UNKNOWN: Final = "unknown"
 
 #: components that a system's output may be named after
 COMPONENTS: Final = ("force_x", "force_y", "force_z")
-#: the axes that they are along
-FORCE_AXES: Final = ("hill", "body")
 #: what coasting is decided by, in the order of the comparisons
 FORESEEN: Final = ("missed", "coasting_nearest", "coasting_farthest")
 
@@ -50,7 +48,7 @@ THRUST_ATTRIBUTES: Final = (
 
 @dataclass(frozen=True)
 class ThrustLogic:
-    """What stands between inference and thruster, in the order in which it acts.
+    """What stands between inference and what is fired, in the order in which it acts.
 
     Parameters
     ----------
@@ -64,8 +62,8 @@ class ThrustLogic:
     dead_bands_n : tuple of float, shape (3,)
         A component smaller than this is not fired.
     force_axes : str
-        ``hill`` or ``body``: the axes of the components. What is asked for in body axes is turned to Hill
-        axes, and each Hill component is clipped to what the thruster can do; then a safety layer may act.
+        The axes of the components. What is asked for in ``body`` axes is turned to the axes in which the
+        force is fired; any other axes are those. Each component there is clipped; a safety layer may follow.
     """
 
     decision_period_s: float
@@ -73,6 +71,11 @@ class ThrustLogic:
     coast_margin_m: float
     dead_bands_n: tuple[float, float, float]
     force_axes: str
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the components are along other axes than those in which the force is fired."""
+        return self.force_axes == "body"
 
     @property
     def may_coast(self) -> bool:
@@ -90,7 +93,7 @@ def thrust_logic(controller: FuzzyController) -> ThrustLogic | None:
     """
     attributes = dict(controller.attributes)
     names = [output.name for system in controller.systems for output in system.outputs]
-    if attributes.get("force_axes") not in FORCE_AXES or not names or not set(names) <= set(COMPONENTS):
+    if "force_axes" not in attributes or not names or not set(names) <= set(COMPONENTS):
         return None
 
     def number(name: str) -> float:

@@ -154,6 +154,12 @@ class Recording:
                 )
         return description
 
+    @property
+    def control_time_s(self) -> NDArray[np.float64]:
+        """When the control periods begin; empty where they were not read."""
+        control = self.topics.get(topics.DEPUTY_CONTROL)
+        return np.empty(0) if control is None else control.time_s
+
     def reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
         """Return what became of a component of the force over the control periods that begin at some times.
 

@@ -26,14 +26,14 @@ _KEYWORDS = frozenset(
 #: unit and meaning of what coasting is decided by
 _FORESEEN = {
     "missed": ("", "how many points coasting to the end would leave unseen"),
-    "coasting_nearest": ("m", "least distance from the chief on the way"),
+    "coasting_nearest": ("m", "least distance on the way"),
     "coasting_farthest": ("m", "greatest distance on the way"),
 }
 
 ABOUT = (
     "Call start() once, and step() once at the beginning of each control period. step() tells what is fired "
     "until the next call, as the recorded flights fired it. It is given the signals, and of the mission what "
-    "the thrust logic needs. A safety layer, where one flies, comes after it.",
+    "the thrust logic needs. A safety layer, where one flies, comes after it, a rehearsed push before it.",
     "A signal that is not a number asks for nothing. Signals are read only where inference decides, what "
     "coasting is decided by only where a force is decided on; members that are not read may hold anything.",
 )
@@ -94,23 +94,23 @@ def structures(controller: FuzzyController, logic: ThrustLogic) -> Iterator[str]
         told = ", ".join(filter(None, (unit, about)))
         yield from wrap(f"/* {_plain(told)} */", 100, initial_indent="    ", subsequent_indent="     * ")
         yield f"    double {word};"
-    if logic.force_axes == "body":
-        yield "    double attitude[4]; /* quaternion from Hill to body axes, scalar last */"
+    if logic.is_turned:
+        yield "    double attitude[4]; /* quaternion from the axes of fired_n to body axes, scalar last */"
     yield "    int is_complete; /* whether every point is inspected; not 0 means yes */"
     yield "};\n"
-    yield "/* What the mission and the thruster set. */"
+    yield "/* What the mission sets. */"
     yield "struct step_mission {"
-    yield "    double max_force_n; /* greatest force along each Hill axis */"
+    yield "    double max_force_n; /* greatest force along each axis of fired_n */"
     if logic.decision_period_s > 0.0:
         yield "    double control_period_s; /* of which the decision period is a whole number */"
     if logic.may_coast:
-        yield "    double min_distance_m; /* from the chief's centre */"
-        yield "    double max_distance_m;"
+        yield "    double min_distance_m; /* least distance allowed */"
+        yield "    double max_distance_m; /* greatest distance allowed */"
     yield "    int coasts_when_complete; /* whether nothing is fired once every point is inspected */"
     yield "};\n"
     yield "/* What is fired until the next call, and why. */"
     yield "struct step_force {"
-    yield "    double hill_n[3]; /* fired, Hill axes */"
+    yield f"    double fired_n[3]; /* {_plain(_fired_axes(logic))} */"
     yield f"    double asked_n[3]; /* by the fuzzy systems, {_axes(logic)} axes */"
     yield "    enum reason reason[3]; /* of each component, in the same axes */"
     yield "};\n"
@@ -137,7 +137,7 @@ def functions(controller: FuzzyController, logic: ThrustLogic, infer: Mapping[st
     if logic.may_coast:
         yield _coasting(logic, words)
     yield from _asking(controller, infer, words)
-    yield _to_hill(logic)
+    yield _turn_back(logic)
     yield _step(logic)
 
 
@@ -199,23 +199,23 @@ def _asking(controller: FuzzyController, infer: Mapping[str, str], words: Mappin
     yield "}\n"
 
 
-def _to_hill(logic: ThrustLogic) -> str:
-    if logic.force_axes == "hill":
+def _turn_back(logic: ThrustLogic) -> str:
+    if not logic.is_turned:
         return ""
     return """\
-/* Turn a force from body axes to Hill axes. */
-static void turn_to_hill(const double attitude[4], const double body[3], double hill[3])
+/* Turn a force from body axes to those in which it is fired. */
+static void turn_back(const double attitude[4], const double body[3], double fired[3])
 {
     const double q1 = attitude[0];
     const double q2 = attitude[1];
     const double q3 = attitude[2];
     const double q4 = attitude[3];
 
-    hill[0] = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * body[0] + 2.0 * (q1 * q2 - q3 * q4) * body[1] +
+    fired[0] = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * body[0] + 2.0 * (q1 * q2 - q3 * q4) * body[1] +
               2.0 * (q1 * q3 + q2 * q4) * body[2];
-    hill[1] = 2.0 * (q1 * q2 + q3 * q4) * body[0] + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * body[1] +
+    fired[1] = 2.0 * (q1 * q2 + q3 * q4) * body[0] + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * body[1] +
               2.0 * (q2 * q3 - q1 * q4) * body[2];
-    hill[2] = 2.0 * (q1 * q3 - q2 * q4) * body[0] + 2.0 * (q2 * q3 + q1 * q4) * body[1] +
+    fired[2] = 2.0 * (q1 * q3 - q2 * q4) * body[0] + 2.0 * (q2 * q3 + q1 * q4) * body[1] +
               (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4) * body[2];
 }
 """
@@ -223,7 +223,7 @@ static void turn_to_hill(const double attitude[4], const double body[3], double 
 
 def _step(logic: ThrustLogic) -> str:
     bands = ", ".join(map(repr, logic.dead_bands_n))
-    is_body = logic.force_axes == "body"
+    is_body = logic.is_turned
     lines = [
         "/* One control period of the thrust logic. */",
         "void step(struct step_state *state, const struct step_signals *signals,",
@@ -277,20 +277,20 @@ def _step(logic: ThrustLogic) -> str:
         "    }",
     ]
     if is_body:
-        lines += ["    turn_to_hill(signals->attitude, commanded, force->hill_n);"]
+        lines += ["    turn_back(signals->attitude, commanded, force->fired_n);"]
     lines += ["    for (axis = 0; axis < 3; ++axis) {"]
     if not is_body:
-        lines += ["        force->hill_n[axis] = commanded[axis];"]
+        lines += ["        force->fired_n[axis] = commanded[axis];"]
     mark = "is_clipped = 1;" if is_body else "force->reason[axis] = REASON_CLIPPED;"
     lines += [
-        "        if (force->hill_n[axis] > mission->max_force_n) {",
-        "            force->hill_n[axis] = mission->max_force_n;",
+        "        if (force->fired_n[axis] > mission->max_force_n) {",
+        "            force->fired_n[axis] = mission->max_force_n;",
         f"            {mark}",
-        "        } else if (force->hill_n[axis] < -mission->max_force_n) {",
-        "            force->hill_n[axis] = -mission->max_force_n;",
+        "        } else if (force->fired_n[axis] < -mission->max_force_n) {",
+        "            force->fired_n[axis] = -mission->max_force_n;",
         f"            {mark}",
         "        } else {",
-        "            /* within what the thruster can do */",
+        "            /* within the greatest force */",
         "        }",
         "    }",
     ]
@@ -306,7 +306,12 @@ def _step(logic: ThrustLogic) -> str:
 
 
 def _axes(logic: ThrustLogic) -> str:
-    return "Hill" if logic.force_axes == "hill" else "body"
+    return "body" if logic.is_turned else "the same"
+
+
+def _fired_axes(logic: ThrustLogic) -> str:
+    axes = "in the axes that attitude turns from" if logic.is_turned else f"{logic.force_axes} axes"
+    return f"fired, {axes}"
 
 
 def _plain(text: str) -> str:

@@ -153,11 +153,17 @@ def start_lanes(
 
 @compiled(error_model="numpy")
 def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, outcomes: Floats) -> None:
-    """Write how the flights ended, from row `flight` on."""
+    """Write how the flights ended, from row `flight` on; delta-v is NaN where the attitude is.
+
+    A force that is not a number is clipped to one that is, but an attitude stays what it has become.
+    """
     lanes = work.lanes
     for lane in range(num_lanes):
         row = outcomes[flight + lane]
         row[DELTA_V] = lanes.spent[lane]
+        for component in range(4):
+            if not np.isfinite(lanes.attitude[component, lane]):
+                row[DELTA_V] = np.nan
         row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
         row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
         row[MIN_DISTANCE] = lanes.nearest[lane]

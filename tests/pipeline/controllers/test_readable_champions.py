@@ -22,7 +22,7 @@ def test_their_audit_finds_nothing(name: str) -> None:
     assert sum(len(system.rules) for system in controller.systems) == int(name.split("_")[1])
     assert audit(controller).findings == ()
     for system in controller.systems:
-        assert measure(system).rule_meaning.index >= 0.8
+        assert measure(system).rule_consistency.index >= 0.8
         assert measure(system).completeness.least >= 0.49  # a half, but between two points of the universe
         for variable in (*system.inputs, *system.outputs):
             assert variable.maximum == rounded(variable.maximum, 2)

@@ -8,11 +8,11 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from pipeline.flight.chief import num_chief_steps
-from pipeline.flight.controller import coast
+from pipeline.flight.controller import coast, law_of, packed
 from pipeline.flight.log import Scenario
 from pipeline.flight.reference.world import turn_chief, world_of
-from pipeline.flight.simulation import FlightError, fly_all, fly_logged
-from pipeline.flight.world import chief_attitudes
+from pipeline.flight.simulation import FlightError, fly_all, fly_logged, fly_population
+from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 
@@ -66,3 +66,14 @@ def test_a_flight_that_does_not_stay_finite_is_no_result():
     for fly in (lambda: fly_all(mission, coast(), [start]), lambda: fly_logged(mission, coast(), start)):
         with pytest.raises(FlightError, match="did not stay finite"):
             fly()
+
+
+def test_an_attitude_that_does_not_stay_finite_is_no_result():
+    world = pack_world(replace(PAPER, duration_s=60.0))
+    gain = 1e300 * np.eye(3)
+    wild = world._replace(proportional_gain=gain, derivative_gain=gain, max_torque=1e300)
+    law, numbers = law_of(coast(), replace(PAPER, duration_s=60.0)), packed(coast())
+    starts, sun_angles = np.array([[40.0, 30.0, 20.0, 0.0, 0.0, 0.0]]), np.zeros(1)
+    assert np.isfinite(fly_population(world, law, numbers, starts, sun_angles).delta_v_m_s).all()
+    with pytest.raises(FlightError, match="did not stay finite"):
+        fly_population(wild, law, numbers, starts, sun_angles)

@@ -25,7 +25,7 @@ from tests.places import PROJECT
 from tests.programs import program
 
 CONTROLLERS = PROJECT / "conf" / "controller"
-REASON_WORDS = np.array([word for word in REASONS if word not in {"safety", "rehearsed"}])
+REASON_WORDS = np.array([word for word in REASONS if word not in ("safety", "rehearsed")])
 
 
 def shipped(name: str, **attributes: str) -> FuzzyController:
@@ -77,7 +77,7 @@ def structure(*members: tuple[str, type]) -> type[ctypes.Structure]:
 
 STATE = structure(("periods_to_wait", ctypes.c_int))
 FORCE = structure(
-    ("hill_n", ctypes.c_double * 3), ("asked_n", ctypes.c_double * 3), ("reason", ctypes.c_int * 3)
+    ("fired_n", ctypes.c_double * 3), ("asked_n", ctypes.c_double * 3), ("reason", ctypes.c_int * 3)
 )
 
 
@@ -134,7 +134,7 @@ def stepped(
             signals.attitude[:] = deputy["quaternion"][k].tolist()
         signals.is_complete = int(status["inspected_mask"][k].all())
         library.step(*map(ctypes.byref, (state, signals, world, force)))
-        told.append((list(force.hill_n), list(force.asked_n), list(force.reason)))
+        told.append((list(force.fired_n), list(force.asked_n), list(force.reason)))
     fired, asked, reason = (np.array(column) for column in zip(*told, strict=True))
     return fired, asked, REASON_WORDS[reason]
 
