@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from importlib import import_module
 from pathlib import Path
 
 from fis_tools.commands.arguments import (
@@ -47,6 +48,9 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Tell what changed; return 1 if something did and that is asked for."""
+    is_page = not arguments.json and Path(arguments.output or "").suffix.lower() in {".html", ".htm"}
+    if is_page:  # what pictures need is missed before anything is computed
+        import_module("fis_tools.render")
     before, after = read_controller(arguments.controller), read_controller(arguments.after)
     before, after = _limited(before, after, arguments.system)
     samples = flown_inputs(arguments, after) if arguments.flights else None
@@ -61,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
             + "\n"
         )
-    elif Path(arguments.output or "").suffix.lower() in {".html", ".htm"}:
+    elif is_page:
         content = found.html
     else:
         content = found.text

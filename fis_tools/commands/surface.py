@@ -3,6 +3,7 @@
 import argparse
 import csv
 import io
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -66,16 +67,18 @@ def run(arguments: argparse.Namespace) -> None:
     system = the_system(controller, arguments.system)
     fixed = assignments(arguments.fixed)
     x, y, of, num_points = arguments.x, arguments.y, arguments.of, arguments.points
+    ending = Path(arguments.output or "").suffix.lower()
+    if ending not in (*PICTURES, ".csv") and arguments.output is not None:
+        raise UserMistake(f"{arguments.output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
+    if ending in PICTURES:  # what pictures need is missed before anything is computed
+        import_module("fis_tools.render")
+    elif arguments.in_space or arguments.flights:
+        raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
     try:
         result = arrays.surface(system, x, y, fixed=fixed, output=of, num_points=num_points)
     except ValueError as error:
         raise UserMistake(str(error)) from error
-    ending = Path(arguments.output or "").suffix.lower()
-    if ending not in (*PICTURES, ".csv") and arguments.output is not None:
-        raise UserMistake(f"{arguments.output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
     if ending not in PICTURES:
-        if arguments.in_space or arguments.flights:
-            raise UserMistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
         write(arguments.output, _surface_csv(result))
         return
     _draw(arguments, controller, system, result)

@@ -228,7 +228,7 @@ def test_the_toolkit_alone_says_what_to_install(alone: Environment, tmp_path: Pa
         assert told.endswith(
             f" needs {package}, which is not installed; install it: python -m pip install {cure}\n"
         )
-        assert told.count("\n") == 1
+        assert told.count("\n") == 1, told
     compile_anything = (
         "import fis_tools\ntry:\n    fis_tools.compile(1)\nexcept fis_tools.MissingExtra as e:\n    print(e)"
     )
