@@ -2,6 +2,7 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from pipeline.flight.controller import (
 )
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, CASE, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -29,6 +30,8 @@ from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+#: starts, an array of `CASE`
+Cases = np.recarray[Any, Any]
 
 #: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
@@ -62,18 +65,20 @@ def make_workspace(world: World) -> Workspace:
     )
 
 
-def stack_starts(scenarios: list[Scenario]) -> tuple[Floats, Floats]:
-    """Return the starts of some scenarios, shape (n, 6), and their Sun angles, shape (n,)."""
-    starts = np.array([[*s.position_m, *s.velocity_m_s] for s in scenarios], dtype=np.float64).reshape(-1, 6)
-    return starts, np.array([s.sun_angle_rad for s in scenarios], dtype=np.float64)
+def cases_of(scenarios: list[Scenario]) -> Cases:
+    """Return some starts as compiled flights read them, shape (n,)."""
+    cases = np.empty(len(scenarios), CASE).view(np.recarray)
+    for case, scenario in zip(cases, scenarios, strict=True):
+        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
+        case.sun_angle = scenario.sun_angle_rad
+    return cases
 
 
 def fly_population(
     world: World,
     law: Law,
     numbers: Packed,
-    starts: Floats,
-    sun_angles: Floats,
+    cases: Cases,
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
     openings: Floats | None = None,
@@ -87,7 +92,8 @@ def fly_population(
         Of the structure that the population shares.
     numbers : Packed
         n controllers.
-    starts : (m, 6), sun_angles : (m,)
+    cases : (m,)
+        Starts, see `cases_of`.
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 8) float32, optional
@@ -107,7 +113,7 @@ def fly_population(
     FlightError
         If a flight did not stay finite.
     """
-    num_pairs = len(numbers.values) * len(starts)
+    num_pairs = len(numbers.values) * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
     # four shares a thread, so that a slow share does not hold up the end
@@ -123,8 +129,7 @@ def fly_population(
             law,
             numbers.values,
             numbers.rules,
-            starts,
-            sun_angles,
+            cases,
             openings,
             work,
             silent,
@@ -141,7 +146,7 @@ def fly_population(
         with ThreadPoolExecutor(workers) as pool:
             for done in [pool.submit(fly_share, first, last) for first, last in shares]:
                 done.result()
-    return _outcomes(outcomes.reshape(len(numbers.values), len(starts), NUM_OUTCOMES))
+    return _outcomes(outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES))
 
 
 def _parts_in_use(world: World, law: Law) -> tuple[Guard | None, bool | None, bool | None]:
@@ -193,11 +198,10 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     if controller.planner is not None:
         return _fly_planned(mission, controller, scenarios, workers, tracks)
-    starts, sun_angles = stack_starts(scenarios)
-    world = pack_world(mission)
+    world, cases = pack_world(mission), cases_of(scenarios)
     law, numbers = law_of(controller, mission), packed(controller)
     openings = rehearsed_openings(mission, controller, scenarios, workers)
-    many = fly_population(world, law, numbers, starts, sun_angles, workers, tracks, openings)
+    many = fly_population(world, law, numbers, cases, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
 
@@ -219,21 +223,20 @@ def rehearsed_openings(
     if not len(pushes):
         return None
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
-    world, (starts, sun_angles) = pack_world(mission), stack_starts(scenarios)
+    world, cases = pack_world(mission), cases_of(scenarios)
     ends = fly_population(
         world,
         law_of(controller, mission),
         packed(controller),
-        np.repeat(starts, len(forces), axis=0),
-        np.repeat(sun_angles, len(forces)),
+        np.repeat(cases, len(forces)).view(np.recarray),
         workers,
-        openings=np.tile(forces, (len(starts), 1)),
+        openings=np.tile(forces, (len(cases), 1)),
     )
     # as many as the controller puts up with cost nothing
     least = max(1.0, constants_of(controller)[constant("coast_below_points")])
     missed = np.maximum(0.0, world.num_points - ends.inspected_count - np.ceil(least) + 1.0)
     cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
-    return np.asarray(forces[cost.reshape(len(starts), len(forces)).argmin(axis=1)])
+    return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
 
 
 def _fly_planned(
@@ -249,7 +252,7 @@ def _fly_planned(
     def fly_one(case: int) -> Outcomes:
         law = law_of(planned_for(controller, scenarios[case]), mission)
         track = None if tracks is None else tracks[case : case + 1]
-        return fly_population(world, law, numbers, *stack_starts([scenarios[case]]), 1, track)
+        return fly_population(world, law, numbers, cases_of([scenarios[case]]), 1, track)
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         try:
@@ -327,7 +330,6 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
-    starts, sun_angles = stack_starts([scenario])
     openings = rehearsed_openings(mission, controller, [scenario], 1)
     fly_many(
         world,
@@ -335,8 +337,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         law,
         numbers.values,
         numbers.rules,
-        starts,
-        sun_angles,
+        cases_of([scenario]),
         openings,
         make_workspace(world),
         log,

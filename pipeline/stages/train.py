@@ -14,7 +14,7 @@ from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.controller import ControllerError, law_of
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_population, is_by_the_reference, stack_starts
+from pipeline.flight.simulation import cases_of, fly_population, is_by_the_reference
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.world import inspection_points, pack_world
 from pipeline.run import artifacts, maker, tables
@@ -131,11 +131,11 @@ def _fitness_from(
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
     world, law = pack_world(mission), law_of(genome.template, mission)
-    places, sun_angles = stack_starts(scenarios)
+    cases = cases_of(scenarios)
     weighed = (penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent)
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
-        outcomes = fly_population(world, law, genome.pack(genomes), places, sun_angles, optimizer.workers)
+        outcomes = fly_population(world, law, genome.pack(genomes), cases, optimizer.workers)
         parts = fitness_parts(outcomes, *weighed)
         if optimizer.algorithm == "nsga2":
             parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
@@ -151,7 +151,7 @@ def _costs(
     mission, optimizer = experiment.mission, experiment.optimizer
     world, law = pack_world(mission), law_of(genome.template, mission)
     numbers = genome.pack(champion[np.newaxis])
-    outcomes = fly_population(world, law, numbers, *stack_starts(scenarios), optimizer.workers)
+    outcomes = fly_population(world, law, numbers, cases_of(scenarios), optimizer.workers)
     penalty = optimizer.penalty.of_round(round_index)
     limits, threshold = _limits(mission), mission.inspection_threshold_percent
     return costs(outcomes, penalty, limits, world.num_points, threshold).reshape(-1)

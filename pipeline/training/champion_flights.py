@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.controller import law_of
-from pipeline.flight.simulation import fly_population, stack_starts
+from pipeline.flight.simulation import cases_of, fly_population
 from pipeline.flight.starts import given_start
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment
@@ -30,7 +30,7 @@ class ChampionFlights:
         mission = experiment.mission
         self._world, self._law = pack_world(mission), law_of(genome.template, mission)
         self._genome = genome
-        self._start = stack_starts([given_start(mission.deputy, experiment.sun, experiment.seed)])
+        self._start = cases_of([given_start(mission.deputy, experiment.sun, experiment.seed)])
         self._num_seen = 0
         self._last: Floats | None = None
         self._moments: list[tuple[int, int]] = []
@@ -50,7 +50,7 @@ class ChampionFlights:
     def _fly(self, genome: Floats) -> NDArray[np.float32]:
         tracks = np.empty((1, self._world.num_controls + 1, 3), dtype=np.float32)
         numbers = self._genome.pack(genome[np.newaxis])
-        fly_population(self._world, self._law, numbers, *self._start, workers=1, tracks=tracks)
+        fly_population(self._world, self._law, numbers, self._start, workers=1, tracks=tracks)
         track: NDArray[np.float32] = tracks[0]
         return track
 

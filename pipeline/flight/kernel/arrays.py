@@ -92,6 +92,11 @@ class Law(NamedTuple):
     plan: Floats  # (K, 3) forces in Hill axes, N; empty without a plan
 
 
+#: A start: what is a flight's own before it begins. Hill axes, SI units.
+CASE = np.dtype(
+    [("position", np.float64, 3), ("velocity", np.float64, 3), ("sun_angle", np.float64)], align=True
+)
+
 #: What flights carry, a column a lane. Positions, velocities, forces and directions in Hill axes, SI units.
 CARRIED = np.dtype(
     [

@@ -117,20 +117,18 @@ def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angl
 
 
 @compiled(error_model="numpy")
-def start_lanes(
-    world: World, work: Workspace, starts: Floats, sun_angles: Floats, first: int, num_lanes: int
-) -> None:
+def start_lanes(world: World, work: Workspace, cases: Any, first: int, num_lanes: int) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
     lanes, nothing = work.lanes, splat(0.0, LANES)
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
     work.clustered[:] = 0.0
     for lane in range(LANES):
-        row = first + min(lane, num_lanes - 1)
+        case = cases[first + min(lane, num_lanes - 1)]
         for component in range(3):
-            lanes.position[component, lane] = starts[row, component]
-            lanes.velocity[component, lane] = starts[row, 3 + component]
-        lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(sun_angles[row]), sin(sun_angles[row])
+            lanes.position[component, lane] = case.position[component]
+            lanes.velocity[component, lane] = case.velocity[component]
+        lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(case.sun_angle), sin(case.sun_angle)
         work.unseen[lane, : world.num_points] = 1.0
     write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
     # inertial: n relative to Hill, and Hill's own
@@ -195,8 +193,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     law: Law,
     values: Floats,
     rules: Integers,
-    starts: Floats,
-    sun_angles: Floats,
+    cases: Any,
     openings: Floats | None,
     first: int,
     num_lanes: int,
@@ -213,8 +210,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     world, law : what is flown
     guard, clusters, pushes : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
-    starts : (m, 6) position (m) and velocity (m/s), Hill axes
-    sun_angles : (m,) rad, at k = 0
+    cases : (m,) starts, of `CASE`
     openings : (m, 3) forces of the first control period, N, Hill axes; None where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
@@ -226,7 +222,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     is_logged = len(log.position_m) > 0
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
-    start_lanes(world, work, starts, sun_angles, first, num_lanes)
+    start_lanes(world, work, cases, first, num_lanes)
     if law.needs & (URGENCY | SETTING):
         note_deadlines(world, work, num_lanes)
     lanes = work.lanes
@@ -254,7 +250,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_track(lanes, lane, tracks[flight + lane, k])
         if is_logged:
-            write_sample(world, work, log, k, sun_angles[first])
+            write_sample(world, work, log, k, cases[first].sun_angle)
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
@@ -283,8 +279,7 @@ def fly_many(
     law: Law,
     values: Floats,
     rules: Integers,
-    starts: Floats,
-    sun_angles: Floats,
+    cases: Any,
     openings: Floats | None,
     work: Workspace,
     log: FlightLog,
@@ -300,10 +295,9 @@ def fly_many(
     depends on them, and nobody waits for the compilation of what is not flown.
     """
     # not what may be None: what is left out then hangs on the argument itself
-    world, law, values, rules = borrowed((world, law, values, rules))
-    starts, sun_angles = borrowed((starts, sun_angles))
+    world, law, values, rules, cases = borrowed((world, law, values, rules, cases))
     work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))
-    num_starts = len(starts)
+    num_starts = len(cases)
     flight = first
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
@@ -316,8 +310,7 @@ def fly_many(
             law,
             values[row],
             rules[row],
-            starts,
-            sun_angles,
+            cases,
             openings,
             start,
             num_lanes,
