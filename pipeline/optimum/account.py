@@ -13,7 +13,7 @@ from pipeline.settings.experiment import Mission, SettingError
 
 Column = NDArray[Any]
 
-_START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad")
+_POSITION = ("position_x_m", "position_y_m", "position_z_m")
 _VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
 
 
@@ -23,7 +23,9 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
     settled = restarts[np.isfinite(restarts)]
     return {
         "case": case,
-        **dict(zip(_START, [*scenario.position_m.tolist(), scenario.sun_angle_rad], strict=True)),
+        **dict(zip(_POSITION, scenario.position_m.tolist(), strict=True)),
+        "sun_angle_rad": scenario.sun_angle_rad,
+        "sun_elevation_rad": scenario.sun_elevation_rad,
         **dict(zip(_VELOCITY, scenario.velocity_m_s.tolist(), strict=True)),
         "delta_v_m_s": flight.delta_v,
         "inspected_count": flight.num_inspected,

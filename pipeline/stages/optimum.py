@@ -71,9 +71,11 @@ def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
     for place, case in enumerate(columns["case"].tolist()):
         row = {name: column[place].item() for name, column in columns.items()}
         if case < len(scenarios) and plan_path(folder, case).exists():
-            start = [row[f"position_{axis}_m"] for axis in "xyz"] + [row["sun_angle_rad"]]
+            start = [row[f"position_{axis}_m"] for axis in "xyz"]
+            start += [row["sun_angle_rad"], row.get("sun_elevation_rad", 0.0)]
             scenario = scenarios[case]
-            if start == [*scenario.position_m.tolist(), scenario.sun_angle_rad]:
+            suns = [scenario.sun_angle_rad, scenario.sun_elevation_rad]
+            if start == [*scenario.position_m.tolist(), *suns]:
                 rows[case] = row
     return rows
 
