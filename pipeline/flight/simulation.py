@@ -23,7 +23,7 @@ from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import CARRIED, CASE, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
-from pipeline.flight.kernel.optics import note_inspectable
+from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.light import sun_shares
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -83,6 +83,13 @@ def inspectable_points(world: World, cases: Cases) -> NDArray[np.uint8]:
     found = np.empty((len(cases), world.points.shape[2]), dtype=np.uint8)
     note_inspectable(world, _optics_in_use(world, cases), make_workspace(world), cases, found)
     return found
+
+
+def lit_at_samples(world: World, cases: Cases) -> NDArray[np.bool_]:
+    """Tell which points are lit at each sample of one case's flight, shape (K+1, P)."""
+    found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
+    note_lit_at_samples(world, _optics_in_use(world, cases), make_workspace(world), cases, found)
+    return np.ascontiguousarray(found[:, : world.num_points] > 0)
 
 
 def counted_points(world: World, cases: Cases, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:

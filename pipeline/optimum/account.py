@@ -17,7 +17,7 @@ _POSITION = ("position_x_m", "position_y_m", "position_z_m")
 _VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
 
 
-def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_points: int) -> dict[str, Any]:
+def case_row(case: int, scenario: Scenario, plan: CasePlan, num_points: int) -> dict[str, Any]:
     """Return the row of a case in `optimum/cases.parquet`."""
     flight, restarts = plan.flight, plan.restart_delta_v
     settled = restarts[np.isfinite(restarts)]
@@ -34,8 +34,9 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
         "min_distance_m": flight.min_distance,
         "max_distance_m": flight.max_distance,
         "outside_m": flight.outside,
-        "points_asked": needed,
-        "is_feasible": flight.is_feasible(needed),
+        "inspectable_count": plan.inspectable,
+        "points_asked": plan.needed,
+        "is_feasible": flight.is_feasible(plan.needed),
         "restarts": len(restarts),
         "restarts_feasible": len(settled),
         "restarts_agreeing": num_agreeing(restarts),
@@ -45,7 +46,7 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
     }
 
 
-def check_points(mission: Mission, needed: int) -> None:
+def check_points(mission: Mission, needed: int | None) -> None:
     """Refuse to look for more points than there are.
 
     Raises
@@ -53,7 +54,7 @@ def check_points(mission: Mission, needed: int) -> None:
     SettingError
     """
     num_points = len(inspection_points(mission))
-    if needed > num_points:
+    if needed is not None and needed > num_points:
         raise SettingError(
             f"optimum.points is {needed}, but the chief has {num_points} points; ask for at most as many"
         )

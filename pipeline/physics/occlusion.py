@@ -117,6 +117,40 @@ def note_free(
             is_free[cell, point] = 0 if is_hidden else 1
 
 
+@compiled(nogil=True, error_model="numpy")
+def note_free_along(
+    occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
+) -> None:
+    """Deny the points that the body hides from the places of a path.
+
+    Parameters
+    ----------
+    occlusion : Occlusion
+    axes : (K+1 or 1, 3, 3)
+        From the path's axes to the body's.
+    path : (K+1, 3), points : (K+1, 3, P)
+        m.
+    is_granted : (K+1, P)
+        Made false where a point is hidden.
+    """
+    for k in range(len(path)):
+        turn = axes[k if len(axes) > 1 else 0]
+        for j in range(points.shape[2]):
+            if is_granted[k, j]:
+                x, y, z = (
+                    path[k, 0] - points[k, 0, j],
+                    path[k, 1] - points[k, 1, j],
+                    path[k, 2] - points[k, 2, j],
+                )
+                cell = cell_of(
+                    occlusion.edge,
+                    turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
+                    turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
+                    turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
+                )
+                is_granted[k, j] = occlusion.is_free[cell, j] > 0
+
+
 def occlusion_of(points: Floats, normals: Floats, corners: Floats) -> Occlusion:
     """Look from every point in every direction.
 

@@ -23,6 +23,14 @@ SPACINGS = (32, 8, 1)
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def sun_after(world: World, start_x: float, start_y: float, k: int) -> tuple[float, float]:
+    """Return cosine and sine of the Sun's angle at a sample from those at the start."""
+    turned = world.mean_motion * world.control_period * k
+    turned_x, turned_y = cos(turned), sin(turned)
+    return start_x * turned_x + start_y * turned_y, start_y * turned_x - start_x * turned_y
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def light_at(
     world: World, work: Workspace, lane: int, sun_x: float, sun_y: float
 ) -> tuple[float, float, float]:
@@ -168,3 +176,26 @@ def note_inspectable(
                     break
         for j in range(world.num_points):
             found[row, j] = 1 if ahead[j] == 0.0 else 0
+
+
+@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+def note_lit_at_samples(
+    world: World, optics: bool | None, work: Workspace, cases: Any, found: NDArray[np.uint8]
+) -> None:
+    """Write which points are lit at each sample of the first case's flight, shape (K+1, P padded), 0 or 1."""
+    case, points = cases[0], world.points
+    start_x, start_y = cos(case.sun_angle), sin(case.sun_angle)
+    high, low = cos(case.sun_elevation), sin(case.sun_elevation)
+    for j in range(len(work.ahead)):
+        work.ahead[j] = 1.0 if j < world.num_points else 0.0
+    for k in range(len(found)):
+        sun_x, sun_y = sun_after(world, start_x, start_y, k)
+        sample = k if len(points) > 1 else 0
+        if optics is not None:
+            lx, ly, lz = sunlight(world.optics, sun_x, sun_y, high, low)
+            note_lit(world, work, k, work.ahead, lx, ly, lz)
+        for j in range(world.num_points):
+            if optics is None:
+                found[k, j] = is_lit(world.sight, points[sample, 0, j], points[sample, 1, j], sun_x, sun_y)
+            else:
+                found[k, j] = work.lit[j] > 0.0
