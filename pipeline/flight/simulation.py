@@ -81,14 +81,14 @@ def cases_of(scenarios: list[Scenario]) -> Cases:
 def inspectable_points(world: World, cases: Cases) -> NDArray[np.uint8]:
     """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     found = np.empty((len(cases), world.points.shape[2]), dtype=np.uint8)
-    note_inspectable(world, _optics_in_use(world, cases), make_workspace(world), cases, found)
+    note_inspectable(world, optics_in_use(world, cases), make_workspace(world), cases, found)
     return found
 
 
 def lit_at_samples(world: World, cases: Cases) -> NDArray[np.bool_]:
     """Tell which points are lit at each sample of one case's flight, shape (K+1, P)."""
     found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
-    note_lit_at_samples(world, _optics_in_use(world, cases), make_workspace(world), cases, found)
+    note_lit_at_samples(world, optics_in_use(world, cases), make_workspace(world), cases, found)
     return np.ascontiguousarray(found[:, : world.num_points] > 0)
 
 
@@ -98,7 +98,7 @@ def counted_points(world: World, cases: Cases, inspectable: NDArray[np.uint8]) -
     In the paper's world these are all, whether they are ever lit or not; in others those that can be
     inspected, so that a deputy waits for no other.
     """
-    if _optics_in_use(world, cases) is None:
+    if optics_in_use(world, cases) is None:
         return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
     is_paper = np.zeros(len(cases), dtype=np.bool_) if world.has_optics else cases.sun_elevation == 0.0
     return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)
@@ -183,7 +183,7 @@ def fly_population(
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def _optics_in_use(world: World, cases: Cases) -> bool | None:
+def optics_in_use(world: World, cases: Cases) -> bool | None:
     """Return whether light or camera are not the paper's, or None."""
     return True if world.has_optics or np.any(cases.sun_elevation != 0.0) else None
 
@@ -196,7 +196,7 @@ def _parts_in_use(
     Light and camera beyond the paper's, the safety layer, clusters, and pushes that show what sets.
     """
     guard = world.guard if world.guard.is_on else None
-    return _optics_in_use(world, cases), guard, world.has_clusters or None, bool(law.needs & SETTING) or None
+    return optics_in_use(world, cases), guard, world.has_clusters or None, bool(law.needs & SETTING) or None
 
 
 class FlightError(ValueError):

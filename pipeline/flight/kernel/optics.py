@@ -4,14 +4,14 @@ Where they are the paper's, `pipeline.physics.sight` says it in a line, and noth
 Written out plainly in `pipeline.flight.reference.sight`.
 """
 
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Mask, Vector, borrowed, load, select, some, splat, store
+from fis_tools.engines.vectors import Mask, Vector, borrowed, count, load, select, some, splat, store
 from pipeline.flight.kernel.arrays import POINTS, Workspace, World
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, is_sunlit, sunlight
@@ -122,6 +122,22 @@ def note_seen(
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def note_seen_from(
+    world: World, work: Workspace, k: int, rx: float, ry: float, rz: float, lx: float, ly: float, lz: float
+) -> int:
+    """Strike out of `work.ahead` what of `work.lit` a camera at r on the chief's centre sees; count it."""
+    per_distance = -1.0 / sqrt(rx * rx + ry * ry + rz * rz)
+    bx, by, bz = rx * per_distance, ry * per_distance, rz * per_distance
+    note_seen(world, work, k, rx, ry, rz, bx, by, bz, lx, ly, lz)
+    num_seen = 0
+    for j in range(0, len(work.ahead), POINTS):
+        seen = load(work.seen, j, POINTS) > 0.0
+        store(work.ahead, j, select(seen, 0.0, load(work.ahead, j, POINTS)))
+        num_seen += count(seen)
+    return num_seen
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def lit_points(
     world: World,
     optics: bool | None,
@@ -199,3 +215,25 @@ def note_lit_at_samples(
                 found[k, j] = is_lit(world.sight, points[sample, 0, j], points[sample, 1, j], sun_x, sun_y)
             else:
                 found[k, j] = work.lit[j] > 0.0
+
+
+@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+def note_seen_along(
+    world: World, work: Workspace, cases: Any, paths: Floats, stride: int, counts: NDArray[np.int64]
+) -> None:
+    """Write how many points a camera on the chief's centre inspects along each path, (n, samples, 3), m.
+
+    Places are `stride` control periods apart, from the first case's start on.
+    """
+    case, ahead = cases[0], work.ahead
+    start_x, start_y = cos(case.sun_angle), sin(case.sun_angle)
+    high, low = cos(case.sun_elevation), sin(case.sun_elevation)
+    for path in range(len(paths)):
+        for j in range(len(ahead)):
+            ahead[j] = 1.0 if j < world.num_points else 0.0
+        for place in range(paths.shape[1]):
+            sun_x, sun_y = sun_after(world, start_x, start_y, place * stride)
+            lx, ly, lz = sunlight(world.optics, sun_x, sun_y, high, low)
+            if note_lit(world, work, place * stride, ahead, lx, ly, lz):
+                rx, ry, rz = paths[path, place, 0], paths[path, place, 1], paths[path, place, 2]
+                counts[path] += note_seen_from(world, work, place * stride, rx, ry, rz, lx, ly, lz)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, store
 from pipeline.flight.kernel.arrays import POINTS, Workspace, World
-from pipeline.flight.kernel.optics import light_at, note_lit, note_seen
+from pipeline.flight.kernel.optics import light_at, note_lit, note_seen_from
 from pipeline.flight.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
 from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit
@@ -70,21 +70,13 @@ def strike_out_through(
     rz: float,
     sun_x: float,
     sun_y: float,
+    num_left: int,
 ) -> int:
-    """Do what `strike_out` does where light or camera are not the paper's."""
-    ahead = work.ahead
-    per_distance = -1.0 / sqrt(rx * rx + ry * ry + rz * rz)
+    """Do what `strike_out` does where light or camera are not the paper's, of so many points left."""
     lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
-    if note_lit(world, work, sample, ahead, lx, ly, lz):
-        bx, by, bz = rx * per_distance, ry * per_distance, rz * per_distance
-        note_seen(world, work, sample, rx, ry, rz, bx, by, bz, lx, ly, lz)
-        for j in range(0, len(ahead), POINTS):
-            seen = load(work.seen, j, POINTS) > 0.0
-            store(ahead, j, select(seen, 0.0, load(ahead, j, POINTS)))
-    num_left = 0
-    for j in range(0, len(ahead), POINTS):
-        num_left += count(load(ahead, j, POINTS) > 0.0)
-    return num_left
+    if not note_lit(world, work, sample, work.ahead, lx, ly, lz):
+        return num_left
+    return num_left - note_seen_from(world, work, sample, rx, ry, rz, lx, ly, lz)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -123,7 +115,7 @@ def preview(world: World, optics: bool | None, work: Workspace, num_lanes: int, 
                 continue
             row = sample if len(world.points) > 1 else 0
             if optics is not None:
-                num_left = strike_out_through(world, work, lane, sample, rx, ry, rz, sun_x, sun_y)
+                num_left = strike_out_through(world, work, lane, sample, rx, ry, rz, sun_x, sun_y, num_left)
             elif squared >= fits:
                 num_left = strike_out(world, ahead, row, rx, ry, rz, sun_x, sun_y, False)
             else:
