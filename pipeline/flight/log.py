@@ -22,11 +22,20 @@ LEAST_CHANGE_N = 1e-9
 
 @dataclass(frozen=True)
 class Scenario:
-    """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and the Sun's angle at k = 0 (rad)."""
+    """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and the Sun's angle at k = 0 (rad).
+
+    `noise` is the seed, the stage and the case that errors of navigation and thrusters are drawn from.
+    """
 
     position_m: Floats
     velocity_m_s: Floats
     sun_angle_rad: float
+    noise: tuple[int, int, int] = (0, 0, 0)
+
+    def generator(self, what: int) -> np.random.Generator:
+        """Return what draws the errors of one kind in the flight from here."""
+        seed, stage, case = self.noise
+        return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case, what)))
 
 
 class FlightLog(NamedTuple):
@@ -82,6 +91,8 @@ class FlightLog(NamedTuple):
         `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
     safety_force_hill_n : (K, 3)
         By which it changed the force, after the clip; part of `force_hill_n`.
+    estimated_position_m, estimated_velocity_m_s : (K+1, 3)
+        What the deputy knew, where it navigates by fixes.
     """
 
     position_m: Floats
@@ -109,6 +120,8 @@ class FlightLog(NamedTuple):
     delta_v_m_s: Floats
     safety_limit: NDArray[np.int64]
     safety_force_hill_n: Floats
+    estimated_position_m: Floats
+    estimated_velocity_m_s: Floats
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
@@ -146,6 +159,8 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         delta_v_m_s=np.zeros(samples),
         safety_limit=np.zeros(controls, dtype=np.int64),
         safety_force_hill_n=np.zeros((controls, 3)),
+        estimated_position_m=np.zeros((samples, 3)),
+        estimated_velocity_m_s=np.zeros((samples, 3)),
     )
 
 

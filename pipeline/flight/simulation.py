@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
+from pipeline.flight.cases import Cases, cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -21,7 +21,7 @@ from pipeline.flight.controller import (
 )
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import CARRIED, CASE, NUM_OUTCOMES, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
@@ -30,8 +30,6 @@ from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
-#: starts, an array of `CASE`
-Cases = np.recarray[Any, Any]
 
 #: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
@@ -65,15 +63,6 @@ def make_workspace(world: World) -> Workspace:
     )
 
 
-def cases_of(scenarios: list[Scenario]) -> Cases:
-    """Return some starts as compiled flights read them, shape (n,)."""
-    cases = np.empty(len(scenarios), CASE).view(np.recarray)
-    for case, scenario in zip(cases, scenarios, strict=True):
-        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
-        case.sun_angle = scenario.sun_angle_rad
-    return cases
-
-
 def fly_population(
     world: World,
     law: Law,
@@ -92,8 +81,8 @@ def fly_population(
         Of the structure that the population shares.
     numbers : Packed
         n controllers.
-    cases : (m,)
-        Starts, see `cases_of`.
+    cases : Cases
+        m starts.
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 8) float32, optional
@@ -126,10 +115,12 @@ def fly_population(
         fly_many(
             world,
             *_parts_in_use(world, law),
+            cases.fixes(),
+            cases.firing(),
             law,
             numbers.values,
             numbers.rules,
-            cases,
+            cases.starts,
             openings,
             work,
             silent,
@@ -198,7 +189,7 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     if controller.planner is not None:
         return _fly_planned(mission, controller, scenarios, workers, tracks)
-    world, cases = pack_world(mission), cases_of(scenarios)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_of(controller, mission), packed(controller)
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
@@ -223,12 +214,12 @@ def rehearsed_openings(
     if not len(pushes):
         return None
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
-    world, cases = pack_world(mission), cases_of(scenarios)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
     ends = fly_population(
         world,
         law_of(controller, mission),
         packed(controller),
-        np.repeat(cases, len(forces)).view(np.recarray),
+        cases.repeated(len(forces)),
         workers,
         openings=np.tile(forces, (len(cases), 1)),
     )
@@ -252,7 +243,7 @@ def _fly_planned(
     def fly_one(case: int) -> Outcomes:
         law = law_of(planned_for(controller, scenarios[case]), mission)
         track = None if tracks is None else tracks[case : case + 1]
-        return fly_population(world, law, numbers, cases_of([scenarios[case]]), 1, track)
+        return fly_population(world, law, numbers, cases_of(mission, [scenarios[case]]), 1, track)
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         try:
@@ -330,14 +321,16 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
-    openings = rehearsed_openings(mission, controller, [scenario], 1)
+    openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
     fly_many(
         world,
         *_parts_in_use(world, law),
+        cases.fixes(),
+        cases.firing(),
         law,
         numbers.values,
         numbers.rules,
-        cases_of([scenario]),
+        cases.starts,
         openings,
         make_workspace(world),
         log,

@@ -6,6 +6,7 @@ Sun does.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -41,7 +42,10 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
     angle = generator.uniform(0.0, 2.0 * np.pi)
     is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
     return Scenario(
-        distance * direction, np.zeros(3), float(np.radians(sun.angle_deg)) if is_fixed else angle
+        distance * direction,
+        np.zeros(3),
+        float(np.radians(sun.angle_deg)) if is_fixed else angle,
+        (seed, stage, case),
     )
 
 
@@ -53,7 +57,7 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
     if starts.kind == "random":
         return drawn
     return [
-        Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad)
+        Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad, case.noise)
         for direction, case in zip(OCTANTS, drawn, strict=True)
     ]
 
@@ -72,8 +76,12 @@ def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) ->
 
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
     """Return the start that the configuration gives; a Sun that is drawn is an evaluation's first."""
-    angle = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun).sun_angle_rad
-    return Scenario(np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s), angle)
+    first = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
+    return replace(
+        first,
+        position_m=np.array(deputy.initial_position_m),
+        velocity_m_s=np.array(deputy.initial_velocity_m_s),
+    )
 
 
 def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
@@ -96,8 +104,8 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
     positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
     velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
     return [
-        Scenario(position, velocity, angle)
-        for position, velocity, angle in zip(
-            positions.astype(np.float64), velocities.astype(np.float64), angles.tolist(), strict=True
+        Scenario(position, velocity, angle, (0, EVALUATION, row))
+        for row, (position, velocity, angle) in enumerate(
+            zip(positions.astype(np.float64), velocities.astype(np.float64), angles.tolist(), strict=True)
         )
     ]

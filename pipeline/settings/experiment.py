@@ -31,12 +31,16 @@ from pipeline.settings.checks import (
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import (
+    IDEAL,
+    PERFECT,
     UNGUARDED,
+    Actuators,
     Attitude,
     Chief,
     Deputy,
     Guidance,
     Mission,
+    Navigation,
     Orbit,
     Safety,
     Sensor,
@@ -46,9 +50,12 @@ from pipeline.settings.nearest import choices_of, did_you_mean
 from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
+    "IDEAL",
+    "PERFECT",
     "SHIPPED",
     "STAGES",
     "UNGUARDED",
+    "Actuators",
     "Assurance",
     "Attitude",
     "Chief",
@@ -59,6 +66,7 @@ __all__ = [
     "Guidance",
     "Mission",
     "MonteCarlo",
+    "Navigation",
     "Optimizer",
     "Optimum",
     "Orbit",

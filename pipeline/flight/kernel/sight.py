@@ -138,40 +138,35 @@ def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> Non
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def sense(
-    world: World, clusters: bool | None, work: Workspace, num_lanes: int, k: int, needs_angles: bool
-) -> None:
-    """Inspect, choose the target and write the signals of every lane."""
-    lanes, signals = work.lanes, work.signals
-    turn_suns(world, work, k)
-    rx, ry, rz = three(lanes.position)
-    vx, vy, vz = three(lanes.velocity)
-    q1, q2, q3, q4 = four(lanes.attitude, 0)
-    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
-    store(lanes.travelled, 0, one(lanes.travelled) + distance)
-    store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
-    store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
-    if k > 0:
-        beyond = most(world.min_distance - distance, distance - world.max_distance)
-        store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
-
-    c11, c12, c13 = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)
-    c21, c22, c23 = 2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)
-    c31, c32, c33 = 2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4
-    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
-    write_three(
-        lanes.boresight,
-        0,
-        c11 * b1 + c21 * b2 + c31 * b3,
-        c12 * b1 + c22 * b2 + c32 * b3,
-        c13 * b1 + c23 * b2 + c33 * b3,
+def dcm_of(q1: Vector, q2: Vector, q3: Vector, q4: Vector) -> tuple[Vector, ...]:
+    """Return the direction cosines of attitudes, Hill to body, by rows."""
+    return (
+        q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4,
+        2 * (q1 * q2 + q3 * q4),
+        2 * (q1 * q3 - q2 * q4),
+        2 * (q1 * q2 - q3 * q4),
+        -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4,
+        2 * (q2 * q3 + q1 * q4),
+        2 * (q1 * q3 + q2 * q4),
+        2 * (q2 * q3 - q1 * q4),
+        -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4,
     )
-    sample = k if len(world.points) > 1 else 0
-    for lane in range(num_lanes):
-        look(world, work, lane, sample)
-        if clusters is not None:
-            choose_cluster(world, work, lane, sample)
 
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def write_signals(
+    work: Workspace,
+    place: tuple[Vector, Vector, Vector],
+    velocity: tuple[Vector, Vector, Vector],
+    distance: Vector,
+    dcm: tuple[Vector, ...],
+    needs_angles: bool,
+) -> None:
+    """Write the signals of position and velocity of every lane."""
+    lanes, signals = work.lanes, work.signals
+    rx, ry, rz = place
+    vx, vy, vz = velocity
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm
     store(signals, DISTANCE, distance)
     write_three(signals, POSITION_HILL, rx, ry, rz)
     write_three(signals, VELOCITY_HILL, vx, vy, vz)
@@ -186,3 +181,49 @@ def sense(
         tx, ty, tz = three(lanes.target)
         store(signals, LAMBDA_U, relative_angle(tx, ty, rx, ry))
         store(signals, ETA_U, relative_angle(tx, tz, rx, rz))
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def sense_again(work: Workspace, needs_angles: bool) -> None:
+    """Write the signals of position and velocity anew, of what stands in the place of the truth."""
+    place, velocity = three(work.lanes.position), three(work.lanes.velocity)
+    rx, ry, rz = place
+    q1, q2, q3, q4 = four(work.lanes.attitude, 0)
+    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
+    write_signals(work, place, velocity, distance, dcm_of(q1, q2, q3, q4), needs_angles)
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def sense(
+    world: World, clusters: bool | None, work: Workspace, num_lanes: int, k: int, needs_angles: bool
+) -> None:
+    """Inspect, choose the target and write the signals of every lane."""
+    lanes = work.lanes
+    turn_suns(world, work, k)
+    rx, ry, rz = three(lanes.position)
+    vx, vy, vz = three(lanes.velocity)
+    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
+    store(lanes.travelled, 0, one(lanes.travelled) + distance)
+    store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
+    store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
+    if k > 0:
+        beyond = most(world.min_distance - distance, distance - world.max_distance)
+        store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
+
+    dcm = dcm_of(q1, q2, q3, q4)
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm
+    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
+    write_three(
+        lanes.boresight,
+        0,
+        c11 * b1 + c21 * b2 + c31 * b3,
+        c12 * b1 + c22 * b2 + c32 * b3,
+        c13 * b1 + c23 * b2 + c33 * b3,
+    )
+    sample = k if len(world.points) > 1 else 0
+    for lane in range(num_lanes):
+        look(world, work, lane, sample)
+        if clusters is not None:
+            choose_cluster(world, work, lane, sample)
+    write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)
