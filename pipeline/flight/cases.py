@@ -62,12 +62,15 @@ class Cases:
             return None
         law, errors = self.navigation
         return Fixes(
-            *law[:-1],
+            *law,
             *errors,
             filtered=np.zeros((6, LANES)),
+            covariance=np.zeros((6, 6, LANES)),
             known=np.zeros((6, LANES)),
+            now=np.zeros((6, 6, LANES)),
+            half=np.zeros((6, 6, LANES)),
             truth=np.zeros((6, LANES)),
-            fixes=np.zeros((len(law.gains), 3, LANES)),
+            fixes=np.zeros((errors.of_fixes.shape[1], 3, LANES)),
             acting=np.zeros((self.num_controls, 3, LANES)),
         )
 
@@ -88,7 +91,7 @@ def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
     navigation, thrusters = None, None
     if mission.navigation.mode == "fixes":
         law = filter_of(mission)
-        navigation = law, errors_of(mission.navigation, scenarios, len(law.gains))
+        navigation = law, errors_of(mission.navigation, scenarios, mission.num_controls // law.stride + 1)
     if mission.actuators.kind == "real":
         thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
     return Cases(starts, mission.num_controls, navigation, thrusters)

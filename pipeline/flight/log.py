@@ -91,8 +91,8 @@ class FlightLog(NamedTuple):
         `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
     safety_force_hill_n : (K, 3)
         By which it changed the force, after the clip; part of `force_hill_n`.
-    estimated_position_m, estimated_velocity_m_s : (K+1, 3)
-        What the deputy knew, where it navigates by fixes.
+    estimate : (K+1, 6), estimate_covariance : (K+1, 6, 6)
+        Position (m) and velocity (m/s) as the deputy knew them, where it navigates by fixes.
     """
 
     position_m: Floats
@@ -120,8 +120,8 @@ class FlightLog(NamedTuple):
     delta_v_m_s: Floats
     safety_limit: NDArray[np.int64]
     safety_force_hill_n: Floats
-    estimated_position_m: Floats
-    estimated_velocity_m_s: Floats
+    estimate: Floats
+    estimate_covariance: Floats
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
@@ -159,8 +159,8 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         delta_v_m_s=np.zeros(samples),
         safety_limit=np.zeros(controls, dtype=np.int64),
         safety_force_hill_n=np.zeros((controls, 3)),
-        estimated_position_m=np.zeros((samples, 3)),
-        estimated_velocity_m_s=np.zeros((samples, 3)),
+        estimate=np.zeros((samples, 6)),
+        estimate_covariance=np.zeros((samples, 6, 6)),
     )
 
 

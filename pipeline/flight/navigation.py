@@ -2,9 +2,9 @@
 
 The filter is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic
 Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
-equations under the forces that are commanded. Fixes come at times known beforehand, so its covariances and
-gains are the same for all flights of a mission and are computed once, here; the estimates are
-`pipeline.flight.kernel.navigation`'s and `pipeline.flight.reference.navigation`'s.
+equations under the forces that are commanded. Its process noise is a constant acceleration in each control
+period, and a share of each commanded force. It runs in `pipeline.flight.kernel.navigation` and, written out
+plainly, in `pipeline.flight.reference.navigation`.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.physics.motion import motion_over
+from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Mission, Navigation
 
 Floats = NDArray[np.float64]
@@ -23,7 +23,7 @@ FIXES = 1
 
 
 class Filter(NamedTuple):
-    """Gains and covariances of the filter, at the samples 0 … K of a flight.
+    """What the filter assumes.
 
     Attributes
     ----------
@@ -31,59 +31,42 @@ class Filter(NamedTuple):
         Control periods from one fix to the next.
     delay : int
         Control periods from a fix to its use.
-    gains : (F, 6, 3)
-        Of the fix of sample ``stride * f``.
-    weights : (F, 3, 3)
-        Inverse covariances of the differences between fix and prediction, 1/m^2.
+    at_start : (6, 6)
+        Covariance of the first estimate, m and m/s.
+    process : (6, 6)
+        What each control period adds to the covariance.
+    process_per_force : (6, 6)
+        What it adds besides for each square newton commanded.
+    fix : float
+        Variance of a fix along each axis, m^2.
     gate : float
         Square of the standard deviations beyond which a fix is not believed.
-    deviations : (K+1, 6)
-        Standard deviations of what is known at each sample, m and m/s.
     """
 
     stride: int
     delay: int
-    gains: Floats
-    weights: Floats
+    at_start: Floats
+    process: Floats
+    process_per_force: Floats
+    fix: float
     gate: float
-    deviations: Floats
 
 
 def filter_of(mission: Mission) -> Filter:
-    """Compute the filter of a mission whose deputy navigates by fixes."""
-    navigation, period, samples = mission.navigation, mission.control_period_s, mission.num_controls + 1
-    motion = motion_over(mission.orbit, mission.deputy, (period,))
-    transition = motion.transition[0]
-    # an acceleration that is constant over a period
-    pushed = motion.control[0] * mission.deputy.mass_kg * navigation.process_noise_m_s2
-    stride, delay = round(navigation.fix_period_s / period), round(navigation.delay_s / period)
+    """Return the filter of a mission whose deputy navigates by fixes."""
+    navigation, period = mission.navigation, mission.control_period_s
+    motion: Motion = motion_over(mission.orbit, mission.deputy, (period,))
+    control = motion.control[0]
+    unit = control @ control.T
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
-    covariance = np.diag(np.square(start))
-    fixed = (navigation.noise_m**2 + navigation.bias_m**2) * np.eye(3)
-    seen = np.eye(3, 6)
-    gains, weights, filtered = [], [], []
-    for k in range(samples):
-        if k > 0:
-            covariance = transition @ covariance @ transition.T + pushed @ pushed.T
-        if k % stride == 0:
-            weight = np.linalg.inv(seen @ covariance @ seen.T + fixed)
-            gain = covariance @ seen.T @ weight
-            kept = np.eye(6) - gain @ seen  # Joseph's form keeps the covariance positive
-            covariance = kept @ covariance @ kept.T + gain @ fixed @ gain.T
-            gains.append(gain)
-            weights.append(weight)
-        filtered.append(covariance)
-    known = [np.diag(np.square(start))] * delay + filtered[: samples - delay]
-    for k in range(samples):
-        for _ in range(min(k, delay)):
-            known[k] = transition @ known[k] @ transition.T + pushed @ pushed.T
     return Filter(
-        stride,
-        delay,
-        np.array(gains),
-        np.array(weights),
+        round(navigation.fix_period_s / period),
+        round(navigation.delay_s / period),
+        np.diag(np.square(start)),
+        unit * (navigation.process_noise_m_s2 * mission.deputy.mass_kg) ** 2,
+        unit * navigation.execution_error**2,
+        navigation.noise_m**2 + navigation.bias_m**2,
         np.inf if navigation.gate_sigma is None else navigation.gate_sigma**2,
-        np.sqrt(np.array([np.diag(one) for one in known])),
     )
 
 

@@ -161,6 +161,7 @@ class Navigation:
     outlier_m: Annotated[NotNegative, Field(description="standard deviation of an outlier, m")]
     gate_sigma: Annotated[Positive | None, Field(description="beyond which a fix is not believed")]
     process_noise_m_s2: Annotated[NotNegative, Field(description="accelerations unknown to the filter")]
+    execution_error: Annotated[NotNegative, Field(le=1, description="share of forces unknown to the filter")]
     initial_position_m: Annotated[Positive, Field(description="standard deviation at the start, m")]
     initial_velocity_m_s: Annotated[Positive, Field(description="standard deviation at the start, m/s")]
 
@@ -189,6 +190,7 @@ PERFECT = Navigation(
     outlier_m=0.0,
     gate_sigma=None,
     process_noise_m_s2=0.0,
+    execution_error=0.0,
     initial_position_m=1.0,
     initial_velocity_m_s=1.0,
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import load, select, splat, store
+from fis_tools.engines.vectors import Vector, load, select, splat, store
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import three, write_three
 from pipeline.flight.log import FlightLog
@@ -25,16 +25,50 @@ class Fixes(NamedTuple):
 
     stride: int
     delay: int
-    gains: Floats
-    weights: Floats
+    start_covariance: Floats
+    process: Floats
+    process_per_force: Floats
+    fix: float
     gate: float
     at_start: Floats
     of_fixes: Floats
     filtered: Floats  # (6, LANES) what the filter made of the fixes up to `delay` periods ago
+    covariance: Floats  # (6, 6, LANES) of that
     known: Floats  # (6, LANES) that, brought to now
+    now: Floats  # (6, 6, LANES) its covariance, where a flight is logged
+    half: Floats  # (6, 6, LANES) scratch
     truth: Floats  # (6, LANES) while the estimate stands in its place
     fixes: Floats  # (F, 3, LANES) measured so far
     acting: Floats  # (K, 3, LANES) commanded forces, in the periods in which they act
+
+
+@compiled(error_model="numpy")
+def entry(matrix: Floats, row: int, column: int) -> Vector:
+    """Return an entry of the matrices of all lanes."""
+    return load(matrix, (row, column, 0), LANES)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> None:
+    """Move covariances through a control period: ``P <- Phi P Phi' + Q``."""
+    phi, half = world.motion.transition, fixes.half
+    f = load(fixes.acting, (period, 0, 0), LANES)
+    g = load(fixes.acting, (period, 1, 0), LANES)
+    h = load(fixes.acting, (period, 2, 0), LANES)
+    square = f * f + g * g + h * h
+    for row in range(6):
+        for column in range(6):
+            entries = splat(0.0, LANES)
+            for i in range(6):
+                entries += phi[0, row, i] * entry(covariance, i, column)
+            store(half, (row, column, 0), entries)
+    for row in range(6):
+        for column in range(row, 6):
+            entries = fixes.process[row, column] + fixes.process_per_force[row, column] * square
+            for i in range(6):
+                entries += entry(half, row, i) * phi[0, column, i]
+            store(covariance, (row, column, 0), entries)
+            store(covariance, (column, row, 0), entries)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -54,27 +88,50 @@ def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def correct(fixes: Fixes, which: int) -> None:
-    """Correct the filtered state by a fix, unless it lies beyond the gate."""
-    state, gain, weight = fixes.filtered, fixes.gains[which], fixes.weights[which]
+    """Correct the filtered state by a fix, unless it lies beyond the gate: ``K = P H' S^-1``."""
+    state, p = fixes.filtered, fixes.covariance
     x, y, z = three(state)
     dx = load(fixes.fixes, (which, 0, 0), LANES) - x
     dy = load(fixes.fixes, (which, 1, 0), LANES) - y
     dz = load(fixes.fixes, (which, 2, 0), LANES) - z
-    square = (weight[0, 0] * dx + weight[0, 1] * dy + weight[0, 2] * dz) * dx
-    square += (weight[1, 0] * dx + weight[1, 1] * dy + weight[1, 2] * dz) * dy
-    square += (weight[2, 0] * dx + weight[2, 1] * dy + weight[2, 2] * dz) * dz
-    is_believed = square <= fixes.gate
+    # the inverse of S, which is symmetric, by cofactors
+    a, b, c = entry(p, 0, 0) + fixes.fix, entry(p, 0, 1), entry(p, 0, 2)
+    d, e, f = entry(p, 1, 1) + fixes.fix, entry(p, 1, 2), entry(p, 2, 2) + fixes.fix
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+    scale = 1.0 / (a * aa + b * ab + c * ac)
+    # S^-1 times the difference
+    wx = (aa * dx + ab * dy + ac * dz) * scale
+    wy = (ab * dx + bb * dy + bc * dz) * scale
+    wz = (ac * dx + bc * dy + cc * dz) * scale
+    is_believed = wx * dx + wy * dy + wz * dz <= fixes.gate
     for row in range(6):
+        px, py, pz = entry(p, row, 0), entry(p, row, 1), entry(p, row, 2)
         before = load(state, row, LANES)
-        change = gain[row, 0] * dx + gain[row, 1] * dy + gain[row, 2] * dz
-        store(state, row, select(is_believed, before + change, before))
+        store(state, row, select(is_believed, before + (px * wx + py * wy + pz * wz), before))
+        write_three(
+            fixes.half[row],
+            0,
+            (px * aa + py * ab + pz * ac) * scale,
+            (px * ab + py * bb + pz * bc) * scale,
+            (px * ac + py * bc + pz * cc) * scale,
+        )
+    # P <- P - K H P, below the diagonal from what is above it
+    for row in range(5, -1, -1):
+        kx, ky, kz = three(fixes.half[row])
+        for column in range(row + 1):
+            before = entry(p, column, row)
+            less = kx * entry(p, 0, column) + ky * entry(p, min(1, column), max(1, column))
+            less += kz * entry(p, min(2, column), max(2, column))
+            store(p, (row, column, 0), select(is_believed, before - less, before))
+    for row in range(6):
+        for column in range(row):
+            store(p, (column, row, 0), entry(p, row, column))
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
-def believe(
-    world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
-) -> None:
-    """Measure, filter, and put what is known in the place of the truth, until `recover_truth`."""
+@compiled(error_model="numpy")
+def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+    """Put the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
     lanes = work.lanes
     for lane in range(LANES):
         case = first + min(lane, num_lanes - 1)
@@ -87,22 +144,47 @@ def believe(
             if k % fixes.stride == 0:
                 which = k // fixes.stride
                 fixes.fixes[which, axis, lane] = place + fixes.of_fixes[case, which, axis]
-    of_filter = k - fixes.delay  # the sample up to which fixes are there
-    if of_filter > 0:
-        advance(world, fixes, fixes.filtered, of_filter - 1)
-    if of_filter >= 0 and of_filter % fixes.stride == 0:
-        correct(fixes, of_filter // fixes.stride)
+    if k == 0:
+        for row in range(6):
+            for column in range(6):
+                store(fixes.covariance, (row, column, 0), splat(fixes.start_covariance[row, column], LANES))
+
+
+@compiled(error_model="numpy")
+def write_estimate(world: World, fixes: Fixes, k: int, log: FlightLog) -> None:
+    """Log what lane 0 knows, and how well."""
+    for row in range(6):
+        for column in range(6):
+            store(fixes.now, (row, column, 0), entry(fixes.covariance, row, column))
+    for period in range(max(k - fixes.delay, 0), k):
+        spread_out(world, fixes, fixes.now, period)
+    for row in range(6):
+        log.estimate[k, row] = fixes.known[row, 0]
+        for column in range(6):
+            log.estimate_covariance[k, row, column] = fixes.now[row, column, 0]
+
+
+@compiled(error_model="numpy")
+def believe(
+    world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
+) -> None:
+    """Measure, filter, and put what is known in the place of the truth, until `recover_truth`."""
+    measure(fixes, work, first, num_lanes, k)
+    filtered_to = k - fixes.delay
+    if filtered_to > 0:
+        advance(world, fixes, fixes.filtered, filtered_to - 1)
+        spread_out(world, fixes, fixes.covariance, filtered_to - 1)
+    if filtered_to >= 0 and filtered_to % fixes.stride == 0:
+        correct(fixes, filtered_to // fixes.stride)
     for row in range(6):
         store(fixes.known, row, load(fixes.filtered, row, LANES))
-    for period in range(max(of_filter, 0), k):
+    for period in range(max(filtered_to, 0), k):
         advance(world, fixes, fixes.known, period)
     for row in range(3):
-        store(lanes.position, row, load(fixes.known, row, LANES))
-        store(lanes.velocity, row, load(fixes.known, 3 + row, LANES))
+        store(work.lanes.position, row, load(fixes.known, row, LANES))
+        store(work.lanes.velocity, row, load(fixes.known, 3 + row, LANES))
     if len(log.position_m) > 0:
-        for axis in range(3):
-            log.estimated_position_m[k, axis] = fixes.known[axis, 0]
-            log.estimated_velocity_m_s[k, axis] = fixes.known[3 + axis, 0]
+        write_estimate(world, fixes, k, log)
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
