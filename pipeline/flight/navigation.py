@@ -3,8 +3,8 @@
 The filter is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic
 Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
 equations under the forces that are commanded. Its process noise is a constant acceleration in each control
-period, and a share of each commanded force. It runs in `pipeline.flight.kernel.navigation` and, written out
-plainly, in `pipeline.flight.reference.navigation`.
+period, and a share of each commanded force. It knows the impulses that thrusters can fire, and their delay.
+It runs in `pipeline.flight.kernel.navigation` and, plainly, in `pipeline.flight.reference.navigation`.
 """
 
 from typing import NamedTuple

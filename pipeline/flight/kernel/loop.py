@@ -270,7 +270,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         aim_deputies(world, work, num_lanes, k)
         if fixes is not None:
-            note_command(fixes, work, k, firing.delay if firing is not None else 0, world.num_controls)
+            note_command(fixes, firing, work, k, world.num_controls)
             recover_truth(fixes, work)
         if firing is not None:
             fire(world, firing, work, first, num_lanes, k, log)

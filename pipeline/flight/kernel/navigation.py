@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import Vector, load, select, splat, store
+from pipeline.flight.kernel.actuators import Firing, in_impulses
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import three, write_three
 from pipeline.flight.log import FlightLog
@@ -196,11 +197,14 @@ def recover_truth(fixes: Fixes, work: Workspace) -> None:
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def note_command(fixes: Fixes, work: Workspace, k: int, delay: int, num_controls: int) -> None:
-    """Note when the command of a sample acts, as the deputy knows it."""
-    if k < delay:
-        for axis in range(3):
+def note_command(fixes: Fixes, firing: Firing | None, work: Workspace, k: int, num_controls: int) -> None:
+    """Note when the command of a sample acts, and as what force but for errors of the thrusters."""
+    delay = 0 if firing is None else firing.delay
+    for axis in range(3):
+        force = load(work.lanes.force, axis, LANES)
+        if firing is not None:
+            force = in_impulses(force, firing.step, firing.least)
+        if k < delay:
             store(fixes.acting, (k, axis, 0), splat(0.0, LANES))
-    if k + delay < num_controls:
-        for axis in range(3):
-            store(fixes.acting, (k + delay, axis, 0), load(work.lanes.force, axis, LANES))
+        if k + delay < num_controls:
+            store(fixes.acting, (k + delay, axis, 0), force)

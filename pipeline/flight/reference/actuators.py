@@ -37,8 +37,11 @@ class PlainThrusters:
         self._commands.append(command)
         if len(self._commands) <= self._law.delay:
             return np.zeros(3)
-        force = self._errors @ self._commands[-1 - self._law.delay]
+        force = self.in_impulses(self._errors @ self._commands[-1 - self._law.delay])
+        return np.asarray(np.clip(force, -self._max_force, self._max_force))
+
+    def in_impulses(self, force: Floats) -> Floats:
+        """Return a force in whole impulses, none where it is less than the least."""
         if self._law.step > 0.0:
             force = np.rint(force / self._law.step) * self._law.step
-        force = np.where(np.abs(force) >= self._law.least, force, 0.0)
-        return np.asarray(np.clip(force, -self._max_force, self._max_force))
+        return np.where(np.abs(force) >= self._law.least, force, 0.0)

@@ -362,7 +362,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         )
 
         if navigator is not None:
-            navigator.note(k, thrusters.delay if thrusters is not None else 0, force_h)
+            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.in_impulses(force_h))
+            navigator.note(k, *told)
         fired_h = force_h if thrusters is None else thrusters.fired(force_h)
         log.force_hill_n[k] = fired_h
         quaternion, rate, y = turn_deputy(
