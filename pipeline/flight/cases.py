@@ -16,6 +16,8 @@ from pipeline.flight.navigation import Errors, Filter, errors_of, filter_of
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+#: an array of `CASE`
+Starts = np.recarray[Any, Any]
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Cases:
         None where they fire what they are told.
     """
 
-    starts: np.recarray[Any, Any]
+    starts: Starts
     num_controls: int
     navigation: tuple[Filter, Errors] | None
     thrusters: tuple[Thrusters, Floats] | None
@@ -82,16 +84,21 @@ class Cases:
         return Firing(*law, matrices, np.zeros((self.num_controls, 3, LANES)), np.zeros((9, LANES)))
 
 
-def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
-    """Prepare some starts to be flown in a mission."""
+def starts_of(scenarios: list[Scenario]) -> Starts:
+    """Return some starts as an array, shape (m,)."""
     starts = np.empty(len(scenarios), CASE).view(np.recarray)
     for case, scenario in zip(starts, scenarios, strict=True):
         case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
-        case.sun_angle = scenario.sun_angle_rad
+        case.sun_angle, case.sun_elevation = scenario.sun_angle_rad, scenario.sun_elevation_rad
+    return starts
+
+
+def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
+    """Prepare some starts to be flown in a mission."""
     navigation, thrusters = None, None
     if mission.navigation.mode == "fixes":
         law = filter_of(mission)
         navigation = law, errors_of(mission.navigation, scenarios, mission.num_controls // law.stride + 1)
     if mission.actuators.kind == "real":
         thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
-    return Cases(starts, mission.num_controls, navigation, thrusters)
+    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters)

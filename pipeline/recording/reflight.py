@@ -108,7 +108,12 @@ def _start_of(recording: Recording) -> Scenario:
         raise RecordingError(
             f"{recording.path} does not tell from where it was flown; it cannot be flown again"
         )
-    return Scenario(np.array(episode.position_m), np.array(episode.velocity_m_s), episode.sun_angle_rad)
+    return Scenario(
+        np.array(episode.position_m),
+        np.array(episode.velocity_m_s),
+        episode.sun_angle_rad,
+        episode.sun_elevation_rad or 0.0,
+    )
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:

@@ -39,6 +39,7 @@ from pipeline.settings.mission import (
     Chief,
     Deputy,
     Guidance,
+    Light,
     Mission,
     Navigation,
     Orbit,
@@ -64,6 +65,7 @@ __all__ = [
     "Encoding",
     "Experiment",
     "Guidance",
+    "Light",
     "Mission",
     "MonteCarlo",
     "Navigation",
@@ -114,7 +116,9 @@ class Optimum:
         Literal["evaluation", "start"],
         Field(description="those of the evaluation, or the start that the deputy is given"),
     ]
-    points: Annotated[Count, Field(description="to be inspected")]
+    points: Annotated[
+        Count | None, Field(description="to be inspected; None for those that make a success in each case")
+    ]
     restarts: Annotated[Count, Field(description="most beginnings of the global search")]
     burns: Annotated[Whole, Field(ge=2, le=5, description="most of a search, the first at the start")]
     kicks: Annotated[

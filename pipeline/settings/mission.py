@@ -11,11 +11,13 @@ from pipeline.settings.checks import (
     Count,
     Flag,
     Inertia,
+    Interval,
     NotNegative,
     Number,
     Positive,
     SettingError,
     Share,
+    Text,
     UnitVector,
     Vector,
 )
@@ -38,6 +40,10 @@ class Orbit:
 
     #: the densest planets allow 0.0015 rad/s
     mean_motion_rad_s: Annotated[Positive, Field(le=0.1)]
+    radius_m: Annotated[
+        float | None,
+        Field(gt=0, le=1e9, description="about the Earth's centre, m; None is that of the mean motion"),
+    ] = None
 
 
 @settings("deputy")
@@ -84,6 +90,12 @@ class Chief:
     inspection_radius_m: Annotated[Positive, Field(description="of the sphere of inspection points, m")]
     num_points: Annotated[Count, Field(le=MOST_POINTS)]
     placement: Literal["deserno", "fibonacci"]
+    shape: Annotated[
+        Literal["sphere", "mesh"], Field(description="the points lie on a sphere, or on the faces of a mesh")
+    ] = "sphere"
+    path: Annotated[
+        Text | None, Field(description="of the mesh, an STL or OBJ file in chief axes, m; None ships")
+    ] = None
 
 
 @settings("sensor")
@@ -91,9 +103,26 @@ class Chief:
 class Sensor:
     """The deputy's camera."""
 
-    # visibility compares squared cosines, which tell no angle from its supplement
-    half_angle_deg: Annotated[Positive, Field(le=89.9, description="of the field of view, deg")]
+    half_angle_deg: Annotated[Positive, Field(le=180, description="of the field of view, deg")]
     boresight: Annotated[UnitVector, Field(description="body axes")]
+    max_incidence_deg: Annotated[
+        Positive, Field(le=90, description="between a point's normal and the direction to the deputy, deg")
+    ] = 90.0
+    max_range_m: Annotated[Positive | None, Field(description="from which a point is resolved, m")] = None
+    min_sun_angle_deg: Annotated[
+        NotNegative, Field(le=180, description="between boresight and Sun, deg; nearer the camera is blind")
+    ] = 0.0
+
+
+@settings("light")
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """What takes the sunlight from the chief."""
+
+    shadow: Annotated[Literal["none", "conical"], Field(description="of the Earth")] = "none"
+    min_fraction: Annotated[
+        Share, Field(description="of the Sun's disc, with less of which visible nothing is lit")
+    ] = 0.5
 
 
 @settings("sun")
@@ -103,6 +132,17 @@ class Sun:
 
     mode: Literal["fixed", "random", "mixed"]
     angle_deg: Annotated[Number, Field(description="of the fixed Sun, from +i towards +j, deg")]
+    elevation_deg: Annotated[
+        Number, Field(ge=-90, le=90, description="of the Sun over the orbit plane towards +k, deg")
+    ] = 0.0
+    elevation_range_deg: Annotated[
+        Interval | None, Field(description="from which a Sun that is drawn has its elevation, deg")
+    ] = None
+
+    def __post_init__(self) -> None:
+        """Check that no elevation is beyond the poles."""
+        for elevation in self.elevation_range_deg or ():
+            checks.within("sun.elevation_range_deg", elevation, -90.0, 90.0, "deg")
 
 
 @settings("attitude")
@@ -218,6 +258,10 @@ UNGUARDED = Safety(
 )
 
 
+#: the paper's: the Sun shines always
+PAPER_LIGHT = Light()
+
+
 @settings("")
 @dataclass(frozen=True, kw_only=True)
 class Mission:
@@ -237,6 +281,7 @@ class Mission:
     duration_s: Positive
     coast_when_complete: Annotated[Flag, Field(description="whether no force follows the last point")]
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
+    light: Light = PAPER_LIGHT
 
     def __post_init__(self) -> None:
         """Check that the clocks fit into one another, the gains and the safety layer."""

@@ -133,7 +133,7 @@ def _fitness_from(
     penalty = optimizer.penalty.of_round(round_index)
     world, law = pack_world(mission), law_of(genome.template, mission)
     cases = cases_of(mission, scenarios)
-    weighed = (penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent)
+    weighed = (penalty, _limits(mission), mission.inspection_threshold_percent)
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
         outcomes = fly_population(world, law, genome.pack(genomes), cases, optimizer.workers)
@@ -155,7 +155,7 @@ def _costs(
     outcomes = fly_population(world, law, numbers, cases_of(mission, scenarios), optimizer.workers)
     penalty = optimizer.penalty.of_round(round_index)
     limits, threshold = _limits(mission), mission.inspection_threshold_percent
-    return costs(outcomes, penalty, limits, world.num_points, threshold).reshape(-1)
+    return costs(outcomes, penalty, limits, threshold).reshape(-1)
 
 
 def _limits(mission: Mission) -> tuple[float, float]:

@@ -37,6 +37,8 @@ CHIEF_FRAME: Final = "chief"
 EPISODE_METADATA: Final = "episode"
 FIS_METADATA_PREFIX: Final = "fis."
 CONSTANTS_METADATA: Final = "constants"
+#: the chief's triangles, where it is no sphere: an STL file in its axes, m
+CHIEF_ATTACHMENT: Final = "chief.stl"
 RECOVERY_METADATA: Final = "recovery"
 
 

@@ -331,6 +331,9 @@ class EpisodeWriter:
         distance_m: float,
         inspected_mask: ArrayLike,
         delta_v_m_s: float,
+        sun_elevation_rad: float = 0.0,
+        sun_hidden_share: float = 0.0,
+        inspectable_count: int = 0,
     ) -> None:
         """Record the progress of the inspection; the count and the rate follow from the mask.
 
@@ -346,6 +349,12 @@ class EpisodeWriter:
             In point order, including this sample.
         delta_v_m_s : float
             Total before this sample.
+        sun_elevation_rad : float
+            Of the Sun over the i-j plane towards the k axis, Hill frame.
+        sun_hidden_share : float
+            Of the Sun's disc, that the Earth hides from the chief.
+        inspectable_count : int
+            Points that are lit at some sample of the flight; 0 where that is not known.
         """
         mask = np.asarray(inspected_mask, dtype=np.bool_).ravel()
         inspected_count = int(mask.sum())
@@ -356,6 +365,9 @@ class EpisodeWriter:
             inspection_rate_percent=100.0 * inspected_count / max(mask.size, 1),
             delta_v_m_s=delta_v_m_s,
             inspected_mask=mask.tobytes(),
+            sun_elevation_rad=sun_elevation_rad,
+            sun_hidden_share=sun_hidden_share,
+            inspectable_count=inspectable_count,
         )
         self._write(topics.MISSION, time_s, message)
 

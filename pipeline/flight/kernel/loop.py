@@ -58,6 +58,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
 
 LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
@@ -97,7 +98,9 @@ def open_with(
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float) -> None:
+def write_sample(
+    world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
+) -> None:
     """Log what is known at a sample before the force is, of lane 0."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
@@ -113,30 +116,40 @@ def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angl
     log.num_candidates[k] = int(lanes.num_candidates[0])
     log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
-        log.is_inspected[k, j] = work.unseen[0, j] == 0.0
+        log.is_inspected[k, j] = work.unseen[0, j] == 0.0 and counts[j] > 0
     log.delta_v_m_s[k] = lanes.spent[0]
 
 
 @compiled(error_model="numpy")
-def start_lanes(world: World, work: Workspace, cases: Any, first: int, num_lanes: int) -> None:
+def start_lanes(
+    world: World, work: Workspace, cases: Any, counted: Bytes, first: int, num_lanes: int
+) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
     lanes, nothing = work.lanes, splat(0.0, LANES)
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
     work.clustered[:] = 0.0
     for lane in range(LANES):
-        case = cases[first + min(lane, num_lanes - 1)]
+        row = first + min(lane, num_lanes - 1)
+        case = cases[row]
         for component in range(3):
             lanes.position[component, lane] = case.position[component]
             lanes.velocity[component, lane] = case.velocity[component]
         lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(case.sun_angle), sin(case.sun_angle)
-        work.unseen[lane, : world.num_points] = 1.0
+        lanes.sun_height[0, lane], lanes.sun_height[1, lane] = (
+            cos(case.sun_elevation),
+            sin(case.sun_elevation),
+        )
+        counts, num_counted = counted[row if len(counted) > 1 else 0], 0
+        for j in range(world.num_points):
+            work.unseen[lane, j] = counts[j]
+            num_counted += counts[j]
+        lanes.num_counted[lane], lanes.num_unseen[lane] = num_counted, num_counted
     write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
     # inertial: n relative to Hill, and Hill's own
     write_three(lanes.rate, 0, nothing, nothing, splat(2.0 * world.mean_motion, LANES))
     write_three(lanes.force, 0, nothing, nothing, nothing)
     write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
-    store(lanes.num_unseen, 0, splat(world.num_points, LANES))
     store(lanes.nearest, 0, splat(np.inf, LANES))
     for total in (
         lanes.coasts,
@@ -163,7 +176,7 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
         for component in range(4):
             if not np.isfinite(lanes.attitude[component, lane]):
                 row[DELTA_V] = np.nan
-        row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
+        row[INSPECTED] = lanes.num_counted[lane] - lanes.num_unseen[lane]
         row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
         row[MIN_DISTANCE] = lanes.nearest[lane]
         row[MAX_DISTANCE] = lanes.farthest[lane]
@@ -173,7 +186,7 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
 
 
 @compiled(error_model="numpy", inline="always")
-def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
     """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
     for component in range(3):
         row[component] = lanes.position[component, lane]
@@ -181,13 +194,14 @@ def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
         for component in range(3):
             row[3 + component] = lanes.velocity[component, lane]
         row[6] = lanes.spent[lane]
-        row[7] = lanes.num_unseen[lane]
+        row[7] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
+    optics: bool | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
@@ -197,6 +211,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     values: Floats,
     rules: Integers,
     cases: Any,
+    counted: Bytes,
     openings: Floats | None,
     first: int,
     num_lanes: int,
@@ -211,9 +226,10 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     Parameters
     ----------
     world, law : what is flown
-    guard, clusters, pushes, fixes, firing : as in `fly_many`
+    optics, guard, clusters, pushes, fixes, firing : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
+    counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
     openings : (m, 3) forces of the first control period, N, Hill axes; None where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
@@ -225,9 +241,9 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     is_logged = len(log.position_m) > 0
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
-    start_lanes(world, work, cases, first, num_lanes)
+    start_lanes(world, work, cases, counted, first, num_lanes)
     if law.needs & (URGENCY | SETTING):
-        note_deadlines(world, work, num_lanes)
+        note_deadlines(world, optics, work, num_lanes)
     lanes = work.lanes
     for k in range(world.num_controls + 1):
         decides = is_decision(law, k)
@@ -237,11 +253,13 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
                 aim_plainly(world, work, lane, 0, 1, k == 0)
                 for component in range(4):
                     lanes.attitude[component, lane] = work.aims[component, lane]
-        sense(world, clusters, work, num_lanes, k, needs_angles)
+        sense(world, optics, clusters, work, num_lanes, k, needs_angles)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
-            write_track(lanes, lane, tracks[flight + lane, k])
+            write_track(world, lanes, lane, tracks[flight + lane, k])
         if is_logged:
-            write_sample(world, work, log, k, cases[first].sun_angle)
+            write_sample(
+                world, work, counted[first if len(counted) > 1 else 0], log, k, cases[first].sun_angle
+            )
         if fixes is not None:
             believe(world, fixes, work, first, num_lanes, k, log)
             sense_again(work, needs_angles)
@@ -252,13 +270,13 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
         if decides and law.needs & APPROACH:
             sense_approach(world, work)
         if decides and needs_preview:
-            preview(world, work, num_lanes, k)
+            preview(world, optics, work, num_lanes, k)
         if decides and not law.has_plan:
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
-            sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+            sense_urgency(world, optics, law, values, work, num_lanes, k, is_logged)
         if pushes is not None and decides:
-            sense_push(world, law, values, work, num_lanes, k, is_logged)
+            sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
@@ -286,6 +304,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def fly_many(
     world: World,
+    optics: bool | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
@@ -295,6 +314,7 @@ def fly_many(
     values: Floats,
     rules: Integers,
     cases: Any,
+    counted: Bytes,
     openings: Floats | None,
     work: Workspace,
     log: FlightLog,
@@ -305,13 +325,14 @@ def fly_many(
 ) -> None:
     """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
 
-    Without the safety layer `guard` is None, without guidance by clusters `clusters`, where no controller
-    senses a push that shows what sets `pushes`, where the deputy knows its place `fixes`, where thrusters
-    fire what they are told `firing`, and without rehearsal `openings`: numba leaves out what depends on them,
-    and nobody waits for the compilation of what is not flown.
+    Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
+    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, where
+    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, and without
+    rehearsal `openings`: numba leaves out what depends on them, and nobody waits for the compilation of what
+    is not flown.
     """
     # not what may be None: what is left out then hangs on the argument itself
-    world, law, values, rules, cases = borrowed((world, law, values, rules, cases))
+    world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
     work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))
     num_starts = len(cases)
     flight = first
@@ -320,6 +341,7 @@ def fly_many(
         num_lanes = min(LANES, num_starts - start, last - flight)
         fly(
             world,
+            optics,
             guard,
             clusters,
             pushes,
@@ -329,6 +351,7 @@ def fly_many(
             values[row],
             rules[row],
             cases,
+            counted,
             openings,
             start,
             num_lanes,

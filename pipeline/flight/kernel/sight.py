@@ -14,6 +14,7 @@ from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_
 from pipeline.flight.kernel.arrays import POINTS, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent
 from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
+from pipeline.flight.kernel.optics import light_at, note_lit, note_seen
 from pipeline.flight.signals import slot
 from pipeline.physics.sight import is_facing, is_in_cone, is_lit
 
@@ -70,6 +71,37 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
         cx += select(left, px, nothing)
         cy += select(left, py, nothing)
         cz += select(left, pz, nothing)
+    lanes.num_unseen[lane] -= num_seen
+    lanes.num_candidates[lane] = num_left
+    divisor = max(num_left, 1)
+    lanes.target[0, lane] = total(cx) / divisor
+    lanes.target[1, lane] = total(cy) / divisor
+    lanes.target[2, lane] = total(cz) / divisor
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def look_through(world: World, work: Workspace, lane: int, k: int) -> None:
+    """Do what `look` does where light or camera are not the paper's."""
+    lanes, points = work.lanes, world.points
+    sample = k if len(points) > 1 else 0
+    rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
+    bx, by, bz = lanes.boresight[0, lane], lanes.boresight[1, lane], lanes.boresight[2, lane]
+    lx, ly, lz = light_at(world, work, lane, lanes.sun[0, lane], lanes.sun[1, lane])
+    note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
+    note_seen(world, work, k, rx, ry, rz, bx, by, bz, lx, ly, lz)
+    num_seen, num_left = 0, 0
+    nothing = splat(0.0, POINTS)
+    cx, cy, cz = nothing, nothing, nothing
+    for j in range(0, points.shape[2], POINTS):
+        seen = load(work.seen, j, POINTS) > 0.0
+        left = (load(work.lit, j, POINTS) > 0.0) ^ seen
+        store(work.unseen, (lane, j), select(seen, nothing, load(work.unseen, (lane, j), POINTS)))
+        store(work.candidate, j, select(left, 1.0, nothing))
+        num_seen += count(seen)
+        num_left += count(left)
+        cx += select(left, load(points, (sample, 0, j), POINTS), nothing)
+        cy += select(left, load(points, (sample, 1, j), POINTS), nothing)
+        cz += select(left, load(points, (sample, 2, j), POINTS), nothing)
     lanes.num_unseen[lane] -= num_seen
     lanes.num_candidates[lane] = num_left
     divisor = max(num_left, 1)
@@ -195,7 +227,13 @@ def sense_again(work: Workspace, needs_angles: bool) -> None:
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def sense(
-    world: World, clusters: bool | None, work: Workspace, num_lanes: int, k: int, needs_angles: bool
+    world: World,
+    optics: bool | None,
+    clusters: bool | None,
+    work: Workspace,
+    num_lanes: int,
+    k: int,
+    needs_angles: bool,
 ) -> None:
     """Inspect, choose the target and write the signals of every lane."""
     lanes = work.lanes
@@ -223,7 +261,10 @@ def sense(
     )
     sample = k if len(world.points) > 1 else 0
     for lane in range(num_lanes):
-        look(world, work, lane, sample)
+        if optics is None:
+            look(world, work, lane, sample)
+        else:
+            look_through(world, work, lane, k)
         if clusters is not None:
             choose_cluster(world, work, lane, sample)
     write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)
