@@ -6,6 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +21,7 @@ from fis_tools.model.validate import InvalidSystem
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import read_forces
 from pipeline.run import artifacts, tables
+from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import experiment_from
 from pipeline.training.evolution.checkpoint import CheckpointError, load
@@ -86,10 +88,15 @@ def _run_folder(content: bytes, folder: Path) -> object:
     return runs.file_of(folder, "champion")
 
 
+@cache
+def _minute() -> Mission:
+    return compose_experiment(["+experiment=fly", "duration_s=60"]).experiment.mission
+
+
 def _forces(content: bytes, folder: Path) -> object:
     path = folder / "forces.csv"
     path.write_bytes(content)
-    return read_forces(path, compose_experiment(["+experiment=fly", "duration_s=60"]).experiment.mission)
+    return read_forces(path, _minute())
 
 
 def _recording(content: bytes, folder: Path) -> object:

@@ -10,6 +10,7 @@ independently: G. Owen, Multilinear extensions of games, Management Science 18 (
 """
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -52,21 +53,22 @@ class Shares(NamedTuple):
     error: Floats
 
 
+#: To which state of its terms each player of a block leads, from each state that those before it can reach.
+_Leads = tuple[tuple[int, ...], ...]
+
+
 class _Block(NamedTuple):
-    """Terms that no rule joins with others, and how the rules that conclude on them cut them.
+    """Players that cut terms which no others cut, strongest first, and the ways in which they can cut them.
 
     Attributes
     ----------
     players : list of int
-    members : (num_states, num_players)
-        For each distinct way of cutting the terms, players that do it.
-    after : list of (num_states_before,)
-        To which state each of the players leads from each that those before it can reach.
+    after : _Leads
+        State 0 is the terms uncut. A state that nobody led to before has the next number.
     """
 
     players: list[int]
-    members: NDArray[np.bool_]
-    after: list[NDArray[np.int64]]
+    after: _Leads
 
 
 def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDERS) -> Shares:
@@ -133,7 +135,10 @@ def _of_one(
     if blocks is None:
         values[rules], error = sampled(len(rules), worth, num_orders)
         return values, error
-    values[rules] = _exact(blocks, len(rules), worth)
+    blocks.sort(key=lambda block: block.after)  # so that those of other samples are often met again
+    order = [player for block in blocks for player in block.players]
+    members, weights = _weights(tuple(block.after for block in blocks))
+    values[rules[order]] = weights @ worth(members[:, np.argsort(order)])
     return values, 0.0
 
 
@@ -145,24 +150,27 @@ def _blocks(activations: Sequence[_Cuts], accumulate: Operator | None) -> list[_
         for others in [others for others in joined if others[0] & terms]:
             joined.remove(others)
             terms, players = terms | others[0], players + others[1]
-        joined.append((terms, sorted(players)))
+        joined.append((terms, players))
     found: list[_Block] = []
     room = MOST_COALITIONS
     for _, players in joined:
-        block = _block(players, activations, accumulate, room)
-        if block is None:
+        # where the highest cut counts, such blocks differ in nothing but their number of players
+        players.sort(key=lambda player: -max(height for _, height in activations[player]))
+        after = _after(players, activations, accumulate, room)
+        if after is None:
             return None
-        found.append(block)
-        room //= len(block.members)
+        found.append(_Block(players, after))
+        room //= _num_states(after)
     return found
 
 
-def _block(
+def _after(
     players: list[int], activations: Sequence[_Cuts], accumulate: Operator | None, most: int
-) -> _Block | None:
+) -> _Leads | None:
+    """Return where the players of a block lead; None if they can cut its terms in more ways than `most`."""
     places: dict[Hashable, int] = {frozenset(): 0}
     states: list[tuple[dict[int, float], list[int]]] = [({}, [])]
-    after: list[list[int]] = []
+    after: list[tuple[int, ...]] = []
     for player in players:
         leads = []
         for cuts, members in list(states):
@@ -177,36 +185,58 @@ def _block(
             leads.append(places[key])
         if len(states) > most:
             return None
-        after.append(leads)
-    table = np.zeros((len(states), len(activations)), dtype=np.bool_)
-    for state, (_, members) in enumerate(states):
-        table[state, members] = True
-    return _Block(players, table, [np.array(leads) for leads in after])
+        after.append(tuple(leads))
+    return tuple(after)
 
 
-def _exact(blocks: Sequence[_Block], num_players: int, worth: Worth) -> Floats:
-    """Integrate over p what each player adds to a coalition that each other joins with probability p.
+def _num_states(after: _Leads) -> int:
+    return 1 + max(map(max, after))
 
-    The integrand is a polynomial of a degree below the number of players.
+
+def _members(after: _Leads) -> NDArray[np.bool_]:
+    """Return players of a block that bring about each of its states, (num_states, num_players)."""
+    states: list[list[int]] = [[]]
+    for player, leads in enumerate(after):
+        for before, state in enumerate(leads):
+            if state == len(states):
+                states.append([*states[before], player])
+    table = np.zeros((len(states), len(after)), dtype=np.bool_)
+    for state, players in enumerate(states):
+        table[state, players] = True
+    return table
+
+
+@lru_cache(maxsize=256)
+def _weights(structure: tuple[_Leads, ...]) -> tuple[NDArray[np.bool_], Floats]:
+    """Return coalitions that cut the terms in all ways, and how much each counts in the players' shares.
+
+    The share of a player is the integral over p of what it adds to a coalition that each other joins with
+    probability p: a polynomial in p of a degree below the number of players.
+
+    Returns
+    -------
+    members : (n, num_players)
+        Players block by block.
+    weights : (num_players, n)
+        Shares are these times what the coalitions are worth.
     """
-    shape = [len(block.members) for block in blocks]
-    members = np.zeros((*shape, num_players), dtype=np.bool_)
-    for axis, block in enumerate(blocks):
-        members |= block.members.reshape([-1 if a == axis else 1 for a in range(len(shape))] + [num_players])
-    worths = worth(members.reshape(-1, num_players)).reshape(shape)
-    chances, weights = quadrature(num_players)
-    spread = [_spread(block, chances) for block in blocks]
-    values = np.zeros(num_players)
-    for axis, block in enumerate(blocks):
-        expected = np.moveaxis(worths, axis, -1)[..., np.newaxis]
-        for other, chance in enumerate(spread):
-            if other != axis:
-                expected = (expected * chance.reshape(len(chance), *[1] * (expected.ndim - 2), -1)).sum(
-                    axis=0
-                )
-        for player, gain in zip(block.players, _gains(block, chances), strict=True):
-            values[player] = (gain * expected).sum(axis=0) @ weights
-    return values
+    tables = [_members(after) for after in structure]
+    shape, num_players = [len(table) for table in tables], sum(map(len, structure))
+    chances, integral = quadrature(num_players)
+    spread = [_spread(after, chances) for after in structure]
+    members, weights = np.zeros((*shape, num_players), np.bool_), np.zeros((num_players, *shape))
+    first = 0
+    for axis, (after, table) in enumerate(zip(structure, tables, strict=True)):
+        along = [len(table) if other == axis else 1 for other in range(len(shape))]
+        members[..., first : first + len(after)] = table.reshape(*along, len(after))
+        others: Floats = integral
+        for other, probable in enumerate(spread):
+            chosen = np.ones((1, len(chances))) if other == axis else probable
+            others = others[..., np.newaxis, :] * chosen
+        for player, gain in enumerate(_gains(after, chances), first):
+            weights[player] = (others * gain.reshape(*along, -1)).sum(axis=-1)
+        first += len(after)
+    return members.reshape(-1, num_players), weights.reshape(num_players, -1)
 
 
 def quadrature(num_players: int) -> tuple[Floats, Floats]:
@@ -215,28 +245,24 @@ def quadrature(num_players: int) -> tuple[Floats, Floats]:
     return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
-def _spread(block: _Block, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
+def _spread(after: _Leads, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
     """Return how probable each state is, (num_states, num_chances), if each player joins with a chance.
 
     The player at the place `sure` joins with the probability `joins` instead.
     """
-    found = np.zeros((len(block.members), len(chances)))
+    found = np.zeros((_num_states(after), len(chances)))
     found[0] = 1.0
-    for place, after in enumerate(block.after):
-        joined = (joins if place == sure else chances) * found[: len(after)]
-        found[: len(after)] -= joined
-        np.add.at(found, after, joined)
+    for place, leads in enumerate(after):
+        joined = (joins if place == sure else chances) * found[: len(leads)]
+        found[: len(leads)] -= joined
+        np.add.at(found, np.array(leads), joined)
     return found
 
 
-def _gains(block: _Block, chances: Floats) -> Iterator[Floats]:
-    """Yield for each player by how much it makes each state more probable; players that cut alike once."""
-    known: dict[bytes, Floats] = {}
-    for place, after in enumerate(block.after):
-        key = after.tobytes()
-        if key not in known:
-            known[key] = _spread(block, chances, place, 1.0) - _spread(block, chances, place, 0.0)
-        yield known[key]
+def _gains(after: _Leads, chances: Floats) -> Iterator[Floats]:
+    """Yield for each player by how much it makes each state more probable."""
+    for place in range(len(after)):
+        yield _spread(after, chances, place, 1.0) - _spread(after, chances, place, 0.0)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

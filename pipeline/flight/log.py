@@ -23,13 +23,20 @@ LEAST_CHANGE_N = 1e-9
 class Scenario:
     """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and where the Sun is at k = 0 (rad).
 
-    The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane.
+    The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane. `noise` is the
+    seed, the stage and the case that errors of navigation and thrusters are drawn from.
     """
 
     position_m: Floats
     velocity_m_s: Floats
     sun_angle_rad: float
     sun_elevation_rad: float = 0.0
+    noise: tuple[int, int, int] = (0, 0, 0)
+
+    def generator(self, what: int) -> np.random.Generator:
+        """Return what draws the errors of one kind in the flight from here."""
+        seed, stage, case = self.noise
+        return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case, what)))
 
 
 class FlightLog(NamedTuple):
@@ -91,6 +98,8 @@ class FlightLog(NamedTuple):
         `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
     safety_force_hill_n : (K, 3)
         By which it changed the force, after the clip; part of `force_hill_n`.
+    estimate : (K+1, 6), estimate_covariance : (K+1, 6, 6)
+        Position (m) and velocity (m/s) as the deputy knew them, where it navigates by fixes.
     """
 
     position_m: Floats
@@ -121,6 +130,8 @@ class FlightLog(NamedTuple):
     delta_v_m_s: Floats
     safety_limit: NDArray[np.int64]
     safety_force_hill_n: Floats
+    estimate: Floats
+    estimate_covariance: Floats
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
@@ -161,6 +172,8 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         delta_v_m_s=np.zeros(samples),
         safety_limit=np.zeros(controls, dtype=np.int64),
         safety_force_hill_n=np.zeros((controls, 3)),
+        estimate=np.zeros((samples, 6)),
+        estimate_covariance=np.zeros((samples, 6, 6)),
     )
 
 

@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
+from pipeline.flight.cases import Cases, Starts, cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -21,7 +21,7 @@ from pipeline.flight.controller import (
 )
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import CARRIED, CASE, NUM_OUTCOMES, Beyond, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Beyond, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
@@ -32,8 +32,6 @@ from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
-#: starts, an array of `CASE`
-Cases = np.recarray[Any, Any]
 
 #: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
@@ -69,38 +67,29 @@ def make_workspace(world: World) -> Workspace:
     )
 
 
-def cases_of(scenarios: list[Scenario]) -> Cases:
-    """Return some starts as compiled flights read them, shape (n,)."""
-    cases = np.empty(len(scenarios), CASE).view(np.recarray)
-    for case, scenario in zip(cases, scenarios, strict=True):
-        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
-        case.sun_angle, case.sun_elevation = scenario.sun_angle_rad, scenario.sun_elevation_rad
-    return cases
-
-
-def inspectable_points(world: World, cases: Cases) -> NDArray[np.uint8]:
+def inspectable_points(world: World, starts: Starts) -> NDArray[np.uint8]:
     """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
-    found = np.empty((len(cases), world.points.shape[2]), dtype=np.uint8)
-    note_inspectable(world, optics_in_use(world, cases), make_workspace(world), cases, found)
+    found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
+    note_inspectable(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return found
 
 
-def lit_at_samples(world: World, cases: Cases) -> NDArray[np.bool_]:
+def lit_at_samples(world: World, starts: Starts) -> NDArray[np.bool_]:
     """Tell which points are lit at each sample of one case's flight, shape (K+1, P)."""
     found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
-    note_lit_at_samples(world, optics_in_use(world, cases), make_workspace(world), cases, found)
+    note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return np.ascontiguousarray(found[:, : world.num_points] > 0)
 
 
-def counted_points(world: World, cases: Cases, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the points that flights are about, as `inspectable_points`, or in one row what all share.
 
     In the paper's world these are all, whether they are ever lit or not; in others those that can be
     inspected, so that a deputy waits for no other.
     """
-    if optics_in_use(world, cases) is None:
+    if optics_in_use(world, starts) is None:
         return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
-    is_paper = np.zeros(len(cases), dtype=np.bool_) if world.has_optics else cases.sun_elevation == 0.0
+    is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
     return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)
 
 
@@ -122,8 +111,8 @@ def fly_population(
         Of the structure that the population shares.
     numbers : Packed
         n controllers.
-    cases : (m,)
-        Starts, see `cases_of`.
+    cases : Cases
+        m starts.
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 8) float32, optional
@@ -149,19 +138,21 @@ def fly_population(
     # four shares a thread, so that a slow share does not hold up the end
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
     silent = no_log()
-    inspectable = inspectable_points(world, cases)
-    counted = counted_points(world, cases, inspectable)
+    inspectable = inspectable_points(world, cases.starts)
+    counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
         work = make_workspace(world)
         fly_many(
             world,
-            *_parts_in_use(world, law, cases),
+            *_parts_in_use(world, law, cases.starts),
+            cases.fixes(),
+            cases.firing(),
             law,
             numbers.values,
             numbers.rules,
-            cases,
+            cases.starts,
             counted,
             openings,
             work,
@@ -183,22 +174,22 @@ def fly_population(
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def optics_in_use(world: World, cases: Cases) -> Beyond | None:
+def optics_in_use(world: World, starts: Starts) -> Beyond | None:
     """Return in what light or camera are not the paper's; None where they are."""
-    if not (world.has_optics or np.any(cases.sun_elevation != 0.0)):
+    if not (world.has_optics or np.any(starts.sun_elevation != 0.0)):
         return None
     return Beyond(hides=True if world.num_edge_cells else None)
 
 
 def _parts_in_use(
-    world: World, law: Law, cases: Cases
+    world: World, law: Law, starts: Starts
 ) -> tuple[Beyond | None, Guard | None, bool | None, bool | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
     Light and camera beyond the paper's, the safety layer, clusters, and pushes that show what sets.
     """
     guard = world.guard if world.guard.is_on else None
-    return optics_in_use(world, cases), guard, world.has_clusters or None, bool(law.needs & SETTING) or None
+    return optics_in_use(world, starts), guard, world.has_clusters or None, bool(law.needs & SETTING) or None
 
 
 class FlightError(ValueError):
@@ -242,7 +233,7 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     if controller.planner is not None:
         return _fly_planned(mission, controller, scenarios, workers, tracks)
-    world, cases = pack_world(mission), cases_of(scenarios)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_of(controller, mission), packed(controller)
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
@@ -267,12 +258,12 @@ def rehearsed_openings(
     if not len(pushes):
         return None
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
-    world, cases = pack_world(mission), cases_of(scenarios)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
     ends = fly_population(
         world,
         law_of(controller, mission),
         packed(controller),
-        np.repeat(cases, len(forces)).view(np.recarray),
+        cases.repeated(len(forces)),
         workers,
         openings=np.tile(forces, (len(cases), 1)),
     )
@@ -296,7 +287,7 @@ def _fly_planned(
     def fly_one(case: int) -> Outcomes:
         law = law_of(planned_for(controller, scenarios[case]), mission)
         track = None if tracks is None else tracks[case : case + 1]
-        return fly_population(world, law, numbers, cases_of([scenarios[case]]), 1, track)
+        return fly_population(world, law, numbers, cases_of(mission, [scenarios[case]]), 1, track)
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         try:
@@ -375,16 +366,18 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
-    openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of([scenario])
-    inspectable = inspectable_points(world, cases)
+    openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
+    inspectable = inspectable_points(world, cases.starts)
     fly_many(
         world,
-        *_parts_in_use(world, law, cases),
+        *_parts_in_use(world, law, cases.starts),
+        cases.fixes(),
+        cases.firing(),
         law,
         numbers.values,
         numbers.rules,
-        cases,
-        counted_points(world, cases, inspectable),
+        cases.starts,
+        counted_points(world, cases.starts, inspectable),
         openings,
         make_workspace(world),
         log,

@@ -48,7 +48,9 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
     elif sun.elevation_range_deg is not None:
         low, high = sun.elevation_range_deg
         elevation_deg = low + share * (high - low)
-    return Scenario(distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)))
+    return Scenario(
+        distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
+    )
 
 
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
@@ -107,12 +109,14 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
     positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
     velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
     return [
-        Scenario(position, velocity, angle, elevation)
-        for position, velocity, angle, elevation in zip(
-            positions.astype(np.float64),
-            velocities.astype(np.float64),
-            angles.tolist(),
-            elevations.tolist(),
-            strict=True,
+        Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
+        for row, (position, velocity, angle, elevation) in enumerate(
+            zip(
+                positions.astype(np.float64),
+                velocities.astype(np.float64),
+                angles.tolist(),
+                elevations.tolist(),
+                strict=True,
+            )
         )
     ]

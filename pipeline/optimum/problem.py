@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.flight.cases import starts_of
 from pipeline.flight.controller import open_loop
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import cases_of, fly_logged, lit_at_samples
+from pipeline.flight.simulation import fly_logged, lit_at_samples
 from pipeline.flight.world import pack_world
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import free_path, repeated
@@ -130,7 +131,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
         suns=np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles]),
         occlusion=Occlusion(world.is_free, world.num_edge_cells),
         chief_axes=world.chief_axes,
-        is_lit=lit_at_samples(world, cases_of([scenario])),
+        is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),
         delta_v_per_force=world.control_period * world.acceleration_per_force,
     )

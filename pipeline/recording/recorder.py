@@ -21,6 +21,7 @@ from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.navigation import errors_of, filter_of
 from pipeline.flight.reference.sight import lit_points, seen_points
 from pipeline.flight.reference.world import world_of
 from pipeline.flight.signals import CONSTANTS
@@ -104,6 +105,7 @@ class FlightRecorder:
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64
         )
+        self._is_noisy = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._numbers = packed(controller)
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))
@@ -129,7 +131,7 @@ class FlightRecorder:
         """
         metadata = {EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
-            self._write(writer, log)
+            self._write(writer, scenario, log)
 
     def _episode(self, scenario: Scenario, scenario_id: str) -> dict[str, str]:
         mission = self._mission
@@ -138,6 +140,7 @@ class FlightRecorder:
             seed=self._seed,
             position_m=tuple(scenario.position_m.tolist()),
             velocity_m_s=tuple(scenario.velocity_m_s.tolist()),
+            noise=scenario.noise if self._is_noisy else None,
             sun_angle_rad=float(scenario.sun_angle_rad),
             sun_elevation_rad=float(scenario.sun_elevation_rad),
             product_version=self._product_version,
@@ -156,13 +159,14 @@ class FlightRecorder:
             "num_points": json.dumps(len(self._points)),
         }
 
-    def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:
+    def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:
         """Write the samples one after the other."""
         period = self._mission.control_period_s
         states = point_states(self._mission, log)
         target_directions = directions(log.target_m)
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
+        fixes = self._fixes(scenario, log)
         words: dict[int, list[Event]] = {}
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed):
             words.setdefault(event.sample, []).append(event)
@@ -170,6 +174,10 @@ class FlightRecorder:
             time_s = k * period
             _write_state(writer, time_s, log, k)
             writer.points(time_s, self._points, states[k])
+            if self._mission.navigation.mode == "fixes":
+                deviation = np.sqrt(np.diag(log.estimate_covariance[k]))
+                age = self._mission.navigation.delay_s
+                writer.navigation(time_s, log.estimate[k], deviation, fixes[k], age)
             writer.guidance(
                 time_s,
                 int(log.num_candidates[k]),
@@ -193,6 +201,17 @@ class FlightRecorder:
                     writer.fis(time_s, *inference)
             for event in words.get(k, ()):
                 writer.log(time_s, event.level, event.text)
+
+    def _fixes(self, scenario: Scenario, log: FlightLog) -> Floats:
+        """Return the fix that comes into use at each sample, m, Hill axes, shape (K+1, 3); NaN for none."""
+        fixes = np.full(log.position_m.shape, np.nan)
+        if self._mission.navigation.mode == "fixes":
+            law = filter_of(self._mission)
+            measured = log.position_m[:: law.stride].copy()
+            measured += errors_of(self._mission.navigation, [scenario], len(measured)).of_fixes[0]
+            used = np.arange(law.delay, len(fixes), law.stride)
+            fixes[used] = measured[: len(used)]
+        return fixes
 
     def _inferences(self, log: FlightLog) -> dict[int, list[Inference]]:
         """Return the inferences of each sample at which they decided the force."""

@@ -31,13 +31,17 @@ from pipeline.settings.checks import (
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import (
+    IDEAL,
+    PERFECT,
     UNGUARDED,
+    Actuators,
     Attitude,
     Chief,
     Deputy,
     Guidance,
     Light,
     Mission,
+    Navigation,
     Orbit,
     Safety,
     Sensor,
@@ -47,9 +51,12 @@ from pipeline.settings.nearest import choices_of, did_you_mean
 from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
+    "IDEAL",
+    "PERFECT",
     "SHIPPED",
     "STAGES",
     "UNGUARDED",
+    "Actuators",
     "Assurance",
     "Attitude",
     "Chief",
@@ -61,6 +68,7 @@ __all__ = [
     "Light",
     "Mission",
     "MonteCarlo",
+    "Navigation",
     "Optimizer",
     "Optimum",
     "Orbit",

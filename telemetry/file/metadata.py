@@ -50,6 +50,8 @@ class EpisodeDescription:
     scenario_id, product_version, config_hash : str
         The start, the version of the product, and the hash of the configuration.
     seed : int
+    noise : tuple of 3 ints
+        Seed, stage and case that errors of navigation and thrusters are drawn from.
     position_m, velocity_m_s : tuple of 3 floats
         The start, Hill axes.
     sun_angle_rad, sun_elevation_rad : float
@@ -68,6 +70,7 @@ class EpisodeDescription:
 
     scenario_id: str | None = None
     seed: int | None = None
+    noise: tuple[float, ...] | None = None
     position_m: tuple[float, ...] | None = None
     velocity_m_s: tuple[float, ...] | None = None
     sun_angle_rad: float | None = None

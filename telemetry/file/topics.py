@@ -12,6 +12,8 @@ DEPUTY_STATE: Final = "/deputy/state"
 DEPUTY_ATTITUDE: Final = "/deputy/attitude"
 DEPUTY_CONTROL: Final = "/deputy/control"
 GUIDANCE: Final = "/guidance"
+#: only where the deputy navigates by fixes
+NAVIGATION: Final = "/navigation"
 MISSION: Final = "/mission"
 LOG: Final = "/log"
 #: topics of every recording; each fuzzy system adds one

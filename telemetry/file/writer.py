@@ -28,6 +28,7 @@ from telemetry.file.schema.inspection_pb2 import (
     FisActivation,
     Guidance,
     MissionStatus,
+    Navigation,
 )
 
 #: a process that is killed loses at most this many samples
@@ -41,6 +42,7 @@ _SCHEMA_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
     topics.DEPUTY_ATTITUDE: AttitudeHistory,
     topics.DEPUTY_CONTROL: Control,
     topics.GUIDANCE: Guidance,
+    topics.NAVIGATION: Navigation,
     topics.MISSION: MissionStatus,
     topics.LOG: Log,
 }
@@ -288,6 +290,33 @@ class EpisodeWriter:
             eta_u_rad=eta_u_rad,
         )
         self._write(topics.GUIDANCE, time_s, message)
+
+    def navigation(
+        self, time_s: float, estimate: ArrayLike, deviation: ArrayLike, fix_m: ArrayLike, fix_age_s: float
+    ) -> None:
+        """Record what the deputy knows of its place.
+
+        Parameters
+        ----------
+        time_s : float
+            Simulation time.
+        estimate, deviation : (6,)
+            Position (m) and velocity (m/s), Hill axes, and the standard deviations of both.
+        fix_m : (3,)
+            The fix that comes into use, Hill axes; NaN where none does.
+        fix_age_s : float
+            How long ago it was measured.
+        """
+        known, doubt = row(estimate, 6, "estimate"), row(deviation, 6, "deviation")
+        message = Navigation(
+            position_m=known[:3],
+            velocity_m_s=known[3:],
+            position_deviation_m=doubt[:3],
+            velocity_deviation_m_s=doubt[3:],
+            fix_m=row(fix_m, 3, "fix_m"),
+            fix_age_s=fix_age_s,
+        )
+        self._write(topics.NAVIGATION, time_s, message)
 
     def fis(
         self,

@@ -1,6 +1,7 @@
 """What is installed: the toolkit alone, with what it needs, and the whole project with its configuration."""
 
 import importlib.metadata
+import json
 import os
 import shutil
 import subprocess
@@ -191,23 +192,36 @@ def test_the_toolkit_alone_is_small_and_sees_nothing_else(
     assert alone.run("-c", look % others).stdout == "[]\n"
 
 
+END = "end of a command"
+#: to load numba once, and not for each command
+ALL_IN_ONE_PROCESS = f"""
+import json, sys
+from fis_tools.__main__ import main
+for words in json.loads(sys.argv[1]):
+    assert main(words) == 0, words
+    print({END!r}, end="")
+"""
+
+
 @pytest.mark.parametrize("name", ["tipper.fis", "dimmer.fll", "pendulum.fml"])
 def test_the_toolkit_alone_runs_every_command(alone: Environment, tmp_path: Path, name: str) -> None:
     own, simpler = tmp_path / "own.yaml", tmp_path / "simpler.yaml"
     alone.tools("import", EXAMPLES / name, "-o", own)
     inputs = ",".join(f"{v.name}={0.5 * (v.minimum + v.maximum)}" for v in load(own).systems[0].inputs)
-    for words in (
+    commands = [
         ("show", EXAMPLES / name, "--by", "importance"),
         ("audit", EXAMPLES / name),
         ("bounds", own),
         ("explain", own, "--inputs", inputs),
         ("surface", own),
         *(("export", own, "--format", form) for form in ("markdown", "csv", "html", "latex", "json", "c")),
-    ):
-        assert alone.tools(*words).stdout
-    alone.tools("simplify", own, "--max-change", "5%", "-o", simpler)
-    alone.tools("diff", own, simpler)
-    alone.tools("review", own, "-o", tmp_path / "review.html")
+        ("simplify", own, "--max-change", "5%", "-o", simpler),
+        ("diff", own, simpler),
+        ("review", own, "-o", tmp_path / "review.html"),
+    ]
+    told = alone.run("-c", ALL_IN_ONE_PROCESS, json.dumps(commands, default=str)).stdout.split(END)
+    assert len(told) == len(commands) + 1
+    assert all(told[:11])
     assert (tmp_path / "review.html").stat().st_size > 10_000
 
 

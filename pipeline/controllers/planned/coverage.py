@@ -4,10 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from pipeline.flight.cases import starts_of
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.optics import note_seen_along
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import cases_of, make_workspace, optics_in_use
+from pipeline.flight.simulation import make_workspace, optics_in_use
 from pipeline.physics.sight import Sight, is_facing, is_in_cone, is_lit
 
 Floats = NDArray[np.float64]
@@ -31,12 +32,12 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
     -------
     (n,) array of int
     """
-    cases = cases_of([scenario])
+    starts = starts_of([scenario])
     counts = np.zeros(len(paths), dtype=np.int64)
-    optics = optics_in_use(world, cases)
+    optics = optics_in_use(world, starts)
     if optics is not None:
         note_seen_along(
-            world, optics.hides, make_workspace(world), cases, np.ascontiguousarray(paths), stride, counts
+            world, optics.hides, make_workspace(world), starts, np.ascontiguousarray(paths), stride, counts
         )
         return counts
     times = np.arange(paths.shape[1]) * (stride * world.control_period)

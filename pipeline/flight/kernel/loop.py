@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
+from pipeline.flight.kernel.actuators import Firing, fire
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
     INSPECTED,
@@ -36,10 +37,11 @@ from pipeline.flight.kernel.arrays import (
 from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import one, three, write_four, write_three
+from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
-from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.sight import sense, sense_again
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import REHEARSED, FlightLog
@@ -113,7 +115,6 @@ def write_sample(
         for component in range(3):
             log.angular_velocity_b_rad_s[k, component] = lanes.rate[component, 0] - n * dcm[component, 2]
     log.num_candidates[k] = int(lanes.num_candidates[0])
-    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
     log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
         log.is_inspected[k, j] = work.unseen[0, j] == 0.0 and counts[j] > 0
@@ -199,12 +200,14 @@ def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
-def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
+def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
     optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
+    fixes: Fixes | None,
+    firing: Firing | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -224,7 +227,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     Parameters
     ----------
     world, law : what is flown
-    optics, guard, clusters, pushes : as in `fly_many`
+    optics, guard, clusters, pushes, fixes, firing : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
     counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
@@ -252,6 +255,17 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
                 for component in range(4):
                     lanes.attitude[component, lane] = work.aims[component, lane]
         sense(world, optics, clusters, work, num_lanes, k, needs_angles)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            write_track(world, lanes, lane, tracks[flight + lane, k])
+        if is_logged:
+            write_sample(
+                world, work, counted[first if len(counted) > 1 else 0], log, k, cases[first].sun_angle
+            )
+        if fixes is not None:
+            believe(world, fixes, work, first, num_lanes, k, log)
+            sense_again(work, needs_angles)
+        if is_logged:
+            log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
         if decides and law.needs & ORBIT:
             sense_orbit(world, law, values, work)
         if decides and law.needs & APPROACH:
@@ -264,12 +278,6 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             sense_urgency(world, optics, law, values, work, num_lanes, k, is_logged)
         if pushes is not None and decides:
             sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
-        for lane in range(num_lanes if len(tracks) > 0 else 0):
-            write_track(world, lanes, lane, tracks[flight + lane, k])
-        if is_logged:
-            write_sample(
-                world, work, counted[first if len(counted) > 1 else 0], log, k, cases[first].sun_angle
-            )
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
@@ -280,6 +288,11 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if is_logged:
             write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         aim_deputies(world, work, num_lanes, k)
+        if fixes is not None:
+            note_command(fixes, firing, work, k, world.num_controls)
+            recover_truth(fixes, work)
+        if firing is not None:
+            fire(world, firing, work, first, num_lanes, k, log)
         if not world.is_attitude_ideal:
             turn_deputies(world, work, num_lanes)
         if is_logged:
@@ -296,6 +309,8 @@ def fly_many(
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
+    fixes: Fixes | None,
+    firing: Firing | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -312,9 +327,10 @@ def fly_many(
     """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
 
     Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
-    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, and
-    without rehearsal `openings`: numba leaves out what depends on them, and nobody waits for the compilation
-    of what is not flown.
+    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, where
+    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, and without
+    rehearsal `openings`: numba leaves out what depends on them, and nobody waits for the compilation of what
+    is not flown.
     """
     # not what may be None: what is left out then hangs on the argument itself
     world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
@@ -330,6 +346,8 @@ def fly_many(
             guard,
             clusters,
             pushes,
+            fixes,
+            firing,
             law,
             values[row],
             rules[row],

@@ -1,7 +1,8 @@
 """What is lit and what is seen where light or camera are not the paper's: shadow, incidence, range, a mesh.
 
 Where they are the paper's, `pipeline.physics.sight` says it in a line, and nothing of this is compiled.
-`hides` is None where no part of the chief hides another. Written out plainly in `pipeline.flight.reference.sight`.
+`hides` is None where no part of the chief hides another. Written out plainly in
+`pipeline.flight.reference.sight`.
 """
 
 from math import cos, sin, sqrt

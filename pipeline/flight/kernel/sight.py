@@ -183,6 +183,62 @@ def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> Non
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def dcm_of(q1: Vector, q2: Vector, q3: Vector, q4: Vector) -> tuple[Vector, ...]:
+    """Return the direction cosines of attitudes, Hill to body, by rows."""
+    return (
+        q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4,
+        2 * (q1 * q2 + q3 * q4),
+        2 * (q1 * q3 - q2 * q4),
+        2 * (q1 * q2 - q3 * q4),
+        -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4,
+        2 * (q2 * q3 + q1 * q4),
+        2 * (q1 * q3 + q2 * q4),
+        2 * (q2 * q3 - q1 * q4),
+        -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4,
+    )
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def write_signals(
+    work: Workspace,
+    place: tuple[Vector, Vector, Vector],
+    velocity: tuple[Vector, Vector, Vector],
+    distance: Vector,
+    dcm: tuple[Vector, ...],
+    needs_angles: bool,
+) -> None:
+    """Write the signals of position and velocity of every lane."""
+    lanes, signals = work.lanes, work.signals
+    rx, ry, rz = place
+    vx, vy, vz = velocity
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm
+    store(signals, DISTANCE, distance)
+    write_three(signals, POSITION_HILL, rx, ry, rz)
+    write_three(signals, VELOCITY_HILL, vx, vy, vz)
+    write_three(
+        signals,
+        VELOCITY_BODY,
+        c11 * vx + c12 * vy + c13 * vz,
+        c21 * vx + c22 * vy + c23 * vz,
+        c31 * vx + c32 * vy + c33 * vz,
+    )
+    if needs_angles:
+        tx, ty, tz = three(lanes.target)
+        store(signals, LAMBDA_U, relative_angle(tx, ty, rx, ry))
+        store(signals, ETA_U, relative_angle(tx, tz, rx, rz))
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def sense_again(work: Workspace, needs_angles: bool) -> None:
+    """Write the signals of position and velocity anew, of what stands in the place of the truth."""
+    place, velocity = three(work.lanes.position), three(work.lanes.velocity)
+    rx, ry, rz = place
+    q1, q2, q3, q4 = four(work.lanes.attitude, 0)
+    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
+    write_signals(work, place, velocity, distance, dcm_of(q1, q2, q3, q4), needs_angles)
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def sense(
     world: World,
     optics: Beyond | None,
@@ -193,7 +249,7 @@ def sense(
     needs_angles: bool,
 ) -> None:
     """Inspect, choose the target and write the signals of every lane."""
-    lanes, signals = work.lanes, work.signals
+    lanes = work.lanes
     turn_suns(world, work, k)
     rx, ry, rz = three(lanes.position)
     vx, vy, vz = three(lanes.velocity)
@@ -206,9 +262,8 @@ def sense(
         beyond = most(world.min_distance - distance, distance - world.max_distance)
         store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
 
-    c11, c12, c13 = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)
-    c21, c22, c23 = 2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)
-    c31, c32, c33 = 2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4
+    dcm = dcm_of(q1, q2, q3, q4)
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm
     b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
     write_three(
         lanes.boresight,
@@ -225,18 +280,4 @@ def sense(
             look_through(world, optics.hides, work, lane, k)
         if clusters is not None:
             choose_cluster(world, work, lane, sample)
-
-    store(signals, DISTANCE, distance)
-    write_three(signals, POSITION_HILL, rx, ry, rz)
-    write_three(signals, VELOCITY_HILL, vx, vy, vz)
-    write_three(
-        signals,
-        VELOCITY_BODY,
-        c11 * vx + c12 * vy + c13 * vz,
-        c21 * vx + c22 * vy + c23 * vz,
-        c31 * vx + c32 * vy + c33 * vz,
-    )
-    if needs_angles:
-        tx, ty, tz = three(lanes.target)
-        store(signals, LAMBDA_U, relative_angle(tx, ty, rx, ry))
-        store(signals, ETA_U, relative_angle(tx, tz, rx, rz))
+    write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)

@@ -16,6 +16,7 @@ from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
 from pipeline.flight.log import REHEARSED, FlightLog, Scenario, empty_log
 from pipeline.flight.reference import thrust
+from pipeline.flight.reference.actuators import PlainThrusters
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
 from pipeline.flight.reference.guidance import (
     ChooseTarget,
@@ -25,6 +26,7 @@ from pipeline.flight.reference.guidance import (
     cluster_memory,
     relative_angle,
 )
+from pipeline.flight.reference.navigation import Navigator
 from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.see_push import cheapest_looks, push_of
@@ -211,6 +213,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     is_inspected = np.zeros(num_points, dtype=np.bool_)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
+    navigator = Navigator(mission, scenario) if mission.navigation.mode == "fixes" else None
+    thrusters = PlainThrusters(mission, scenario) if mission.actuators.kind == "real" else None
     has_plan, constants = len(channels.plan_h) > 0, channels.constants
     last_lit, is_inspectable = times_lit(world, sun_at_start)
     is_papers = world.is_papers_sight and scenario.sun_elevation_rad == 0.0
@@ -220,7 +224,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
         velocity = state[3:].copy()
-        y = next_y(world, position, y)
+        y_before, y = y, next_y(world, position, y)
         if world.is_pointing_ideal:
             quaternion = from_dcm(desired_dcm(position, y))
             rate = np.zeros(3)
@@ -238,11 +242,17 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             target = choose_target(candidates, num_candidates, position, memory)
         else:
             memory.num_centres[0] = 0
+        log.position_m[k] = position
+        log.velocity_m_s[k] = velocity
+        truth = state
+        if navigator is not None:  # from here to the thrusters the estimate is what counts
+            state, log.estimate_covariance[k] = navigator.estimate(k, position)
+            log.estimate[k] = state
+            position, velocity = state[:3].copy(), state[3:].copy()
+            y = next_y(world, position, y_before)
         lambda_u = relative_angle(target[0], target[1], position[0], position[1])
         eta_u = relative_angle(target[0], target[2], position[0], position[2])
 
-        log.position_m[k] = position
-        log.velocity_m_s[k] = velocity
         log.quaternion_b_from_h[k] = quaternion
         log.angular_velocity_b_rad_s[k] = rate
         log.quaternion_c_from_h[k] = quaternion_c
@@ -319,7 +329,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             log.safety_force_hill_n[k] = force_h - asked_h
         log.is_decided[k] = resting is None and not has_plan
         log.force_body_n[k] = times(dcm, wanted_h)
-        log.force_hill_n[k] = force_h
         log.force_asked_n[k] = asked
         log.reason[k] = thrust.reasons(
             resting,
@@ -330,6 +339,11 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             channels.is_force_hill or has_plan,
         )
 
+        if navigator is not None:
+            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.in_impulses(force_h))
+            navigator.note(k, *told)
+        fired_h = force_h if thrusters is None else thrusters.fired(force_h)
+        log.force_hill_n[k] = fired_h
         quaternion, rate, y = turn_deputy(
             world,
             state,
@@ -340,6 +354,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
-        state = propagate(world.motion, state, force_h)
-        delta_v += np.abs(force_h).sum() * world.control_period / world.mass
+        state = propagate(world.motion, truth, fired_h)
+        delta_v += np.abs(fired_h).sum() * world.control_period / world.mass
     return log

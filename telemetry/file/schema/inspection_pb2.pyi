@@ -71,6 +71,22 @@ class Control(_message.Message):
     coasting_farthest_m: float
     def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ..., force_asked_n: _Optional[_Iterable[float]] = ..., reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., coasting_missed: _Optional[float] = ..., coasting_nearest_m: _Optional[float] = ..., coasting_farthest_m: _Optional[float] = ...) -> None: ...
 
+class Navigation(_message.Message):
+    __slots__ = ("position_m", "velocity_m_s", "position_deviation_m", "velocity_deviation_m_s", "fix_m", "fix_age_s")
+    POSITION_M_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_M_S_FIELD_NUMBER: _ClassVar[int]
+    POSITION_DEVIATION_M_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_DEVIATION_M_S_FIELD_NUMBER: _ClassVar[int]
+    FIX_M_FIELD_NUMBER: _ClassVar[int]
+    FIX_AGE_S_FIELD_NUMBER: _ClassVar[int]
+    position_m: _containers.RepeatedScalarFieldContainer[float]
+    velocity_m_s: _containers.RepeatedScalarFieldContainer[float]
+    position_deviation_m: _containers.RepeatedScalarFieldContainer[float]
+    velocity_deviation_m_s: _containers.RepeatedScalarFieldContainer[float]
+    fix_m: _containers.RepeatedScalarFieldContainer[float]
+    fix_age_s: float
+    def __init__(self, position_m: _Optional[_Iterable[float]] = ..., velocity_m_s: _Optional[_Iterable[float]] = ..., position_deviation_m: _Optional[_Iterable[float]] = ..., velocity_deviation_m_s: _Optional[_Iterable[float]] = ..., fix_m: _Optional[_Iterable[float]] = ..., fix_age_s: _Optional[float] = ...) -> None: ...
+
 class Guidance(_message.Message):
     __slots__ = ("num_candidates", "target_direction", "lambda_u_rad", "eta_u_rad")
     NUM_CANDIDATES_FIELD_NUMBER: _ClassVar[int]

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.flight.cases import starts_of
 from pipeline.flight.controller import coast
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import cases_of, fly_all, fly_logged, inspectable_points
+from pipeline.flight.simulation import fly_all, fly_logged, inspectable_points
 from pipeline.flight.world import inspection_points, pack_world
 from pipeline.settings.experiment import Light, Mission
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
@@ -82,7 +83,7 @@ def test_points_on_the_far_side_of_a_high_sun_are_never_lit(elevation_deg: float
     """Counted over whole orbits by rings of latitude: a ring is lit once its sunward point is."""
     start = replace(STARTS[0], sun_elevation_rad=np.radians(elevation_deg))
     world = pack_world(mission(duration_s=5680.0))
-    (lit,) = inspectable_points(world, cases_of([start]))
+    (lit,) = inspectable_points(world, starts_of([start]))
     assert lit.sum() == most
 
 
