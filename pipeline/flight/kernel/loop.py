@@ -253,7 +253,7 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
             write_sample(world, work, log, k, cases[first].sun_angle)
         if k == world.num_controls:
             break
-        command(world, law, values, rules, work, log, k)
+        command(world, law, values, rules, work, first, num_lanes, log, k)
         if openings is not None and k == 0:
             open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:

@@ -238,7 +238,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     is_inspected = np.zeros(num_points, dtype=np.bool_)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
-    has_plan, constants = len(channels.plan_h) > 0, channels.constants
+    plan, constants = channels.plan, channels.constants
+    has_plan = plan is not None
     senses_dark = channels.needs & (URGENCY | SETTING)
     last_lit = deadlines(world, initial_sun_angle) if senses_dark else np.zeros(num_points)
 
@@ -292,8 +293,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         resting = None if has_plan else thrust.rest(is_complete, decides, coasts)
         if k == 0 and opening_h is not None:
             asked, resting = opening_h, REHEARSED
-        elif has_plan:
-            asked = channels.plan_h[k]
+        elif plan is not None:
+            asked = thrust.follow(plan, state, k)
         elif resting is None:
             time = k * world.control_period
             urgent, push = np.zeros(3), np.zeros(3)
