@@ -86,7 +86,8 @@ def test_what_is_foretold_for_a_chief_that_tumbles():
 
 def test_fewer_points_asked_for_cost_less():
     few, many = (planner("natural_motion", points=points) for points in (40, 97))
-    spent = np.array([[np.abs(planned_ahead(plan, start, 1)).sum() for start in STARTS] for plan in (few, many)])
+    plans = [[planned_ahead(plan_for, start, 1) for start in STARTS] for plan_for in (few, many)]
+    spent = np.abs(np.array(plans)).sum(axis=(2, 3))
     assert (spent[0] <= spent[1] + 1e-9).all()
     assert spent[0].mean() < 0.9 * spent[1].mean()
 
