@@ -64,9 +64,7 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
         elif all(are_paths):
             rewritten += [f"{key}=file", f"{key}.path=" + ",".join(quoted(path) for path in paths)]
         else:
-            raise ConfigError(
-                f"{text!r} mixes names and paths; sweep over one kind and then the other"
-            )
+            raise ConfigError(f"{text!r} mixes names and paths; sweep over one kind and then the other")
     return rewritten
 
 

@@ -71,7 +71,8 @@ def planned_row(
     cases = solved.cases
     episodes = {
         **cases,
-        "success": cases["inspected_count"] >= points_needed(num_points, threshold),
+        "success": cases["inspected_count"]
+        >= points_needed(cases.get("inspectable_count", np.int64(num_points)), threshold),
         "violated": cases["outside_m"] > 0.0,
     }
     return ComparisonRow(

@@ -13,17 +13,19 @@ from pipeline.settings.experiment import Mission, SettingError
 
 Column = NDArray[Any]
 
-_START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad")
+_POSITION = ("position_x_m", "position_y_m", "position_z_m")
 _VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
 
 
-def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_points: int) -> dict[str, Any]:
+def case_row(case: int, scenario: Scenario, plan: CasePlan, num_points: int) -> dict[str, Any]:
     """Return the row of a case in `optimum/cases.parquet`."""
     flight, restarts = plan.flight, plan.restart_delta_v
     settled = restarts[np.isfinite(restarts)]
     return {
         "case": case,
-        **dict(zip(_START, [*scenario.position_m.tolist(), scenario.sun_angle_rad], strict=True)),
+        **dict(zip(_POSITION, scenario.position_m.tolist(), strict=True)),
+        "sun_angle_rad": scenario.sun_angle_rad,
+        "sun_elevation_rad": scenario.sun_elevation_rad,
         **dict(zip(_VELOCITY, scenario.velocity_m_s.tolist(), strict=True)),
         "delta_v_m_s": flight.delta_v,
         "inspected_count": flight.num_inspected,
@@ -32,8 +34,9 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
         "min_distance_m": flight.min_distance,
         "max_distance_m": flight.max_distance,
         "outside_m": flight.outside,
-        "points_asked": needed,
-        "is_feasible": flight.is_feasible(needed),
+        "inspectable_count": plan.inspectable,
+        "points_asked": plan.needed,
+        "is_feasible": flight.is_feasible(plan.needed),
         "restarts": len(restarts),
         "restarts_feasible": len(settled),
         "restarts_agreeing": num_agreeing(restarts),
@@ -43,7 +46,7 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
     }
 
 
-def check_points(mission: Mission, needed: int) -> None:
+def check_points(mission: Mission, needed: int | None) -> None:
     """Refuse to look for more points than there are.
 
     Raises
@@ -51,7 +54,7 @@ def check_points(mission: Mission, needed: int) -> None:
     SettingError
     """
     num_points = len(inspection_points(mission))
-    if needed > num_points:
+    if needed is not None and needed > num_points:
         raise SettingError(
             f"optimum.points is {needed}, but the chief has {num_points} points; ask for at most as many"
         )

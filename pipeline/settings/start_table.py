@@ -21,10 +21,9 @@ Floats = NDArray[np.float64]
 LABELS = ("set", "case")
 POSITION = tuple(f"position_{axis}_m" for axis in "xyz")
 VELOCITY = tuple(f"velocity_{axis}_m_s" for axis in "xyz")
-SUN = ("sun_angle_rad",)
-COLUMNS = (*LABELS, *POSITION, *VELOCITY, *SUN)
-#: what a table may leave out: the labels, and the velocities of starts at rest
-NEEDED = (*POSITION, *SUN)
+COLUMNS = (*LABELS, *POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")
+#: what a table may not leave out: starts are at rest, and the Sun in the orbit plane, unless it says so
+NEEDED = (*POSITION, "sun_angle_rad")
 #: how the sets of training begin, and that of an evaluation
 TRAINING, EVALUATION = "training-", "evaluation"
 
