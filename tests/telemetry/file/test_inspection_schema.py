@@ -64,6 +64,9 @@ CONTRACT = {
         ("inspection_rate_percent", DOUBLE, False),
         ("delta_v_m_s", DOUBLE, False),
         ("inspected_mask", BYTES, False),
+        ("sun_elevation_rad", DOUBLE, False),
+        ("sun_hidden_share", DOUBLE, False),
+        ("inspectable_count", UINT32, False),
     ],
 }
 
