@@ -145,6 +145,10 @@ class Compare:
     controllers: Annotated[tuple[Text, ...], Field(description="names as in controller=NAME, or paths")]
     suns: tuple[Text, ...]
     safety: tuple[Text, ...]
+    worlds: Annotated[
+        dict[str, dict[str, Any]],
+        Field(description="by name, what differs from the experiment's own; none for that alone"),
+    ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         """Check that the table has rows, and that no two are the same."""
