@@ -8,10 +8,12 @@ case.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.engines.rows import as_rows
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample_terms
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
@@ -84,22 +86,22 @@ class Inference:
         return np.array([output.value for output in self.outputs])
 
 
-def infer(system: FuzzySystem, inputs: Floats) -> Inference:
+def infer(system: FuzzySystem, inputs: Any) -> Inference:
     """Evaluate a valid system for one sample, keeping every step.
 
     Parameters
     ----------
     system : FuzzySystem
         A system without problems (see `fis_tools.model.validate`).
-    inputs : (num_inputs,)
-        In the order of the system's inputs; clipped to the universes.
+    inputs : (num_inputs,) array, mapping, or row of a table
+        In the order of the system's inputs, or by their names; clipped to the universes.
 
     Raises
     ------
     ValueError
         If there are too few or too many inputs, or one is NaN.
     """
-    values = np.asarray(inputs, dtype=np.float64)
+    values = as_rows(system, inputs)
     rows = _checked(system, values[np.newaxis])
     memberships = fuzzify(system, rows)
     firing = _fire(system, memberships)[0]
@@ -114,15 +116,15 @@ def infer(system: FuzzySystem, inputs: Floats) -> Inference:
     )
 
 
-def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
+def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
     """Evaluate a valid system for many samples, one after the other.
 
     Parameters
     ----------
     system : FuzzySystem
         A system without problems.
-    inputs : (n, num_inputs)
-        A row a sample; clipped to the universes.
+    inputs : (n, num_inputs) array, mapping, or table
+        A row a sample, or columns by their names; clipped to the universes.
 
     Returns
     -------
@@ -133,15 +135,15 @@ def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
     return np.array(outputs).reshape(len(firing), len(system.outputs))
 
 
-def firing_strengths(system: FuzzySystem, inputs: Floats) -> Floats:
+def firing_strengths(system: FuzzySystem, inputs: Any) -> Floats:
     """Return how far each rule's antecedent holds, before weights.
 
     Parameters
     ----------
     system : FuzzySystem
         A system without problems.
-    inputs : (n, num_inputs)
-        A row a sample; clipped to the universes.
+    inputs : (n, num_inputs) array, mapping, or table
+        A row a sample, or columns by their names; clipped to the universes.
 
     Returns
     -------
@@ -153,7 +155,7 @@ def firing_strengths(system: FuzzySystem, inputs: Floats) -> Floats:
     ValueError
         If the shape is wrong or an input is NaN.
     """
-    return _fire(system, fuzzify(system, _checked(system, np.asarray(inputs, dtype=np.float64))))
+    return _fire(system, fuzzify(system, _checked(system, as_rows(system, inputs))))
 
 
 def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
