@@ -32,13 +32,19 @@ from fis_tools.model import (
     table_rules,
 )
 from fis_tools.model.shape import SHAPES
-from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, nearest
+from fis_tools.model.validate import (
+    MAX_NESTING,
+    MOST_MEMBERSHIPS,
+    InvalidSystem,
+    controller_problems,
+    nearest,
+)
 
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1
 
-#: Points of a universe.
-MOST_POINTS = 10_001
+#: Points of a universe: as many as a system of one term may have.
+MOST_POINTS = MOST_MEMBERSHIPS
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
 
