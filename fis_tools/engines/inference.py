@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.rows import as_rows
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample_terms
-from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, OR_OPERATORS
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +38,8 @@ class OutputInference:
     universe : (m,)
         The variable's universe with the points inserted where a cut crosses its own membership function.
     aggregated : (m,)
-        The highest of the cut terms at each point of `universe`.
+        What the rules conclude together at each point of `universe`: the highest of the cut terms, or as the
+        system implies and the variable aggregates.
     value : float
         The defuzzified output, or the default.
     is_default : bool
@@ -206,7 +207,10 @@ def _degree(
 
 def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> OutputInference:
     cuts = _cut_terms(system, variable, firing)
-    universe, aggregated = _aggregate(variable, cuts)
+    if system.cuts(variable):
+        universe, aggregated = _aggregate(variable, cuts)
+    else:
+        universe, aggregated = variable.universe, _conclude_by_rule(system, variable, firing)
     is_default = bool(aggregated.sum() == 0.0)
     if is_default:
         value = variable.default if variable.default is not None else 0.0
@@ -238,6 +242,20 @@ def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
         clipped = np.minimum(cut, np.interp(universe, grid, mf, left=0.0, right=0.0))
         aggregated = np.maximum(aggregated, clipped)
     return universe, aggregated
+
+
+def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+    """Aggregate what each rule implies, one after the other, at the points of the universe."""
+    imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
+    memberships = sample_terms(variable)
+    aggregated = np.zeros(len(variable.universe))
+    for strength, rule in zip(firing, system.rules, strict=True):
+        for consequent in rule.consequents:
+            if consequent.variable == variable.name:
+                shape = memberships[variable.term_index(consequent.term)]
+                activation = np.full(len(shape), strength * consequent.weight)
+                aggregated = aggregate(aggregated, imply(activation, shape))
+    return aggregated
 
 
 def _crossings(grid: Floats, mf: Floats, cut: float) -> Floats:
