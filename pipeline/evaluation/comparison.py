@@ -21,7 +21,18 @@ FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 MEANS = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_delta_v_m_s")
 SHARES = ("success", "violated", "safety_acted")
 HEADER = (
-    *("controller", "source", "sun", "safety", "num_cases", "rules", "times_optimum_mean", "solved_cases"),
+    *(
+        "controller",
+        "source",
+        "world",
+        "sun",
+        "safety",
+        "num_cases",
+        "rules",
+        "times_optimum_mean",
+        "times_optimum_as_seen_mean",
+        "solved_cases",
+    ),
     *(f"{name}_{field.name}" for name in MEANS for field in fields(Statistic)),
     *(f"{name}_{field.name}" for name in SHARES for field in fields(Fraction)),
 )
@@ -47,6 +58,8 @@ class ComparisonRow:
         Of `pipeline.evaluation.monte_carlo.summarise`, or what is known of it.
     times : mapping, optional
         Of `pipeline.optimum.account.summarise_times`.
+    world : str
+        Its name in ``compare.worlds``; empty for the experiment's own.
     """
 
     controller: str
@@ -57,6 +70,7 @@ class ComparisonRow:
     rules: int | None
     summary: Mapping[str, Any]
     times: Mapping[str, Any] | None = None
+    world: str = ""
 
 
 def rules_of(controller: Controller) -> int | None:
@@ -101,7 +115,9 @@ def row_of(told: Mapping[str, Any]) -> ComparisonRow:
     KeyError, TypeError
         If it is of something else.
     """
-    return ComparisonRow(**{field.name: told[field.name] for field in fields(ComparisonRow)})
+    # earlier versions knew no worlds
+    known = {"world": "", **told}
+    return ComparisonRow(**{field.name: known[field.name] for field in fields(ComparisonRow)})
 
 
 def as_cells(row: ComparisonRow) -> list[Any]:
@@ -109,6 +125,7 @@ def as_cells(row: ComparisonRow) -> list[Any]:
     cells: dict[str, Any] = {
         "controller": row.controller,
         "source": row.source,
+        "world": row.world,
         "sun": row.sun,
         "safety": row.safety,
         "num_cases": row.num_cases,
@@ -116,6 +133,7 @@ def as_cells(row: ComparisonRow) -> list[Any]:
     }
     if row.times:
         cells["times_optimum_mean"] = row.times["times_optimum"]["mean"]
+        cells["times_optimum_as_seen_mean"] = row.times["times_optimum_as_seen"]["mean"]
         cells["solved_cases"] = row.times["num_cases"]
     for name in (*MEANS, *SHARES):
         cells |= {f"{name}_{part}": value for part, value in row.summary.get(name, {}).items()}
@@ -127,7 +145,7 @@ def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[
     names = list(parts[0][1])
     columns: dict[str, Column] = {
         key: np.concatenate([np.full(row.num_cases, getattr(row, key)) for row, _ in parts])
-        for key in ("controller", "sun", "safety")
+        for key in ("controller", "world", "sun", "safety")
     }
     return columns | {name: np.concatenate([episodes[name] for _, episodes in parts]) for name in names}
 

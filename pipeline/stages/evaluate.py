@@ -40,7 +40,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     confidence = experiment.monte_carlo.confidence_percent
     summary = {
         "controller": controller.name,
-        "sun": experiment.sun.mode,
+        "sun": experiment.sun_in_words,
         "num_cases": num_cases,
         "seed": experiment.seed,
         "confidence_percent": confidence,
@@ -50,7 +50,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
     delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
     sys.stderr.write(
-        f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun.mode}: "
+        f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
         f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s, "
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary['success']['fraction']:.1f} %, "
@@ -71,7 +71,7 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
         path.unlink(missing_ok=True)
         return {"not_compared": str(reason)}
     episodes, _ = fly_cases(experiment.mission, controller, solved.scenarios, experiment.monte_carlo.workers)
-    columns = beside_optimum(episodes, solved.cases)
+    columns = beside_optimum(episodes, solved.cases, solved.harder)
     tables.write_parquet(path, columns)
     points = int(solved.summary["points_asked"])
     return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
@@ -84,7 +84,8 @@ def _told(beside: dict[str, Any]) -> str:
     times = beside["times_optimum"]
     return (
         f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
-        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful\n"
+        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
+        f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
     )
 
 

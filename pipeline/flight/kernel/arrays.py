@@ -96,8 +96,18 @@ class World(NamedTuple):
     guard: Guard
 
 
+class Plans(NamedTuple):
+    """Forces made beforehand, and how the deputy answers to being elsewhere than on the path they are for."""
+
+    forces: Floats  # (m or 1, K, 3) of each flight or of all, Hill axes, N; no rows for no plan
+    paths: Floats  # (m, K, 6) states that the answer brings the deputy to; no rows for no answer
+    gain: Floats  # (3, 6) from a deviation to the force that answers it, N/m and N s/m
+    least_answer: float  # a component smaller than this is not fired, N
+    known: Floats  # (m, K, 6) filled with the states as the deputies know them; no rows to leave it
+
+
 class Law(NamedTuple):
-    """What one controller commands, for a controller with fuzzy systems or with a plan of forces."""
+    """What one controller commands, for a controller with fuzzy systems or with plans of forces."""
 
     axes: Integers  # (F,) which component each system drives
     signals: Integers  # (F, 3) slots of the signals it senses
@@ -108,7 +118,7 @@ class Law(NamedTuple):
     decision_stride: int  # control periods from one decision to the next
     force_axes: int
     has_plan: bool
-    plan: Floats  # (K, 3) forces in Hill axes, N; empty without a plan
+    plans: Plans
 
 
 #: A start: what is a flight's own before it begins. Hill axes, SI units.

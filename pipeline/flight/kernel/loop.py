@@ -280,7 +280,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
         if k == world.num_controls:
             break
-        command(world, law, values, rules, work, log, k)
+        command(world, law, values, rules, work, first, num_lanes, log, k)
         if openings is not None and k == 0:
             open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
