@@ -43,9 +43,12 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
 
 
 def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
-    """Return which firing rules cut some output term highest; where strengths accumulate, all do."""
+    """Return which firing rules cut some output term highest; where rules add up, all do."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
+        if not conclusion.cuts:
+            matters[:, conclusion.rules] = True
+            continue
         cuts = firing[:, conclusion.rules] * conclusion.weights
         for first, last in zip(conclusion.bounds[:-1], conclusion.bounds[1:], strict=True):
             rules, heights = conclusion.rules[first:last], cuts[:, first:last]

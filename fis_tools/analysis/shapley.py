@@ -129,8 +129,10 @@ def _of_one(
         return np.where(members.any(axis=1), compiled.conclude(rows)[:, place], output.default or 0.0)
 
     activations = [[(term, weight * strengths[rule]) for term, weight in conclusions[rule]] for rule in rules]
-    # a silent rule makes a product zero: there it matters who is silent, and not only how the others cut
-    accumulate = None if output.accumulation == "product" else ACCUMULATIONS[output.accumulation]
+    # a silent rule makes a product zero, and where rules add up each counts: there it matters who is silent,
+    # and not only how the others cut
+    by_player = output.accumulation == "product" or output.aggregation != "max"
+    accumulate = None if by_player else ACCUMULATIONS[output.accumulation]
     blocks = _blocks(activations, accumulate)
     if blocks is None:
         values[rules], error = sampled(len(rules), worth, num_orders)

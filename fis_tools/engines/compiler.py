@@ -9,20 +9,25 @@ point of the universe. Memberships below `fis_tools.model.membership.SMALLEST_ME
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, overload
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, get_args, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import Program, assemble
+from fis_tools.engines.program import CENTROID, Program, assemble
+from fis_tools.engines.rows import as_rows, columns_of, pick
 from fis_tools.model import FuzzySystem
 from fis_tools.model.membership import sample_terms
-from fis_tools.model.validate import nearest, validate
+from fis_tools.model.validate import validate
 
 Floats = NDArray[np.float64]
+#: What goes by the names of its columns; see `fis_tools.engines.rows.columns_of`.
+Table = Any
+OnNoFire = Literal["default", "nan", "raise"]
 
 #: A thread of its own is worth its while from this many samples on.
 SAMPLES_A_THREAD = 10_000
@@ -30,6 +35,34 @@ SAMPLES_A_THREAD = 10_000
 #: What the kernel is trusted with: how far memberships go from point to point, and what each term reaches.
 STEEPEST = 0.25
 LOWEST_PEAK = 0.5
+#: It counts positions from the middle of an output's range, scikit-fuzzy from zero. Where both round alike to
+#: this share of the range is its place; elsewhere only the very same arithmetic gives the same result.
+ROUNDED = 1e-12
+#: Units in the last place by which scikit-fuzzy's sum over a universe is off, or more.
+UNITS_OFF = 16
+
+
+class NoRuleFired(ValueError):  # noqa: N818 - the sentence is the message
+    """Raised where the caller wants to know that an output has nothing to go by."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Outputs, and where they are not what rules concluded.
+
+    Parameters
+    ----------
+    outputs : (n, num_outputs) array, or dict of names to arrays
+        As the inputs came.
+    no_rule_fired : array or dict of bool
+        Of the same form: where no rule that concludes on the output fires.
+    count : dict of str to int
+        For each output, in how many samples none does.
+    """
+
+    outputs: Any
+    no_rule_fired: Any
+    count: dict[str, int]
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,17 +88,20 @@ class CompiledSystem:
     threads: int
 
     @overload
-    def __call__(self, inputs: Mapping[str, ArrayLike]) -> dict[str, Floats]: ...
+    def __call__(self, inputs: Floats, *, on_no_fire: OnNoFire = "default") -> Floats: ...
     @overload
-    def __call__(self, inputs: Floats) -> Floats: ...
-    def __call__(self, inputs: Floats | Mapping[str, ArrayLike]) -> Floats | dict[str, Floats]:
+    def __call__(self, inputs: Table, *, on_no_fire: OnNoFire = "default") -> dict[str, Floats]: ...
+    def __call__(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Floats | dict[str, Floats]:
         """Infer many samples.
 
         Parameters
         ----------
-        inputs : (n, num_inputs) array, or mapping of names to arrays or numbers
+        inputs : (n, num_inputs) array, or mapping or table of names to arrays or numbers
             A row a sample, in the order of the system's inputs; or each input by its name, of shapes that
-            broadcast. Values out of range are clipped to the universes.
+            broadcast. A table (a data frame, a structured array) goes by its columns' names, whatever their
+            order; it may have others besides. Values out of range are clipped to the universes.
+        on_no_fire : {"default", "nan", "raise"}
+            What an output is where no rule that concludes on it fires: its default, NaN, or an error.
 
         Returns
         -------
@@ -76,25 +112,58 @@ class CompiledSystem:
         ------
         ValueError
             If the shape is wrong, an input is missing or unknown, or a value is NaN.
+        NoRuleFired
+            If the caller wants to know.
         """
-        if not isinstance(inputs, Mapping):
+        if on_no_fire != "default":
+            outputs: Floats | dict[str, Floats] = self.infer(inputs, on_no_fire=on_no_fire).outputs
+            return outputs
+        names = columns_of(inputs)
+        if names is None:
             return self._infer(self._rows(inputs))
-        names = [variable.name for variable in self.system.inputs]
-        for name in inputs:
-            if name not in names:
-                raise ValueError(f"system {self.system.name!r} has no input {name!r}; {nearest(name, names)}")
-        for name in names:
-            if name not in inputs:
-                raise ValueError(f"input {name!r} is missing; pass {', '.join(names)}")
-        columns = np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in names))
-        rows = np.stack([column.ravel() for column in columns], axis=1)
-        outputs = self._infer(self._rows(rows)).T.reshape(-1, *columns[0].shape)
-        return {variable.name: column for variable, column in zip(self.system.outputs, outputs, strict=True)}
+        columns = pick(self.system, inputs, names)
+        return self._named(self._infer(self._rows(_stacked(columns))), columns[0].shape)
 
-    def firing_strengths(self, inputs: Floats) -> Floats:
+    def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
+        """Infer many samples, and tell where no rule fired; takes and raises what a call does."""
+        if on_no_fire not in get_args(OnNoFire):
+            raise ValueError(f"on_no_fire is {on_no_fire!r}; use one of {', '.join(get_args(OnNoFire))}")
+        names = columns_of(inputs)
+        columns = [] if names is None else pick(self.system, inputs, names)
+        rows = self._rows(_stacked(columns) if columns else inputs)
+        unfired = self._unfired(rows)
+        if on_no_fire == "raise" and unfired.any():
+            raise NoRuleFired(_told(self.system, rows, unfired))
+        outputs = self._infer(rows)
+        if on_no_fire == "nan":
+            outputs[unfired] = np.nan
+        count = {v.name: int(n) for v, n in zip(self.system.outputs, unfired.sum(axis=0), strict=True)}
+        if names is None:
+            return Answers(outputs, unfired, count)
+        shape = columns[0].shape
+        return Answers(self._named(outputs, shape), self._named(unfired, shape), count)
+
+    def _named(self, rows: NDArray[Any], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+        columns = rows.T.reshape(-1, *shape)
+        return {variable.name: column for variable, column in zip(self.system.outputs, columns, strict=True)}
+
+    def _unfired(self, rows: Floats) -> NDArray[np.bool_]:
+        """Return where nothing is left to defuzzify: a centroid is a number wherever there is an area."""
+        found: NDArray[np.bool_] = np.isnan(
+            self._shared(lambda part: interpreter.evaluate(self._marking, part), rows)
+        )
+        return found
+
+    @cached_property
+    def _marking(self) -> Program:
+        """The program, with centroids for outputs, and NaN for their defaults."""
+        marked = (c._replace(defuzzifier=CENTROID, default=np.nan) for c in self.program.conclusions)
+        return replace(self.program, conclusions=tuple(marked))
+
+    def firing_strengths(self, inputs: Any) -> Floats:
         """Return how far each rule's antecedent holds, before weights: (n, num_rules), in the rules' order.
 
-        Takes and raises what a call with an array does.
+        Takes and raises what a call does; of a mapping or table its columns have one dimension.
         """
         return interpreter.fire(self.program, self._rows(inputs))
 
@@ -130,8 +199,8 @@ class CompiledSystem:
         with ThreadPoolExecutor(threads) as pool:
             return np.concatenate(list(pool.map(work, np.array_split(rows, threads))))
 
-    def _rows(self, inputs: Floats) -> Floats:
-        rows = np.ascontiguousarray(inputs, dtype=np.float64)
+    def _rows(self, inputs: Any) -> Floats:
+        rows = np.ascontiguousarray(as_rows(self.system, inputs))
         variables = self.system.inputs
         if rows.ndim != 2 or rows.shape[1] != len(variables):
             names = ", ".join(variable.name for variable in variables)
@@ -183,6 +252,20 @@ def compile(
     return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
 
 
+def _stacked(columns: list[Floats]) -> Floats:
+    return np.stack([column.ravel() for column in columns], axis=1)
+
+
+def _told(system: FuzzySystem, rows: Floats, unfired: NDArray[np.bool_]) -> str:
+    """Say where no rule fires: how often, and at which sample first."""
+    sample, place = np.argwhere(unfired)[0]
+    values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))
+    return (
+        f"no rule for {system.outputs[place].name!r} fires at {int(unfired[:, place].sum())} of {len(rows)} "
+        f"samples, first at number {sample} ({values}); add rules, or take on_no_fire='default' or 'nan'"
+    )
+
+
 def _packed(system: FuzzySystem) -> Packed | None:
     """Pack a system for the kernel where its method keeps all digits: over smooth terms that reach their top.
 
@@ -192,6 +275,10 @@ def _packed(system: FuzzySystem) -> Packed | None:
     for variable in (*system.inputs, *system.outputs):
         memberships = sample_terms(variable)
         if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
+            return None
+    for output in system.outputs:
+        farthest = max(abs(output.minimum), abs(output.maximum))
+        if UNITS_OFF * np.spacing(farthest) > ROUNDED * (output.maximum - output.minimum):
             return None
     try:
         return packing.pack(system)

@@ -8,13 +8,15 @@ case.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.engines.rows import as_rows
 from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample_terms
-from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, OR_OPERATORS
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +38,8 @@ class OutputInference:
     universe : (m,)
         The variable's universe with the points inserted where a cut crosses its own membership function.
     aggregated : (m,)
-        The highest of the cut terms at each point of `universe`.
+        What the rules conclude together at each point of `universe`: the highest of the cut terms, or as the
+        system implies and the variable aggregates.
     value : float
         The defuzzified output, or the default.
     is_default : bool
@@ -84,22 +87,22 @@ class Inference:
         return np.array([output.value for output in self.outputs])
 
 
-def infer(system: FuzzySystem, inputs: Floats) -> Inference:
+def infer(system: FuzzySystem, inputs: Any) -> Inference:
     """Evaluate a valid system for one sample, keeping every step.
 
     Parameters
     ----------
     system : FuzzySystem
         A system without problems (see `fis_tools.model.validate`).
-    inputs : (num_inputs,)
-        In the order of the system's inputs; clipped to the universes.
+    inputs : (num_inputs,) array, mapping, or row of a table
+        In the order of the system's inputs, or by their names; clipped to the universes.
 
     Raises
     ------
     ValueError
         If there are too few or too many inputs, or one is NaN.
     """
-    values = np.asarray(inputs, dtype=np.float64)
+    values = as_rows(system, inputs)
     rows = _checked(system, values[np.newaxis])
     memberships = fuzzify(system, rows)
     firing = _fire(system, memberships)[0]
@@ -114,15 +117,15 @@ def infer(system: FuzzySystem, inputs: Floats) -> Inference:
     )
 
 
-def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
+def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
     """Evaluate a valid system for many samples, one after the other.
 
     Parameters
     ----------
     system : FuzzySystem
         A system without problems.
-    inputs : (n, num_inputs)
-        A row a sample; clipped to the universes.
+    inputs : (n, num_inputs) array, mapping, or table
+        A row a sample, or columns by their names; clipped to the universes.
 
     Returns
     -------
@@ -133,15 +136,15 @@ def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
     return np.array(outputs).reshape(len(firing), len(system.outputs))
 
 
-def firing_strengths(system: FuzzySystem, inputs: Floats) -> Floats:
+def firing_strengths(system: FuzzySystem, inputs: Any) -> Floats:
     """Return how far each rule's antecedent holds, before weights.
 
     Parameters
     ----------
     system : FuzzySystem
         A system without problems.
-    inputs : (n, num_inputs)
-        A row a sample; clipped to the universes.
+    inputs : (n, num_inputs) array, mapping, or table
+        A row a sample, or columns by their names; clipped to the universes.
 
     Returns
     -------
@@ -153,7 +156,7 @@ def firing_strengths(system: FuzzySystem, inputs: Floats) -> Floats:
     ValueError
         If the shape is wrong or an input is NaN.
     """
-    return _fire(system, fuzzify(system, _checked(system, np.asarray(inputs, dtype=np.float64))))
+    return _fire(system, fuzzify(system, _checked(system, as_rows(system, inputs))))
 
 
 def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
@@ -204,7 +207,10 @@ def _degree(
 
 def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> OutputInference:
     cuts = _cut_terms(system, variable, firing)
-    universe, aggregated = _aggregate(variable, cuts)
+    if system.cuts(variable):
+        universe, aggregated = _aggregate(variable, cuts)
+    else:
+        universe, aggregated = variable.universe, _conclude_by_rule(system, variable, firing)
     is_default = bool(aggregated.sum() == 0.0)
     if is_default:
         value = variable.default if variable.default is not None else 0.0
@@ -236,6 +242,20 @@ def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
         clipped = np.minimum(cut, np.interp(universe, grid, mf, left=0.0, right=0.0))
         aggregated = np.maximum(aggregated, clipped)
     return universe, aggregated
+
+
+def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+    """Aggregate what each rule implies, one after the other, at the points of the universe."""
+    imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
+    memberships = sample_terms(variable)
+    aggregated = np.zeros(len(variable.universe))
+    for strength, rule in zip(firing, system.rules, strict=True):
+        for consequent in rule.consequents:
+            if consequent.variable == variable.name:
+                shape = memberships[variable.term_index(consequent.term)]
+                activation = np.full(len(shape), strength * consequent.weight)
+                aggregated = aggregate(aggregated, imply(activation, shape))
+    return aggregated
 
 
 def _crossings(grid: Floats, mf: Floats, cut: float) -> Floats:

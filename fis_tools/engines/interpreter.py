@@ -28,6 +28,8 @@ from fis_tools.engines.program import (
     PROBABILISTIC_SUM,
     PRODUCT,
     SMALLEST_OF_MAXIMUM,
+    UNBOUNDED_SUM,
+    Conclusion,
     Program,
 )
 
@@ -56,7 +58,7 @@ def conclude(program: Program, firing: Floats) -> Floats:
     """Return the defuzzified outputs, (n, num_outputs), for firing strengths (n, num_rules)."""
     columns = np.empty((len(program.conclusions), len(firing)))
     for conclusion, column in zip(program.conclusions, columns, strict=True):
-        _conclude(*conclusion, firing, column)
+        _conclude(conclusion, firing, column)
     return columns.T
 
 
@@ -69,8 +71,28 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
         rows = inputs[first : first + size]
         _fire(*program.antecedents, rows, firing[: len(rows)])
         for conclusion, column in zip(program.conclusions, columns, strict=True):
-            _conclude(*conclusion, firing[: len(rows)], column[first : first + size])
+            _conclude(conclusion, firing[: len(rows)], column[first : first + size])
     return columns.T
+
+
+def _conclude(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
+    """Write one output for firing strengths (n, num_rules)."""
+    if conclusion.cuts:
+        _conclude_by_term(*conclusion[:9], firing, out)
+    else:
+        _conclude_by_rule(
+            conclusion.universe,
+            conclusion.memberships,
+            conclusion.rules,
+            conclusion.weights,
+            conclusion.terms,
+            conclusion.implication,
+            conclusion.aggregation,
+            conclusion.defuzzifier,
+            conclusion.default,
+            firing,
+            out,
+        )
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -107,6 +129,8 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
         return min(a, b) if either > 1.0 else 0.0
     if operator == NILPOTENT_MAXIMUM:
         return max(a, b) if either < 1.0 else 1.0
+    if operator == UNBOUNDED_SUM:
+        return either
     return 1.0 - a
 
 
@@ -165,7 +189,7 @@ def _fire(
 
 
 @compiled(error_model="numpy", nogil=True)
-def _conclude(
+def _conclude_by_term(
     universe: Floats,
     memberships: Floats,
     bounds: Integers,
@@ -178,7 +202,7 @@ def _conclude(
     firing: Floats,
     out: Floats,
 ) -> None:
-    """Write one output, a `Conclusion`, for firing strengths (n, num_rules)."""
+    """Write one output whose terms are cut, each once, and of which the highest counts."""
     num_terms, num_points = memberships.shape
     cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
     room = num_points + len(runs)
@@ -206,6 +230,41 @@ def _conclude(
             out[sample] = _bisector(x, y, count, areas)
         else:
             out[sample] = _of_maximum(defuzzifier, x, y, count, highest)
+
+
+@compiled(error_model="numpy", nogil=True)
+def _conclude_by_rule(
+    universe: Floats,
+    memberships: Floats,
+    rules: Integers,
+    weights: Floats,
+    terms: Integers,
+    implication: int,
+    aggregation: int,
+    defuzzifier: int,
+    default: float,
+    firing: Floats,
+    out: Floats,
+) -> None:
+    """Write one output to which each rule adds what it implies, at the points of the universe."""
+    count = len(universe)
+    heights, areas = np.empty(count), np.empty(count)
+    for sample in range(len(firing)):
+        heights[:] = 0.0
+        for index in range(len(rules)):
+            strength = firing[sample, rules[index]] * weights[index]
+            for point in range(count):
+                implied = combine(implication, strength, memberships[terms[index], point])
+                heights[point] = combine(aggregation, heights[point], implied)
+        highest = heights.max()
+        if highest == 0.0:
+            out[sample] = default
+        elif defuzzifier == CENTROID:
+            out[sample] = _centroid(universe, heights, count)
+        elif defuzzifier == BISECTOR:
+            out[sample] = _bisector(universe, heights, count, areas)
+        else:
+            out[sample] = _of_maximum(defuzzifier, universe, heights, count, highest)
 
 
 @compiled(error_model="numpy", forceinline=True)

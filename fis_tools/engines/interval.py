@@ -52,7 +52,7 @@ def pack(system: FuzzySystem) -> Program:
     fis_tools.model.validate.InvalidSystem
         If the system is wrong in itself.
     NotBounded
-        If an output is defuzzified by the bisector.
+        If an output is defuzzified by the bisector, or does not take the highest of cut terms.
     """
     validate(system)
     for output in system.outputs:
@@ -60,6 +60,12 @@ def pack(system: FuzzySystem) -> Program:
             raise NotBounded(
                 f"output {output.name!r} cannot be bounded: across a gap between fired terms scikit-fuzzy's "
                 "bisector is not the bisector, and may be no number; choose another defuzzifier"
+            )
+        if not system.cuts(output):
+            raise NotBounded(
+                f"output {output.name!r} cannot be bounded: bounds hold where terms are cut by min and "
+                f"aggregated by max, here the implication is {system.implication} and the aggregation "
+                f"{output.aggregation}; choose min and max"
             )
     return assemble(system)
 

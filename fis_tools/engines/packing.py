@@ -122,7 +122,7 @@ def _require_compilable(system: FuzzySystem) -> None:
         )
     output = system.outputs[0]
     methods = (system.and_operator, system.or_operator, output.accumulation, system.defuzzifier_of(output))
-    if methods != ("min", "max", "max", "centroid"):
+    if methods != ("min", "max", "max", "centroid") or not system.cuts(output):
         refuse("only minimum, maximum and centroid are covered")
     for variable in (*system.inputs, *system.outputs):
         if len(variable.terms) > MAX_TERMS:

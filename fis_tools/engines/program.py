@@ -29,6 +29,7 @@ Integers = NDArray[np.int64]
 AND_CODES = range(7)
 OR_CODES = range(7, 14)
 NOT = 14
+UNBOUNDED_SUM = 15
 MIN, PRODUCT, BOUNDED_DIFFERENCE, EINSTEIN_PRODUCT, HAMACHER_PRODUCT, DRASTIC_PRODUCT, NILPOTENT_MINIMUM = (
     AND_CODES
 )
@@ -36,6 +37,7 @@ MAX, PROBABILISTIC_SUM, BOUNDED_SUM, EINSTEIN_SUM, HAMACHER_SUM, DRASTIC_SUM, NI
 OPERATORS: dict[str, int] = {
     **dict(zip(get_args(AndOperator), AND_CODES, strict=True)),
     **dict(zip(get_args(OrOperator), OR_CODES, strict=True)),
+    "unbounded_sum": UNBOUNDED_SUM,
 }
 DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
@@ -89,6 +91,11 @@ class Conclusion(NamedTuple):
         Of `OPERATORS` and `DEFUZZIFIERS`.
     default : float
         The output where no rule fires; NaN where none is declared.
+    terms : (c,) int
+        Which of the terms each of `rules` concludes.
+    implication, aggregation : int
+        Of `OPERATORS`. Where they are not MIN and MAX, each rule counts by itself: then `rules`, `weights`
+        and `terms` are in the order of the rules, and `bounds` and `runs` say nothing.
     """
 
     universe: Floats
@@ -100,6 +107,14 @@ class Conclusion(NamedTuple):
     accumulation: int
     defuzzifier: int
     default: float
+    terms: Integers
+    implication: int
+    aggregation: int
+
+    @property
+    def cuts(self) -> bool:
+        """Whether terms are cut, and the highest of them counts."""
+        return self.implication == MIN and self.aggregation == MAX
 
 
 @dataclass(frozen=True)
@@ -183,25 +198,31 @@ def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
 
 
 def _conclusion(system: FuzzySystem, output: Variable) -> Conclusion:
-    concluding: dict[str, list[tuple[int, float]]] = {}
-    for index, rule in enumerate(system.rules):
-        for consequent in rule.consequents:
-            if consequent.variable == output.name:
-                concluding.setdefault(consequent.term, []).append((index, consequent.weight))
-    terms = [index for index, term in enumerate(output.terms) if term.name in concluding]
-    ordered = [concluding[output.terms[index].name] for index in terms]
+    concluded = [
+        (output.term_index(consequent.term), index, consequent.weight)
+        for index, rule in enumerate(system.rules)
+        for consequent in rule.consequents
+        if consequent.variable == output.name
+    ]
+    terms = sorted({term for term, _, _ in concluded})
+    if system.cuts(output):
+        concluded.sort(key=lambda each: each[0])
+    rows = np.searchsorted(terms, [term for term, _, _ in concluded])
     memberships = sample_terms(output)[terms]
     runs = [(term, *run) for term, sampled in enumerate(memberships) for run in _runs(sampled)]
     return Conclusion(
         universe=output.universe,
         memberships=memberships,
-        bounds=np.cumsum([0, *map(len, ordered)]),
-        rules=np.array([index for pairs in ordered for index, _ in pairs], dtype=np.int64),
-        weights=np.array([weight for pairs in ordered for _, weight in pairs], dtype=np.float64),
+        bounds=np.cumsum([0, *np.bincount(rows, minlength=len(terms))]),
+        rules=np.array([index for _, index, _ in concluded], dtype=np.int64),
+        weights=np.array([weight for _, _, weight in concluded], dtype=np.float64),
         runs=np.array(runs, dtype=np.int64).reshape(-1, 3),
         accumulation=OPERATORS[output.accumulation],
         defuzzifier=DEFUZZIFIERS[system.defuzzifier_of(output)],
         default=np.nan if output.default is None else output.default,
+        terms=rows.astype(np.int64),
+        implication=OPERATORS[system.implication],
+        aggregation=OPERATORS[output.aggregation],
     )
 
 

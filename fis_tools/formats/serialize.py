@@ -14,7 +14,7 @@ from fis_tools.formats.exchange import fis, fll, fml
 from fis_tools.formats.exchange.carried import Reading
 from fis_tools.formats.own import json, yaml
 from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
-from fis_tools.formats.own.plain import MAX_FILE_BYTES, Unreadable
+from fis_tools.formats.own.plain import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
 from fis_tools.model import FuzzyController
 
 __all__ = [
@@ -64,8 +64,20 @@ def fingerprint(controller: FuzzyController) -> str:
 
 
 def dump_yaml(controller: FuzzyController) -> str:
-    """Write a controller as YAML text; see `to_mapping` for what is refused."""
-    return yaml.write(to_mapping(controller))
+    """Write a controller as YAML text; see `to_mapping` for what is refused.
+
+    Raises
+    ------
+    ControllerFileError
+        If it comes to more bytes than are read.
+    """
+    text = yaml.write(to_mapping(controller))
+    if len(text) > MAX_FILE_BYTES:
+        raise ControllerFileError(
+            f"{controller.name!r} comes to {len(text)} bytes of YAML, and {MAX_FILE_BYTES} are read; "
+            "write JSON"
+        )
+    return text
 
 
 def load(path: Path | str) -> FuzzyController:
@@ -88,18 +100,19 @@ def read(path: Path | str) -> Reading:
         As `load` does.
     """
     path = Path(path)
+    kind = _KINDS.get(path.suffix.lower())
+    most = MAX_JSON_BYTES if kind == "json" else MAX_FILE_BYTES
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_FILE_BYTES + 1)
+            content = file.read(most + 1)
     except OSError as error:
         reason = (error.strerror or "unreadable").lower()
         raise ControllerFileError(f"{path}: cannot be read ({reason}); check the path") from error
-    kind = _KINDS.get(path.suffix.lower())
     if kind is None:
         endings = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
         raise ControllerFileError(f"{path}: a controller file ends in {endings}; rename it if it is one")
-    if len(content) > MAX_FILE_BYTES:
-        raise ControllerFileError(f"{path}: larger than {MAX_FILE_BYTES} bytes; a controller is much smaller")
+    if len(content) > most:
+        raise ControllerFileError(f"{path}: larger than {most} bytes; a controller is much smaller")
     try:
         return reads(content.decode("utf-8-sig"), kind)
     except UnicodeDecodeError as error:

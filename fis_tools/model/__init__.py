@@ -1,6 +1,6 @@
 """What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
 
-from fis_tools.model.operators import Accumulation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rule_tables import conjunctions, rule_table, table_antecedents, table_cells, table_rules
 from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
 from fis_tools.model.shape import MembershipFunction
@@ -23,6 +23,7 @@ from fis_tools.model.variables import Term, Variable
 
 __all__ = [
     "Accumulation",
+    "Aggregation",
     "And",
     "AndOperator",
     "Consequent",

@@ -31,6 +31,7 @@ OrOperator = Literal[
     "nilpotent_maximum",
 ]
 Accumulation = Literal[OrOperator, "product"]
+Aggregation = Literal[OrOperator, "unbounded_sum"]
 
 Floats = NDArray[np.float64]
 Operator = Callable[[Floats, Floats], Floats]
@@ -99,6 +100,11 @@ def nilpotent_maximum(a: Floats, b: Floats) -> Floats:
     return np.where(a + b < 1.0, np.fmax(a, b), 1.0)
 
 
+def unbounded_sum(a: Floats, b: Floats) -> Floats:
+    """Return ``a + b``, which no disjunction may: MATLAB's aggregation by sum."""
+    return a + b
+
+
 AND_OPERATORS: dict[AndOperator, Operator] = {
     "min": np.fmin,
     "product": np.multiply,
@@ -119,3 +125,5 @@ OR_OPERATORS: dict[OrOperator, Operator] = {
 }
 ACCUMULATIONS: dict[Accumulation, Operator] = {"product": np.multiply}
 ACCUMULATIONS.update(OR_OPERATORS.items())
+AGGREGATIONS: dict[Aggregation, Operator] = {"unbounded_sum": unbounded_sum}
+AGGREGATIONS.update(OR_OPERATORS.items())

@@ -68,6 +68,11 @@ class MembershipFunction(ABC):
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula at points of shape (n,), as `fis_tools.model.membership.sample` does."""
 
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Where it turns at once, ascending, twice where it jumps: points of a universe, to be exact."""
+        return ()
+
 
 #: Every shape, by the name that our own files give it.
 SHAPES: dict[str, type[MembershipFunction]] = {}

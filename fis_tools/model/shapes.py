@@ -77,6 +77,11 @@ class Triangular(MembershipFunction):
         values[x == self.peak] = 1.0
         return values
 
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Its three points."""
+        return self.left, self.peak, self.right
+
 
 @shape(
     "trapezoidal",
@@ -103,6 +108,16 @@ class Trapezoidal(MembershipFunction):
         values[falling] = Triangular(self.right_top, self.right_top, self.right).at(x[falling])
         values[(x < self.left) | (x > self.right)] = 0.0
         return values
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Its four points; the top is none where it has no width."""
+        return (
+            self.left,
+            self.left_top,
+            *((self.right_top,) if self.right_top > self.left_top else ()),
+            self.right,
+        )
 
 
 @shape(

@@ -23,6 +23,8 @@ class FuzzySystem:
         How statements combine, in rules that do not say it themselves.
     defuzzifier : str
         How an aggregated output becomes a number, by scikit-fuzzy's names, unless it says so itself.
+    implication : str
+        How the strength of a rule shapes the term that it concludes: ``min`` cuts it, ``product`` scales it.
     """
 
     name: str
@@ -32,6 +34,11 @@ class FuzzySystem:
     and_operator: AndOperator = "min"
     or_operator: OrOperator = "max"
     defuzzifier: Defuzzifier = "centroid"
+    implication: AndOperator = "min"
+
+    def cuts(self, output: Variable) -> bool:
+        """Return whether the terms of an output are cut, and the highest of them counts at each point."""
+        return self.implication == "min" and output.aggregation == "max"
 
     def variable(self, name: str) -> Variable:
         """Return the input or output called `name`.

@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 
 from fis_tools.model.membership import shape_values
-from fis_tools.model.operators import Accumulation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rules import And, Expression, Is, Not, Or, Rule
 from fis_tools.model.shape import SHAPES, MembershipFunction
 from fis_tools.model.shapes import Sampled
@@ -126,6 +126,8 @@ _CHOICES = {
     "or_operator": get_args(OrOperator),
     "defuzzifier": get_args(Defuzzifier),
     "accumulation": get_args(Accumulation),
+    "aggregation": get_args(Aggregation),
+    "implication": get_args(AndOperator),
 }
 
 
@@ -267,8 +269,18 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
         elif not _is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
         yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
+        if variable.accumulation != "max" and not system.cuts(variable):
+            yield (
+                f"output {variable.name!r} has the accumulation {variable.accumulation}, which is for terms "
+                "cut by min and aggregated by max; drop it, or the other implication and aggregation"
+            )
     for variable in system.inputs:
-        for key, unset in (("default", None), ("defuzzifier", None), ("accumulation", "max")):
+        for key, unset in (
+            ("default", None),
+            ("defuzzifier", None),
+            ("accumulation", "max"),
+            ("aggregation", "max"),
+        ):
             if getattr(variable, key) != unset:
                 article = "an" if key[0] == "a" else "a"
                 yield f"input {variable.name!r} has {article} {key}; only outputs have one, so drop it"

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.model.operators import Accumulation, Defuzzifier
+from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
 from fis_tools.model.shape import MembershipFunction
 
 
@@ -44,7 +44,10 @@ class Variable:
         For an output: how it becomes a number; None for the way of its system.
     accumulation : str
         For an output: how the strengths of several rules that conclude one term become the height it is cut
-        at, one rule after the other. Different terms always combine by their maximum.
+        at, one rule after the other.
+    aggregation : str
+        For an output: how what the rules conclude becomes one membership function. Under the maximum each
+        term is cut once; under any other, what each rule concludes counts by itself.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Variable:
     description: str = ""
     defuzzifier: Defuzzifier | None = None
     accumulation: Accumulation = "max"
+    aggregation: Aggregation = "max"
 
     @cached_property
     def universe(self) -> NDArray[np.float64]:
@@ -65,6 +69,11 @@ class Variable:
         if self.points is not None:
             return np.array(self.points, dtype=np.float64)
         return np.linspace(self.minimum, self.maximum, self.num_points)
+
+    @property
+    def counts_strongest(self) -> bool:
+        """Whether of all rules that conclude one term the strongest alone counts."""
+        return self.accumulation == "max" and self.aggregation == "max"
 
     def term_index(self, name: str) -> int:
         """Return the position of the term called `name`.

@@ -46,7 +46,13 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     page.write(_left_over(inference, order, most_rules), SMALL, theme.muted)
     page.down(_TITLE)
     for column, output in enumerate(inference.outputs, start=len(system.inputs)):
-        output_panel(output, system.defuzzifier, page.axes(column, _OUTPUT), theme=theme)
+        output_panel(
+            output,
+            system.defuzzifier,
+            page.axes(column, _OUTPUT),
+            implication=system.implication,
+            theme=theme,
+        )
     return page.figure
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import And, Consequent, Expression, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample, sample_terms
+from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.render import lettering
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
 from fis_tools.words.text import METHODS, number, quantity, with_unit
@@ -92,7 +93,14 @@ def conclusion_panel(
     return ax
 
 
-def output_panel(output: OutputInference, defuzzifier: str, ax: Axes, *, theme: Theme = LIGHT) -> Axes:
+def output_panel(
+    output: OutputInference,
+    defuzzifier: str,
+    ax: Axes,
+    *,
+    implication: AndOperator = "min",
+    theme: Theme = LIGHT,
+) -> Axes:
     """Draw the aggregated output, the cut terms it is made of, and the number it becomes.
 
     Parameters
@@ -103,14 +111,21 @@ def output_panel(output: OutputInference, defuzzifier: str, ax: Axes, *, theme: 
         How the number comes about, by the system's word for it.
     ax : Axes
         Where to draw.
+    implication : str
+        How strengths shape the terms.
     theme : Theme
         Colours.
     """
     variable = output.variable
+    imply = AND_OPERATORS[implication]
     for index, (curve, cut) in enumerate(zip(sample_terms(variable), output.cuts, strict=True)):
         if cut > 0:
             ax.plot(
-                variable.universe, np.minimum(curve, cut), linewidth=1.2, clip_on=False, **theme.line(index)
+                variable.universe,
+                imply(np.full(len(curve), cut), curve),
+                linewidth=1.2,
+                clip_on=False,
+                **theme.line(index),
             )
     ax.fill_between(output.universe, output.aggregated, color=theme.muted, alpha=_PALE, lw=0)
     ax.plot(output.universe, output.aggregated, color=theme.ink, linewidth=1.5, clip_on=False)

@@ -30,6 +30,8 @@ def system_data(system: FuzzySystem) -> dict[str, Any]:
                 "default": variable.default,
                 "defuzzifier": system.defuzzifier_of(variable),
                 "accumulation": variable.accumulation,
+                "implication": system.implication,
+                "aggregation": variable.aggregation,
             }
             for variable in system.outputs
         ],

@@ -9,7 +9,7 @@ zero.
 
 import operator
 from collections import Counter
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -37,6 +37,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
+from fis_tools.scikit_fuzzy.chains import Named, NotResolvable, unchained
 from fis_tools.scikit_fuzzy.recognition import recognise
 
 Floats = NDArray[np.float64]
@@ -57,6 +58,9 @@ _ACCUMULATION_NAMES: dict[Any, Accumulation] = {
     **_ALSO_OR,
     control.accumulation_mult: "product",
     operator.mul: "product",
+    # nothing is cut above one, so that a sum without a bound cuts where the bounded one does
+    np.add: "bounded_sum",
+    operator.add: "bounded_sum",
 }
 #: In the order in which scikit-fuzzy looks for these words in a method's name.
 _DEFUZZIFIERS: tuple[Defuzzifier, ...] = ("centroid", "bisector", "mom", "som", "lom")
@@ -64,6 +68,14 @@ _DEFUZZIFIERS: tuple[Defuzzifier, ...] = ("centroid", "bisector", "mom", "som", 
 ROUNDED = 1e-15
 #: Number types in which scikit-fuzzy computes without loss.
 _EXACT_TYPES = ("float64", "int32", "int64")
+#: What it does with others.
+_INEXACT_TYPES = {
+    "float32": "in which scikit-fuzzy rounds to seven digits",
+    "float16": "in which scikit-fuzzy rounds to three digits",
+    "bool": "which scikit-fuzzy cannot subtract",
+}
+#: Characters of a rule that is named by its words.
+MOST_WORDS = 120
 
 
 class UnreadableControlSystem(ValueError):  # noqa: N818 - the sentence is the message
@@ -104,14 +116,14 @@ def read_control_system(
         )
     # The graph's own order is that of `source.rules`, which takes seconds where rules are many.
     rules = [node for node in source.graph.nodes() if isinstance(node, control.Rule)]
-    outputs = list(source.consequents)
-    _check_names(defaults or {}, [str(output.label) for output in outputs])
+    _check_names(defaults or {}, [str(output.label) for output in source.consequents])
+    outputs = tuple(_output(output, defaults or {}, tolerance) for output in source.consequents)
     read = _with_common_methods(
         FuzzySystem(
             name=name,
             inputs=tuple(_variable(source_input, tolerance) for source_input in source.antecedents),
-            outputs=tuple(_output(output, defaults or {}, tolerance) for output in outputs),
-            rules=_with_labels(rules, [_rule(rule) for rule in rules]),
+            outputs=outputs,
+            rules=_rules(rules, outputs),
         )
     )
     found = problems(read)
@@ -164,8 +176,8 @@ def _universe(source: Any) -> Floats:
     universe = _exact(source.universe, f"the universe of {source.label!r}")
     if universe.ndim != 1 or len(universe) < 2 or not (np.diff(universe) > 0).all():
         raise UnreadableControlSystem(
-            f"the universe of {source.label!r} is not a row of two or more ascending numbers; sort it and "
-            "drop repeated points"
+            f"the universe of {source.label!r} is not a row of two or more ascending numbers; sort it, the "
+            "memberships with it, and drop repeated points"
         )
     return universe
 
@@ -188,9 +200,10 @@ def _term(source: Any, universe: Floats, term: FuzzyTerm, tolerance: float) -> T
 def _exact(values: Any, what: str) -> Floats:
     array = np.asarray(values)
     if array.dtype.name not in _EXACT_TYPES:
+        reason = _INEXACT_TYPES.get(array.dtype.name, "in which scikit-fuzzy overflows or rounds")
         raise UnreadableControlSystem(
-            f"{what} is stored as {array.dtype.name}, in which scikit-fuzzy rounds or overflows; store it as "
-            "float64 before you build the system"
+            f"{what} is stored as {array.dtype.name}, {reason}; store it as float64 before you build the "
+            "system"
         )
     return array.astype(np.float64)
 
@@ -208,8 +221,27 @@ def _defuzzifier(source: Any) -> Defuzzifier:
 # Rules.
 
 
+def _rules(sources: Sequence[control.Rule], outputs: Sequence[Variable]) -> tuple[Rule, ...]:
+    """Read rules in the order in which they are computed, and say those of a chain of the inputs alone."""
+    named = [Named(_called(source), _rule(source)) for source in sources]
+    try:
+        rules = unchained(named, {output.name: output for output in outputs})
+    except NotResolvable as error:
+        raise UnreadableControlSystem(str(error)) from error
+    return _with_labels(sources, rules)
+
+
+def _called(source: control.Rule) -> str:
+    """Name a rule by its label, or by its words: the label that scikit-fuzzy gives is an address."""
+    if isinstance(source.label, str):
+        return f"rule {source.label!r}"
+    words = f"if {source.antecedent} then {', '.join(map(str, source.consequent))}"
+    words = " ".join(words.split())
+    return f"rule {words if len(words) <= MOST_WORDS else words[: MOST_WORDS - 1] + '…'!r}"
+
+
 def _rule(source: control.Rule) -> Rule:
-    where = f"rule {source.label!r}"
+    where = _called(source)
     antecedent = _expression(source.antecedent, where, 0)
     kinds = _kinds(antecedent)
     and_operator = or_operator = None
@@ -231,7 +263,7 @@ def _expression(source: Any, where: str, depth: int) -> Expression:
             f"{where} nests and, or and not more than {MAX_NESTING} deep; split the rule"
         )
     if not isinstance(source, TermAggregate):
-        return Is(*_mentioned(source, control.Antecedent, where))
+        return Is(*_mentioned(source, (control.Antecedent, control.Consequent), where))
     if source.kind == "not":
         return Not(_expression(source.term1, where, depth + 1))
     chain = [source.term2]
@@ -250,9 +282,6 @@ def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
     if not isinstance(variable, kind):
         raise UnreadableControlSystem(
             f"{where} concludes {label!r}, which is an Antecedent; make it a Consequent"
-            if kind is control.Consequent
-            else f"{where} asks for {label!r}, which is a Consequent; rules in a chain are not covered, so "
-            "make each stage a system of its own"
         )
     if variable.terms.get(term.label) is not term:
         raise UnreadableControlSystem(
@@ -301,7 +330,7 @@ def _agrees(function: Any, known: Operator) -> bool:
     return np.allclose(given, expected, rtol=0, atol=1e-12)
 
 
-def _with_labels(sources: list[control.Rule], rules: list[Rule]) -> tuple[Rule, ...]:
+def _with_labels(sources: Sequence[control.Rule], rules: Sequence[Rule]) -> tuple[Rule, ...]:
     """Give rules the labels a person chose: neither scikit-fuzzy's own numbers nor the rule's place."""
     labels: list[str] = []
     for place, source in enumerate(sources, start=1):

@@ -141,6 +141,8 @@ def summary(system: FuzzySystem) -> str:
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
     own = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
+    own += [f", {v.name} aggregated by {v.aggregation}" for v in system.outputs if v.aggregation != "max"]
+    own += [f", implication: {system.implication}"] if system.implication != "min" else []
     own += [f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"]
     return (
         f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "

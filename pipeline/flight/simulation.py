@@ -21,7 +21,16 @@ from pipeline.flight.controller import (
 from pipeline.flight.dispersions import groups_of, mission_of_case
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Plans, Workspace, World
+from pipeline.flight.kernel.arrays import (
+    CARRIED,
+    NUM_OUTCOMES,
+    Beyond,
+    Guard,
+    Law,
+    Plans,
+    Workspace,
+    World,
+)
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
@@ -175,14 +184,16 @@ def fly_population(
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def optics_in_use(world: World, starts: Starts) -> bool | None:
-    """Return whether light or camera are not the paper's, or None."""
-    return True if world.has_optics or np.any(starts.sun_elevation != 0.0) else None
+def optics_in_use(world: World, starts: Starts) -> Beyond | None:
+    """Return in what light or camera are not the paper's; None where they are."""
+    if not (world.has_optics or np.any(starts.sun_elevation != 0.0)):
+        return None
+    return Beyond(hides=True if world.num_edge_cells else None)
 
 
 def _parts_in_use(
     world: World, law: Law, starts: Starts
-) -> tuple[bool | None, Guard | None, bool | None, bool | None]:
+) -> tuple[Beyond | None, Guard | None, bool | None, bool | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
     Light and camera beyond the paper's, the safety layer, clusters, and pushes that show what sets.

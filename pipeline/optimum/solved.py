@@ -1,8 +1,8 @@
 """Cases whose minimum-fuel plans are known: those that ship, or those of a run of the stage optimum."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,12 @@ Floats = NDArray[np.float64]
 #: groups of the mission that a plan of least fuel depends on
 GROUPS = ("orbit", "deputy", "chief", "sensor", "light", "attitude")
 
-#: the folders that ship, laid out like those of runs
+#: the folders that ship, laid out like those of runs: plans for 95 points, and for more of the same starts
 SHIPPED_FOLDERS = {sun: Path(__file__).parent / "shipped" / f"{sun}_sun" for sun in ("fixed", "random")}
+HARDER_FOLDERS = {
+    sun: [folder.with_name(f"{folder.name}_{points}") for points in (98, 99)]
+    for sun, folder in SHIPPED_FOLDERS.items()
+}
 
 
 class IncomparableError(ValueError):
@@ -42,12 +46,15 @@ class Solved:
         Case, time (s) and force (N, Hill axes) of every control period with a force.
     summary : mapping
         What ``optimum/summary.json`` holds.
+    harder : sequence of such columns
+        Of plans for more points from the same starts, ascending; only with those that ship.
     """
 
     folder: Path
     cases: Mapping[str, Column]
     fired: Floats
     summary: Mapping[str, Any]
+    harder: Sequence[Mapping[str, Column]] = ()
 
     @property
     def scenarios(self) -> list[Scenario]:
@@ -130,7 +137,11 @@ def solved_for(experiment: Experiment) -> Solved:
         raise IncomparableError("the starts are those of a file")
     if reference == SHIPPED and sun.mode not in SHIPPED_FOLDERS:
         raise IncomparableError(f"sun.mode is {sun.mode}; plans ship for sun=fixed and sun=random")
-    solved = read_solved(SHIPPED_FOLDERS[sun.mode] if reference == SHIPPED else Path(reference))
+    if reference == SHIPPED:
+        harder = [read_solved(folder).cases for folder in HARDER_FOLDERS[sun.mode]]
+        solved = replace(read_solved(SHIPPED_FOLDERS[sun.mode]), harder=harder)
+    else:
+        solved = read_solved(Path(reference))
     theirs, ours = solved.summary.get("mission"), terms_of(experiment.mission)
     their_sun, angles = solved.summary.get("sun"), solved.cases["sun_angle_rad"]
     if not isinstance(theirs, dict) or not len(solved.cases["case"]):

@@ -77,7 +77,7 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
         path.unlink(missing_ok=True)
         return {"not_compared": str(reason)}
     episodes, _ = fly_cases(experiment.mission, controller, solved.scenarios, experiment.monte_carlo.workers)
-    columns = beside_optimum(episodes, solved.cases)
+    columns = beside_optimum(episodes, solved.cases, solved.harder)
     tables.write_parquet(path, columns)
     points = int(solved.summary["points_asked"])
     return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
@@ -127,7 +127,8 @@ def _told(beside: dict[str, Any]) -> str:
     times = beside["times_optimum"]
     return (
         f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
-        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful\n"
+        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
+        f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
     )
 
 

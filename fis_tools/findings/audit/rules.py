@@ -90,7 +90,7 @@ def _repeated(system: FuzzySystem) -> Iterator[Finding]:
             shared = [name for name in one if name in other]
             if not shared:
                 continue
-            adds_up = any(system.variable(name).accumulation != "max" for name in shared)
+            adds_up = not all(system.variable(name).counts_strongest for name in shared)
             differ = any(one[name] != other[name] for name in shared)
             words = antecedent_words(system.rules[first - 1].antecedent)
             told = [consequent_words(system.rules[number - 1].consequents) for number in (first, second)]

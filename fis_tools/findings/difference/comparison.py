@@ -29,6 +29,7 @@ def system_facts(before: FuzzySystem, after: FuzzySystem) -> tuple[Fact, ...]:
             ("and operator", "and_operator"),
             ("or operator", "or_operator"),
             ("defuzzifier", "defuzzifier"),
+            ("implication", "implication"),
         )
     ]
     for what, old, new in (
@@ -81,6 +82,7 @@ _TOLD: dict[str, Callable[[Variable, Write], str]] = {
     "default": lambda v, write: "none" if v.default is None else write(v.default),
     "defuzzifier": lambda v, _: v.defuzzifier or "the system's",
     "accumulation": lambda v, _: v.accumulation,
+    "aggregation": lambda v, _: v.aggregation,
     "description": lambda v, _: v.description or "none",
 }
 

@@ -67,16 +67,24 @@ def _inference(system: FuzzySystem) -> Operations:
     for rule in system.rules:
         found = found.plus(_antecedent(system, rule, rule.antecedent))
         for consequent in rule.consequents:
+            output = system.variable(consequent.variable)
+            if not system.cuts(output):
+                each = _counted(OPERATORS[system.implication]).plus(_counted(OPERATORS[output.aggregation]))
+                found = found.plus(Operations(multiplications=1)).plus(each, output.num_points)
+                continue
             joined = _counted(OPERATORS[system.variable(consequent.variable).accumulation])
             found = found.plus(joined).plus(Operations(multiplications=1))
     for output, conclusion in zip(system.outputs, assemble(system).conclusions, strict=True):
         concluded = {c.term for r in system.rules for c in r.consequents if c.variable == output.name}
         crossings, points = len(conclusion.runs), output.num_points
+        segment = _SEGMENTS[system.defuzzifier_of(output)]
+        if not system.cuts(output):
+            found = found.plus(segment.plus(Operations(comparisons=1)), points).plus(_BESIDES)
+            continue
         found = found.plus(Operations(comparisons=4 * len(concluded) * (points - 1)))
         found = found.plus(_CROSSING, crossings).plus(_MOVE, crossings * crossings // 2)
         each = Operations(comparisons=4).plus(_MEMBERSHIP.plus(Operations(comparisons=2)), len(concluded))
         found = found.plus(each, points + crossings)
-        segment = _SEGMENTS[system.defuzzifier_of(output)]
         found = found.plus(segment, 2 * (points + crossings)).plus(_BESIDES)
     return found
 

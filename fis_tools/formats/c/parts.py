@@ -19,6 +19,7 @@ OPERATORS = {
     " : (a * b == 1.0 ? 1.0 : 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - a * b))",
     "drastic_sum": "b == 0.0 ? a : (a == 0.0 ? b : 1.0)",
     "nilpotent_maximum": "a + b < 1.0 ? (a > b ? a : b) : 1.0",
+    "unbounded_sum": "a + b",
 }
 
 #: What the C function of an operator is called; `min`, `max` and `not` are macros in some headers.
@@ -153,6 +154,19 @@ static int aggregate(const double universe[], int num_points, const double sampl
     }
     return count;
 }
+"""
+
+#: Where terms are not cut by min, or not aggregated by max, each rule adds what it implies.
+CONCLUDE = """\
+/* What a rule implies, aggregated with what those before it imply. */
+static void {name}(const double sampled[], int num_points, double strength, double heights[])
+{{
+    int point;
+
+    for (point = 0; point < num_points; ++point) {{
+        heights[point] = {aggregation}(heights[point], {implication}(strength, sampled[point]));
+    }}
+}}
 """
 
 GREATEST = """\
@@ -311,7 +325,9 @@ DEFUZZIFIER_NAMES = {
     "lom": "largest_of_maximum",
 }
 
-ALWAYS = (BELOW, MEMBERSHIP, FUZZIFY, CROSS, AGGREGATE, GREATEST)
+ALWAYS = (BELOW, MEMBERSHIP, FUZZIFY)
+#: Where the terms of some output are cut.
+WHERE_CUT = (CROSS, AGGREGATE)
 
 #: The functions of operators and defuzzifiers by the model's words.
 BY_WORD = {

@@ -12,10 +12,30 @@ from textwrap import wrap
 
 import numpy as np
 
-from fis_tools.engines.program import assemble
+from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats.c import cost, thrust
-from fis_tools.formats.c.parts import ALWAYS, BY_WORD, DEFUZZIFIER_NAMES, OPERATOR_NAMES
-from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.formats.c.parts import (
+    ALWAYS,
+    BY_WORD,
+    CONCLUDE,
+    DEFUZZIFIER_NAMES,
+    GREATEST,
+    OPERATOR_NAMES,
+    WHERE_CUT,
+)
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Term,
+    Variable,
+)
 from fis_tools.model.membership import sample
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -77,7 +97,10 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
             *(f"{part.signature};" for part in parts),
             "",
             *ALWAYS,
+            *(WHERE_CUT if any(part.has_cuts for part in parts) else ()),
+            GREATEST,
             *(text for word, text in BY_WORD.items() if word in called),
+            *dict.fromkeys(text for part in parts for text in part.conclusion_functions()),
             *(block for part in parts for block in (*part.tables(), part.function())),
             *(thrust.functions(controller, logic, infer) if logic is not None and has_step else ()),
         ]
@@ -196,8 +219,34 @@ class _Part:
         for output in system.outputs:
             conclusion = self.conclusions[output.name]
             called |= {system.defuzzifier_of(output)} if len(conclusion.rules) else set()
-            called |= {output.accumulation} if np.any(np.diff(conclusion.bounds) > 1) else set()
+            if not system.cuts(output):
+                called |= {system.implication, output.aggregation} if len(conclusion.rules) else set()
+            elif np.any(np.diff(conclusion.bounds) > 1):
+                called.add(output.accumulation)
         return called
+
+    @property
+    def has_cuts(self) -> bool:
+        """Whether the terms of some output are cut."""
+        return bool(self._cutting())
+
+    def _cutting(self) -> list[Conclusion]:
+        """Return what becomes of the outputs whose terms are cut."""
+        outputs = (o for o in self.system.outputs if self.concluded[o.name] and self.system.cuts(o))
+        return [self.conclusions[output.name] for output in outputs]
+
+    def conclusion_functions(self) -> Iterator[str]:
+        """Write the functions by which rules add what they imply, where terms are not cut."""
+        for output in self.system.outputs:
+            if self.concluded[output.name] and not self.system.cuts(output):
+                yield CONCLUDE.format(
+                    name=self._concluding(output),
+                    aggregation=OPERATOR_NAMES[output.aggregation],
+                    implication=OPERATOR_NAMES[self.system.implication],
+                )
+
+    def _concluding(self, output: Variable) -> str:
+        return f"conclude_by_{self.system.implication}_and_{output.aggregation}"
 
     def _operators(self, rule: Rule, expression: Expression) -> Iterator[str]:
         match expression:
@@ -258,16 +307,22 @@ class _Part:
     def _declarations(self) -> Iterator[str]:
         for variable in self.system.inputs:
             yield f"double {self._degrees(variable.name)}[{len(variable.terms)}];"
-        for name, terms in self.concluded.items():
-            if terms:
-                yield f"double {self._cuts(name)}[{len(terms)}];"
-        points = max(len(c.universe) + len(c.runs) for c in self.conclusions.values())
-        crossings = max(len(c.runs) for c in self.conclusions.values())
-        yield f"double crossings[{crossings}];"
-        yield f"double x[{points}];"
-        yield f"double y[{points}];"
+        for output in self.system.outputs:
+            terms = self.concluded[output.name]
+            if terms and self.system.cuts(output):
+                yield f"double {self._cuts(output.name)}[{len(terms)}];"
+            elif terms:
+                yield f"double {self._heights(output.name)}[{output.num_points}] = {{0.0}};"
+        cut = self._cutting()
+        if cut:
+            points = max(len(c.universe) + len(c.runs) for c in cut)
+            crossings = max(len(c.runs) for c in cut)
+            yield f"double crossings[{crossings}];"
+            yield f"double x[{points}];"
+            yield f"double y[{points}];"
         yield "double strength;"
-        yield "int count;"
+        if cut:
+            yield "int count;"
         yield ""
 
     def _fuzzification(self) -> Iterator[str]:
@@ -295,6 +350,10 @@ class _Part:
             yield from _comment(f"Rule {place}{label}: {sentence(rule)}.").splitlines()
             yield from _wrapped(f"strength = {self._degree(rule, rule.antecedent)};")
             for consequent in rule.consequents:
+                output = self.system.variable(consequent.variable)
+                if not self.system.cuts(output):
+                    yield from _wrapped(self._conclusion(output, consequent))
+                    continue
                 terms = [term.name for term in self.concluded[consequent.variable]]
                 target = f"{self._cuts(consequent.variable)}[{terms.index(consequent.term)}]"
                 value = "strength" if consequent.weight == 1.0 else f"strength * {float(consequent.weight)!r}"
@@ -302,6 +361,15 @@ class _Part:
                     value = f"{OPERATOR_NAMES[accumulations[consequent.variable]]}({value}, {target})"
                 cut.add(target)
                 yield f"{target} = {value};"
+
+    def _conclusion(self, output: Variable, consequent: Consequent) -> str:
+        """Write the call by which a rule adds what it implies."""
+        row = [term.name for term in self.concluded[output.name]].index(consequent.term)
+        strength = f"strength * {float(consequent.weight)!r}"
+        return (
+            f"{self._concluding(output)}(memberships_{self._place(output)}[{row}], {output.num_points}, "
+            f"{strength}, {self._heights(output.name)});"
+        )
 
     def _degree(self, rule: Rule, expression: Expression) -> str:
         match expression:
@@ -324,15 +392,25 @@ class _Part:
                 yield f"{target} {default}; /* no rule concludes it */"
                 continue
             table, size = self._place(output), len(self.concluded[output.name])
+            defuzzifier = DEFUZZIFIER_NAMES[self.system.defuzzifier_of(output)]
+            if not self.system.cuts(output):
+                heights, count = self._heights(output.name), output.num_points
+                yield from _wrapped(
+                    f"{target} greatest({heights}, {count}) > 0.0 ? "
+                    f"{defuzzifier}(universe_{table}, {heights}, {count}) : {default};"
+                )
+                continue
             yield from _wrapped(
                 f"count = aggregate(universe_{table}, {output.num_points}, &memberships_{table}[0][0], "
                 f"{self._cuts(output.name)}, {size}, crossings, x, y);"
             )
-            defuzzifier = DEFUZZIFIER_NAMES[self.system.defuzzifier_of(output)]
             yield f"{target} greatest(y, count) > 0.0 ? {defuzzifier}(x, y, count) : {default};"
 
     def _degrees(self, variable: str) -> str:
         return f"degrees_{self.words[variable]}"
+
+    def _heights(self, variable: str) -> str:
+        return f"heights_{self.words[variable]}"
 
     def _cuts(self, variable: str) -> str:
         return f"cuts_{self.words[variable]}"

@@ -7,16 +7,25 @@ comment gives only what the change did not touch. Reading it executes nothing.
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.antecedents import NotExpressible, Statement, mentions, renamed
-from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, Dialect, Said, middle, say
+from fis_tools.formats.exchange.dialect import (
+    INPUT_POINTS,
+    OUTPUT_POINTS,
+    Dialect,
+    Said,
+    corners_of,
+    middle,
+    say,
+)
 from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.own.plain import Unreadable
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
+from fis_tools.model.membership import sample
 from fis_tools.model.validate import controller_problems
 from fis_tools.words.text import number
 
@@ -146,7 +155,10 @@ def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
     points = f"{INPUT_POINTS} points for each input"
     if not dialect.holds_resolution:
         points += f" and {OUTPUT_POINTS} for each output, as MATLAB takes"
-    found = [f"{visible.name}: universes of {points}, more where a table of points needs them"]
+    elif dialect.default_resolution:
+        points += f" and {dialect.default_resolution + 1} for an output that states none, as fuzzylite takes"
+    found = [f"{visible.name}: universes of {points}, more where corners or a table of points need them"]
+    found += (f"{visible.name}: {sentence}" for sentence in _slanted(visible))
     found += (
         f"{visible.name}: {output.name} is {number(middle(output.minimum, output.maximum))} when no rule "
         "fires, the middle of its range"
@@ -154,6 +166,23 @@ def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
         if output.default is None
     )
     return tuple(found)
+
+
+def _slanted(visible: FuzzySystem) -> Iterator[str]:
+    """Tell of jumps between two points of an output's universe, on which other programs sample, too."""
+    for output in visible.outputs:
+        for term in output.terms:
+            _, jumps = corners_of(output.minimum, output.maximum, [term.membership])
+            between = [x for x in jumps if x not in output.universe]
+            if not between:
+                continue
+            fact = "where it is a slope one step wide"
+            if not sample(output, term).any():
+                fact = "and is zero on all of them, so that its rules conclude nothing"
+            yield (
+                f"{output.name} {term.name} jumps at {number(between[0])}, between two points of its "
+                f"universe, {fact}; give the output more points"
+            )
 
 
 def _refuse_problems(controller: FuzzyController) -> None:

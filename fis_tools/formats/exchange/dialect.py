@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
@@ -44,6 +45,10 @@ OUTPUT_POINTS = 101
 #: Points of an input's universe where a file states none. Other programs evaluate the functions themselves,
 #: so the points must be close enough to stand for them.
 INPUT_POINTS = 1001
+#: How near to a point, in steps between points, a corner lies on it.
+ON_POINT = 1e-9
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,8 @@ class Dialect:
         every shape can be said.
     holds_units, holds_descriptions, holds_defaults, holds_resolution : bool
         Which facts of a variable it has a place for; the resolution is the number of points of an output.
+    default_resolution : int
+        Intervals of an output where a file with a place for them states none; 0 where there is no place.
     is_nested : bool
         Whether an antecedent may nest conjunctions and disjunctions.
     repeats_inputs : bool
@@ -84,6 +91,7 @@ class Dialect:
     holds_descriptions: bool = False
     holds_defaults: bool = True
     holds_resolution: bool = False
+    default_resolution: int = 0
     is_nested: bool = False
     repeats_inputs: bool = True
     repeats_outputs: bool = True
@@ -262,7 +270,8 @@ def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_out
     elif is_output:
         num_points, points = (variable.num_points if dialect.holds_resolution else OUTPUT_POINTS), None
     else:
-        num_points, points = INPUT_POINTS, None
+        shapes = [term.membership for term in terms]
+        num_points, points = input_universe(float(variable.minimum), float(variable.maximum), shapes)
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
     return Variable(
         name=names.variables[variable.name],
@@ -305,6 +314,48 @@ def _feet(
         left_top - width if left == left_top <= variable.minimum else left,
         right_top + width if right == right_top >= variable.maximum else right,
     )
+
+
+def input_universe(
+    minimum: float, maximum: float, shapes: Sequence[MembershipFunction]
+) -> tuple[int, tuple[float, ...] | None]:
+    """Choose points on which straight lines are what other programs compute from the formulas of an input.
+
+    As many evenly spaced ones as put one on each corner, where some number does; else the corners are added.
+    Where a function jumps there are two points next to each other.
+
+    Returns
+    -------
+    num_points : int
+        `INPUT_POINTS` or more.
+    points : tuple of float or None
+        None where they are evenly spaced.
+    """
+    corners, jumps = corners_of(minimum, maximum, shapes)
+    shares = (corners - minimum) / (maximum - minimum)
+    counts = np.arange(INPUT_POINTS, 2 * INPUT_POINTS) - 1
+    places = np.multiply.outer(counts, shares)
+    fitting = counts[(np.abs(places - np.rint(places)) < ON_POINT).all(axis=1)]
+    if fitting.size and not jumps.size:
+        return int(fitting[0]) + 1, None
+    grid = np.linspace(minimum, maximum, int(fitting[0] if fitting.size else counts[0]) + 1)
+    added = np.concatenate([corners, *_beside(jumps, minimum, maximum)])
+    near = np.abs(np.subtract.outer(grid[1:-1], corners)).min(axis=1) < ON_POINT * (grid[1] - grid[0])
+    points = np.union1d(np.concatenate([grid[:1], grid[1:-1][~near], grid[-1:]]), added)
+    return len(points), tuple(points.tolist())
+
+
+def corners_of(minimum: float, maximum: float, shapes: Sequence[MembershipFunction]) -> tuple[Floats, Floats]:
+    """Return the corners of shapes inside a range, and those of them at which one jumps, ascending."""
+    inside = [[x for x in shape.corners if minimum < x < maximum] for shape in shapes]
+    jumps = [x for corners in inside for x, other in pairwise(corners) if x == other]
+    return np.unique([x for corners in inside for x in corners]), np.unique(jumps)
+
+
+def _beside(jumps: Floats, minimum: float, maximum: float) -> tuple[Floats, Floats]:
+    """Return the points right before and after jumps: as near as numbers of the range are to each other."""
+    gap = np.spacing(max(abs(minimum), abs(maximum)))
+    return jumps - gap, jumps + gap
 
 
 def universe_of(

@@ -32,8 +32,16 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import words_of
 
+#: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
+RESOLUTION = 1000
+
 DIALECT = Dialect(
-    title="an .fll file", words="fll", holds_descriptions=True, holds_resolution=True, is_nested=True
+    title="an .fll file",
+    words="fll",
+    holds_descriptions=True,
+    holds_resolution=True,
+    default_resolution=RESOLUTION,
+    is_nested=True,
 )
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
@@ -281,13 +289,13 @@ def _variable(block: _Block) -> Variable:
     )
 
 
-def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, int | None]:
-    """Return how an output is defuzzified, and the points of its universe where the file states them."""
+def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, int]:
+    """Return how an output is defuzzified, and the points of its universe."""
     word, *rest = words.split() or [""]
     cure = "; outputs of Takagi-Sugeno and Tsukamoto systems are not read"
     defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fll"), word, f"line {line}: the defuzzifier", cure)
     if not rest:
-        return defuzzifier, None
+        return defuzzifier, RESOLUTION + 1
     where = f"line {line}: the resolution of the defuzzifier"
     return defuzzifier, foreign.count(" ".join(rest), where, MOST_POINTS - 1) + 1
 

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, universe_of
+from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Defuzzifier,
@@ -187,12 +187,16 @@ def variable(
 
     Where all tables have the same points, from one end of the range to the other, these are the universe.
     """
+    tables = [membership for _, membership in terms if isinstance(membership, Table)]
+    shapes = [membership for _, membership in terms if not isinstance(membership, Table)]
+    points: tuple[float, ...] | None = None
+    is_possible = extent.low < extent.high and np.isfinite(extent.high - extent.low)
     if num_points is None:
         num_points = OUTPUT_POINTS if is_output else INPUT_POINTS
-    tables = [membership for _, membership in terms if isinstance(membership, Table)]
-    points: tuple[float, ...] | None = None
-    if tables and extent.low < extent.high:
-        universe = _universe(extent, num_points, tables)
+        if not is_output and not tables and is_possible:
+            num_points, points = input_universe(extent.low, extent.high, shapes)
+    if tables and is_possible:
+        universe = _universe(extent, num_points, tables, [] if is_output else shapes)
         num_points, points = universe_of(extent.low, extent.high, universe)
         terms = [
             (term, Sampled(tuple(np.interp(universe, function.x, function.y).tolist())))
@@ -214,11 +218,16 @@ def variable(
     )
 
 
-def _universe(extent: Extent, num_points: int, tables: Sequence[Table]) -> list[float]:
+def _universe(
+    extent: Extent, num_points: int, tables: Sequence[Table], shapes: Sequence[MembershipFunction]
+) -> list[float]:
     first = tables[0].x
     if (first[0], first[-1]) == (extent.low, extent.high) and all(table.x == first for table in tables):
         return list(first)
     grid = np.linspace(extent.low, extent.high, num_points)
+    if shapes:
+        num_points, points = input_universe(extent.low, extent.high, shapes)
+        grid = np.linspace(extent.low, extent.high, num_points) if points is None else np.array(points)
     corners = np.array([x for table in tables for x in table.x if extent.low < x < extent.high])
     return [float(x) for x in np.union1d(grid, corners)]
 

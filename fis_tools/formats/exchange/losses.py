@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from fis_tools.formats.exchange.dialect import Dialect, Said
+from fis_tools.formats.exchange.elsewhere import changes
 from fis_tools.model import And, Expression, FuzzyController, Is, Not, Or, Rule, Variable
 from fis_tools.words.text import number
 
@@ -20,6 +21,9 @@ def losses(controller: FuzzyController, said: Said, dialect: Dialect) -> tuple[s
         The format.
     """
     found = [f"{what}: {_listed(items)}" for what, items in _differences(controller, said, dialect) if items]
+    moved = list(changes(controller.systems[0], said, takes_middles=dialect.holds_resolution))
+    if moved:
+        found.append(f"other programs sample in ways of their own, so that answers differ: {_listed(moved)}")
     if found and dialect.is_read:
         found.append(
             "a comment in the file carries all of this: fis_tools reads it back, other programs do not"

@@ -3,8 +3,9 @@
 The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, ``attributes``,
 ``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and ``rules``. A variable has
 ``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of it), ``terms``, maybe a
-``description``, and, for an output, ``default`` and maybe ``defuzzifier`` and ``accumulation``. The keys of
-a term tell its shape, where ``shape`` does not. A full rule table is the list of its output terms, the last
+``description``, and, for an output, ``default`` and maybe ``defuzzifier``, ``accumulation`` and
+``aggregation``. The keys of a term tell its shape, where ``shape`` does not. A system may have an
+``implication``. A full rule table is the list of its output terms, the last
 input changing fastest; any other rule base is a list of ``{if: ..., then: [...]}`` with ``is``, ``and``,
 ``or``, ``not`` nested, and maybe a ``label``, an ``and_operator`` and an ``or_operator``.
 """
@@ -32,13 +33,19 @@ from fis_tools.model import (
     table_rules,
 )
 from fis_tools.model.shape import SHAPES
-from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, nearest
+from fis_tools.model.validate import (
+    MAX_NESTING,
+    MOST_MEMBERSHIPS,
+    InvalidSystem,
+    controller_problems,
+    nearest,
+)
 
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1
 
-#: Points of a universe.
-MOST_POINTS = 10_001
+#: Points of a universe: as many as a system of one term may have.
+MOST_POINTS = MOST_MEMBERSHIPS
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
 
@@ -76,6 +83,7 @@ def _system_mapping(system: FuzzySystem) -> dict[str, Any]:
         "and_operator": system.and_operator,
         "or_operator": system.or_operator,
         "defuzzifier": system.defuzzifier,
+        **({} if system.implication == "min" else {"implication": system.implication}),
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
         "outputs": [_variable_mapping(variable) for variable in system.outputs],
         "rules": _rules_list(system),
@@ -97,6 +105,8 @@ def _variable_mapping(variable: Variable) -> dict[str, Any]:
         mapping["defuzzifier"] = variable.defuzzifier
     if variable.accumulation != "max":
         mapping["accumulation"] = variable.accumulation
+    if variable.aggregation != "max":
+        mapping["aggregation"] = variable.aggregation
     mapping["terms"] = [
         {"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms
     ]
@@ -241,7 +251,7 @@ def _fact(value: Any, where: str) -> str:
 
 
 def _system(value: Any, where: str) -> FuzzySystem:
-    options = ("and_operator", "or_operator", "defuzzifier")
+    options = ("and_operator", "or_operator", "defuzzifier", "implication")
     _check_keys(value, where, ("name", "inputs", "outputs", "rules"), options)
     inputs = tuple(_items(value["inputs"], f"{where}.inputs", _variable))
     outputs = tuple(_items(value["outputs"], f"{where}.outputs", _output))
@@ -259,7 +269,7 @@ def _output(value: Any, where: str) -> Variable:
         raise ControllerFileError(
             f"{where} has no default; declare default: the output when no rule fires (0 is usual for a force)"
         )
-    return _variable(value, where, ("default",), ("defuzzifier", "accumulation"))
+    return _variable(value, where, ("default",), ("defuzzifier", "accumulation", "aggregation"))
 
 
 def _variable(

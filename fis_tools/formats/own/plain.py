@@ -5,8 +5,9 @@ from typing import Any
 
 #: Levels of lists and mappings in a file.
 MAX_DEPTH = 64
-#: Bytes of a file.
+#: Bytes of a file; of JSON so many that every system that can be compiled can be read.
 MAX_FILE_BYTES = 10 * 1024 * 1024
+MAX_JSON_BYTES = 128 * 1024 * 1024
 #: Characters of a written line, where it can be kept.
 LINE_WIDTH = 110
 

@@ -116,6 +116,28 @@ function aggregate(variable, cuts) {
   return [points, heights];
 }
 
+/** Whether the terms of an output are cut, and the highest of them counts. */
+function isCut({ implication, aggregation }) {
+  return implication === "min" && aggregation === "max";
+}
+
+/** What each rule implies, aggregated one after the other at the universe's points: [points, heights]. */
+function aggregateByRule(system, output, firing) {
+  const variable = system.outputs[output];
+  const imply = AND_OPERATORS[variable.implication];
+  const join = AGGREGATIONS[variable.aggregation];
+  const heights = new Float64Array(variable.universe.length);
+  system.rules.forEach((rule, index) => {
+    for (const [concluded, term, weight] of rule.consequents) {
+      if (concluded !== output) continue;
+      const { values } = variable.terms[term];
+      const strength = firing[index] * weight;
+      for (let i = 0; i < heights.length; i++) heights[i] = join(heights[i], imply(strength, values[i]));
+    }
+  });
+  return [variable.universe, heights];
+}
+
 /** The centre of area of a polygon, summed segment by segment. */
 function centroid(x, y) {
   let moment = 0;
@@ -186,7 +208,7 @@ const DEFUZZIFIERS = {
 function conclude(system, output, firing) {
   const variable = system.outputs[output];
   const cuts = cutTerms(system, output, firing);
-  const [points, heights] = aggregate(variable, cuts);
+  const [points, heights] = isCut(variable) ? aggregate(variable, cuts) : aggregateByRule(system, output, firing);
   const isDefault = heights.every((height) => height === 0);
   const value = isDefault ? (variable.default ?? 0) : DEFUZZIFIERS[variable.defuzzifier](points, heights);
   return { cuts, points, heights, value, isDefault };
@@ -210,11 +232,12 @@ function evaluate(system, inputs, output) {
 /** What each rule that fires moved an output by: the output less what it were had the rule been silent. */
 function contributions(system, output, { firing, outputs }) {
   const { cuts, value } = outputs[output];
-  const isByMaximum = system.outputs[output].accumulation === "max";
+  const variable = system.outputs[output];
+  const isByMaximum = isCut(variable) && variable.accumulation === "max";
   return firing.map((strength, rule) => {
     // under a maximum only a rule that cuts its term highest can matter
-    const matters = ([variable, term, weight]) =>
-      variable === output && (!isByMaximum || strength * weight >= cuts[term]);
+    const matters = ([concluded, term, weight]) =>
+      concluded === output && (!isByMaximum || strength * weight >= cuts[term]);
     if (strength === 0 || !system.rules[rule].consequents.some(matters)) return 0;
     return value - conclude(system, output, firing.with(rule, 0)).value;
   });

@@ -28,4 +28,5 @@ const OR_OPERATORS = {
   nilpotent_maximum: (a, b) => (a + b < 1 ? Math.max(a, b) : 1),
 };
 
+const AGGREGATIONS = { ...OR_OPERATORS, unbounded_sum: (a, b) => a + b };
 const ACCUMULATIONS = { product: AND_OPERATORS.product, ...OR_OPERATORS };

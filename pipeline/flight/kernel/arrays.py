@@ -15,6 +15,7 @@ from pipeline.physics.sight import Optics, Sight
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
 
 #: inspection points that are looked at together
 POINTS = 8
@@ -41,6 +42,18 @@ class Guard(NamedTuple):
     num_kept_in: int  # and in the outer one
 
 
+class Beyond(NamedTuple):
+    """That light or camera are not the paper's.
+
+    Attributes
+    ----------
+    hides : bool or None
+        True where parts of the chief hide one another; None is known to the compiler.
+    """
+
+    hides: bool | None
+
+
 class World(NamedTuple):
     """What all flights of a mission share, as numbers and arrays in SI."""
 
@@ -62,6 +75,10 @@ class World(NamedTuple):
     sight: Sight
     has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
     optics: Optics
+    surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) what the points lie on, Hill axes; zeros beside them
+    is_free: Bytes  # (cells, P) from which directions points are free, of `pipeline.physics.occlusion`
+    num_edge_cells: int  # zero where nothing hides anything
+    chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes
     is_spherical: bool
     inertia: Floats  # (3, 3)

@@ -124,6 +124,12 @@ def _peak(variable: Variable, term: Term) -> float:
     return term.membership.mean if isinstance(term.membership, Gaussian) else variable.universe[0]
 
 
+def otherwise(system: FuzzySystem, implication: str, aggregation: str) -> FuzzySystem:
+    """The same system, with what its rules conclude implied and aggregated in another way."""
+    outputs = (replace(v, accumulation="max", aggregation=aggregation) for v in system.outputs)  # type: ignore[arg-type]
+    return replace(system, outputs=tuple(outputs), implication=implication)  # type: ignore[arg-type]
+
+
 def random_general_system(generator: np.random.Generator) -> FuzzySystem:
     """Every shape, operator, accumulation and defuzzifier; uneven universes, rule trees, weights, outputs.
 

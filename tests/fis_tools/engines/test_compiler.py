@@ -131,15 +131,31 @@ def test_control_systems_take_a_default_for_when_no_rule_fires() -> None:
     assert outputs[1, 0] == pytest.approx(2.0 + 2.0 / 3.0, abs=1e-15)
 
 
-def test_a_chain_of_rules_is_refused_with_a_sentence() -> None:
+def test_a_chain_of_rules_is_computed_as_scikit_fuzzy_does() -> None:
+    """Two rules raise a term that a third asks for, and one raises a term after it was asked for."""
     universe = np.linspace(0, 1, 11)
-    x = control.Antecedent(universe, "x")
+    x, w = control.Antecedent(universe, "x"), control.Antecedent(universe, "w")
     y, z = control.Consequent(universe, "y"), control.Consequent(universe, "z")
-    for variable in (x, y, z):
-        variable["on"] = skfuzzy.trimf(universe, [0, 1, 1])
-    rules = [control.Rule(x["on"], y["on"]), control.Rule(y["on"], z["on"])]
-    with pytest.raises(UnreadableControlSystem, match="rules in a chain are not covered"):
-        compile(control.ControlSystem(rules))
+    for variable in (x, w, y, z):
+        variable["off"], variable["on"] = (skfuzzy.trimf(universe, p) for p in ([0, 0, 0.8], [0.2, 1, 1]))
+    rules = [
+        control.Rule(x["on"] & w["on"], y["on"]),
+        control.Rule(y["on"] & ~w["off"], z["on"]),
+        control.Rule(w["on"], y["on"]),
+        control.Rule(x["off"], y["off"]),
+        control.Rule(w["off"], y["off"]),
+        control.Rule(y["off"], z["off"]),
+    ]
+    source = control.ControlSystem(rules)
+    inputs = np.random.default_rng(3).uniform(0, 1, (20, 2))
+    answers = compile(source)({"x": inputs[:, 0], "w": inputs[:, 1]})
+    for index, (first, second) in enumerate(inputs):
+        simulation = control.ControlSystemSimulation(source)
+        simulation.input["x"], simulation.input["w"] = first, second
+        simulation.compute()
+        for name in ("y", "z"):
+            assert answers[name][index] == simulation.output[name]
+    assert np.ptp(answers["z"]) > 0.2
 
 
 def test_anything_else_is_refused() -> None:

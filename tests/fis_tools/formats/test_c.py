@@ -25,10 +25,16 @@ from fis_tools.model import (
     Variable,
     table_rules,
 )
+from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.model.validate import controller_problems
 from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
-from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.engines.random_systems import (
+    full_table_system,
+    inputs_for,
+    otherwise,
+    random_general_system,
+)
 from tests.fis_tools.sample_controllers import (
     force,
     force_x_system,
@@ -133,6 +139,26 @@ def test_controllers_give_what_python_gives(
     library = compiled(controller)
     for system in controller.systems:
         rows = inputs_for(system, np.random.default_rng(6), 200)
+        assert_equal(infer(library, system.name, system, rows), system, rows)
+
+
+def test_other_implications_and_aggregations_give_what_python_gives(
+    compiled: Callable[[FuzzyController], ctypes.CDLL],
+) -> None:
+    """Each operator once; of two outputs one that cuts, where an implication by min allows it."""
+    generator = np.random.default_rng(71)
+    pairs = zip([*AND_OPERATORS, "min"], AGGREGATIONS, strict=True)
+    systems = []
+    for place, (implication, aggregation) in enumerate(pairs):
+        system = otherwise(random_general_system(generator), implication, aggregation)
+        first, *others = system.outputs
+        outputs = (replace(first, aggregation="max"), *others)
+        systems.append(
+            replace(system, name=f"s{place}", outputs=outputs if len(outputs) > 1 else system.outputs)
+        )
+    library = compiled(FuzzyController("all", tuple(systems)))
+    for system in systems:
+        rows = inputs_for(system, generator, 5)
         assert_equal(infer(library, system.name, system, rows), system, rows)
 
 

@@ -344,7 +344,7 @@ TERM = (*INPUT, "terms", 0)
         (_edit(*INPUT, "range", to=[0, 1, 2]), ["3 numbers", "[lowest, highest]"]),
         (_edit(*INPUT, "range", to=[5, 1]), ["empty", "swap"]),
         (_edit(*INPUT, "points", to=101.0), ["points is 101.0", "whole number"]),
-        (_edit(*INPUT, "points", to=10**9), ["points is more than 10001"]),
+        (_edit(*INPUT, "points", to=10**9), ["points is more than 4000000"]),
         (_edit(*INPUT, "points", to=1), ["at least 2"]),
         (_edit(*INPUT, "universe", to=[0, 1]), ["unknown key 'range'"]),
         (_edit(*INPUT, "default", to=1), ["unknown key 'default'"]),
@@ -523,11 +523,20 @@ def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
     assert load(path) == paper_like_controller()
 
 
+def test_as_many_points_as_compile_are_written_and_read() -> None:
+    controller = general_controller()
+    system = controller.systems[0]
+    output = replace(system.outputs[0], num_points=300_001)
+    fine = replace(controller, systems=(replace(system, outputs=(output, *system.outputs[1:])),))
+    assert loads(dump_json(fine), "json") == fine
+    assert loads(dump_yaml(fine), "yaml") == fine
+
+
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     for name, content, words in (
         ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll, .fml or .xml"),
         ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),
-        ("large.json", b" " * (10 * 1024 * 1024 + 1), "larger than"),
+        ("large.yaml", b" " * (10 * 1024 * 1024 + 1), "larger than"),
         ("cut.json", b'{"schema": "fuzzy-', "line 1"),
     ):
         path = tmp_path / name

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
 import skfuzzy
@@ -212,11 +213,29 @@ def _input_with(universe: Any, membership: Any) -> Callable[[], object]:
     return make
 
 
-def _chained() -> object:
-    a, b, y = _variables()
+def _chained(label: str | None, **first: Any) -> Callable[[], object]:
+    """A chain of two rules, the first changed."""
+
+    def make() -> object:
+        a, b, y = _variables()
+        z = control.Consequent(np.arange(5), "z")
+        z.automf(3)
+        weight = first.get("weight", 1.0)
+        before = control.Rule(
+            a["poor"] & b["poor"], y["good"] % weight, and_func=first.get("and_func", np.fmin)
+        )
+        return _read(before, control.Rule(y["good"] & b["poor"], z["good"], label))
+
+    return make
+
+
+def _without_its_source() -> object:
+    a, _, y = _variables()
     z = control.Consequent(np.arange(5), "z")
     z.automf(3)
-    return _read(control.Rule(a["poor"], y["good"]), control.Rule(y["good"] & b["poor"], z["good"], "last"))
+    source = control.ControlSystem([control.Rule(a["poor"], y["poor"])])
+    source.graph = nx.compose(source.graph, control.Rule(y["good"], z["good"]).graph)
+    return read_control_system(source)
 
 
 def _concluding_an_input() -> object:
@@ -283,7 +302,12 @@ class _Unhashable:
         (_by_the_method("middle"), ["defuzzify_method of 'y' is 'middle'", "centroid"]),
         (_weighted(1.5), ["weight 1.5", "outside [0, 1]"]),
         (_weighted(-0.5), ["weight -0.5"]),
-        (_chained, ["rule 'last' asks for 'y'", "Consequent", "a system of its own"]),
+        (_chained("last", weight=0.5), ["rule 'last' asks for 'y' 'good'", "with weight 0.5, and no antec"]),
+        (_chained("last", and_func=np.multiply), ["combine by min and product", "give them the same"]),
+        (
+            _without_its_source,
+            ["rule 'if y[good] then z[good]' asks for 'y' 'good'", "no rule before it concludes"],
+        ),
         (_concluding_an_input, ["rule 'odd' concludes 'b'", "make it a Consequent"]),
         (_with_terms_made_again, ["rule 'old' mentions a term 'poor' that 'a' no longer has"]),
         (_nested, ["rule 'deep' nests", "more than 20 deep", "split the rule"]),
@@ -292,6 +316,10 @@ class _Unhashable:
             ["universe of 'c' is stored as float32", "store it as float64"],
         ),
         (_input_with(np.arange(5.0), np.eye(5, dtype=np.uint8)[0]), ["term 'odd' is stored as uint8"]),
+        (
+            _input_with(np.arange(5.0), np.eye(5, dtype=bool)[0]),
+            ["as bool, which scikit-fuzzy cannot subtract"],
+        ),
         (_input_with(np.arange(5.0)[::-1], np.zeros(5)), ["universe of 'c'", "ascending", "sort it"]),
         (_input_with(np.array([1.0]), np.zeros(1)), ["two or more ascending numbers"]),
         (
@@ -315,3 +343,16 @@ def test_variables_of_one_name_are_refused() -> None:
     twin.automf(3)
     with pytest.raises(UnreadableControlSystem, match="2 variables called 'a'"):
         _read(control.Rule(a["poor"] & twin["good"], y["good"]))
+
+
+def test_a_sum_without_a_bound_cuts_as_the_bounded_one_does() -> None:
+    a, b, y = _variables()
+    y.accumulation_method = np.add
+    source = control.ControlSystem([control.Rule(v[term], y["good"]) for v in (a, b) for term in v.terms])
+    system = read_control_system(source)
+    assert system.outputs[0].accumulation == "bounded_sum"
+    for inputs in ([1.0, 2.0], [7.5, 0.5], [2.5, 10.0]):
+        simulation = control.ControlSystemSimulation(source)
+        simulation.input["a"], simulation.input["b"] = inputs
+        simulation.compute()
+        assert infer(system, inputs).values[0] == pytest.approx(simulation.output["y"], abs=1e-14)

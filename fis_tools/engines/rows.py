@@ -1,0 +1,69 @@
+"""Inputs as rows of numbers: from arrays by place, from mappings and tables by the names of their columns."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fis_tools.model import FuzzySystem
+from fis_tools.model.validate import nearest
+
+Floats = NDArray[np.float64]
+
+
+def columns_of(inputs: Any) -> tuple[str, ...] | None:
+    """Return what a mapping or a table calls its columns; None of a plain array, which has places only.
+
+    Known are mappings, structured arrays, and what has keys or columns as the tables and rows of pandas,
+    polars and Arrow do. A row of a table without words for its numbers is a plain array.
+    """
+    found = getattr(getattr(inputs, "dtype", None), "names", None)
+    for attribute in ("column_names", "keys", "columns"):
+        if found is None:
+            found = getattr(inputs, attribute, None)
+    if found is None:
+        return None
+    names = tuple(found() if callable(found) else found)
+    if getattr(inputs, "ndim", 2) == 1 and not any(isinstance(name, str) for name in names):
+        return None
+    return names
+
+
+def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
+    """Return each input of a system by its name, broadcast to one shape.
+
+    A table may have other columns besides; a mapping is written for this call, so what it has besides is
+    taken for a slip of the pen.
+
+    Raises
+    ------
+    ValueError
+        If an input is missing, or a mapping names one that the system does not have.
+    """
+    wanted = [variable.name for variable in system.inputs]
+    if isinstance(inputs, Mapping):
+        for name in names:
+            if name not in wanted:
+                raise ValueError(f"system {system.name!r} has no input {name!r}; {nearest(name, wanted)}")
+    for name in wanted:
+        if name not in names:
+            kind = "column" if not isinstance(inputs, Mapping) else "input"
+            raise ValueError(f"{kind} {name!r} is missing; pass {', '.join(wanted)}")
+    return list(np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in wanted)))
+
+
+def as_rows(system: FuzzySystem, inputs: ArrayLike | Any) -> Floats:
+    """Return inputs as an array, the last axis in the order of the system's inputs.
+
+    A plain array is returned as it is; a mapping or table as (n, num_inputs), or (num_inputs,) of numbers.
+
+    Raises
+    ------
+    ValueError
+        As `pick` does.
+    """
+    names = columns_of(inputs)
+    if names is None:
+        return np.asarray(inputs, dtype=np.float64)
+    return np.stack(pick(system, inputs, names), axis=-1)

@@ -1,0 +1,130 @@
+"""Rules that ask for what other rules conclude, said of the inputs alone.
+
+scikit-fuzzy hands on a degree of truth, not a number: where a rule asks for a term of a Consequent, it takes
+the height at which that term is cut, as far as the rules computed before it have raised it. So the
+antecedents of those rules, joined by `or`, stand in the place of the term.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from fis_tools.model import And, Consequent, Expression, Is, Not, Or, Rule, Variable
+
+_Name = TypeVar("_Name", bound=str)
+
+#: Statements that one antecedent may come to; chains can double it from link to link.
+MOST_STATEMENTS = 10_000
+
+
+class NotResolvable(ValueError):  # noqa: N818 - the sentence is the message
+    """Raised for a chain that cannot be said of the inputs alone."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A rule, and what it is called in a sentence."""
+
+    name: str
+    rule: Rule
+
+
+def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[Rule]:
+    """Say rules of the inputs alone, given in the order in which they are computed.
+
+    Raises
+    ------
+    NotResolvable
+        If no antecedent can stand in the place of what a rule asks for.
+    """
+    concluded: dict[Is, list[tuple[Named, Consequent]]] = {}
+    found: list[Rule] = []
+    for each in rules:
+        rule = _inlined(each, concluded, outputs) if _asks(each.rule, outputs) else each.rule
+        if len(_statements(rule.antecedent)) > MOST_STATEMENTS:
+            raise NotResolvable(
+                f"{each.name} comes to more than {MOST_STATEMENTS} statements; shorten its chain"
+            )
+        found.append(rule)
+        for consequent in rule.consequents:
+            key = Is(consequent.variable, consequent.term)
+            concluded.setdefault(key, []).append((Named(each.name, rule), consequent))
+    return found
+
+
+def _inlined(
+    each: Named, concluded: Mapping[Is, list[tuple[Named, Consequent]]], outputs: Mapping[str, Variable]
+) -> Rule:
+    and_operators, or_operators = [each.rule.and_operator], [each.rule.or_operator]
+
+    def said(expression: Expression) -> Expression:
+        match expression:
+            case Not(operand):
+                return Not(said(operand))
+            case And(operands):
+                return And(tuple(map(said, operands)))
+            case Or(operands):
+                return Or(tuple(map(said, operands)))
+            case Is(variable, _) if variable in outputs:
+                sources = concluded.get(expression, [])
+                _require_plain(each, expression, sources, outputs[variable])
+                and_operators.extend(source.rule.and_operator for source, _ in sources)
+                or_operators.extend(source.rule.or_operator for source, _ in sources)
+                if len(sources) > 1:
+                    or_operators.append("max")
+                parts = tuple(source.rule.antecedent for source, _ in sources)
+                return parts[0] if len(parts) == 1 else Or(parts)
+        return expression
+
+    antecedent = said(each.rule.antecedent)
+    return replace(
+        each.rule,
+        antecedent=antecedent,
+        and_operator=_one(each, "and", and_operators),
+        or_operator=_one(each, "or", or_operators),
+    )
+
+
+def _require_plain(
+    each: Named, asked: Is, sources: Sequence[tuple[Named, Consequent]], output: Variable
+) -> None:
+    if not sources:
+        raise NotResolvable(
+            f"{each.name} asks for {asked.variable!r} {asked.term!r}, which no rule before it concludes; put "
+            "the rule that does so before it"
+        )
+    for source, consequent in sources:
+        if consequent.weight != 1.0:
+            raise NotResolvable(
+                f"{each.name} asks for {asked.variable!r} {asked.term!r}, which {source.name} concludes with "
+                f"weight {consequent.weight:g}, and no antecedent says that; conclude it with weight 1"
+            )
+    if len(sources) > 1 and output.accumulation != "max":
+        raise NotResolvable(
+            f"{each.name} asks for {asked.variable!r} {asked.term!r}, where {output.accumulation} joins "
+            f"{len(sources)} rules, and only max can be said in an antecedent; accumulate by numpy.fmax"
+        )
+
+
+def _one(each: Named, word: str, operators: Sequence[_Name | None]) -> _Name | None:
+    found = sorted({operator for operator in operators if operator is not None})
+    if len(found) > 1:
+        raise NotResolvable(
+            f"{each.name} and the rules before it in its chain combine by {' and '.join(found)}, and one "
+            f"antecedent has one {word!r}; give them the same"
+        )
+    return found[0] if found else None
+
+
+def _asks(rule: Rule, outputs: Mapping[str, Variable]) -> bool:
+    return any(statement.variable in outputs for statement in _statements(rule.antecedent))
+
+
+def _statements(expression: Expression) -> list[Is]:
+    match expression:
+        case Is():
+            return [expression]
+        case Not(operand):
+            return _statements(operand)
+        case And(operands) | Or(operands):
+            return [statement for operand in operands for statement in _statements(operand)]
