@@ -230,6 +230,8 @@ def _in_words(error: Exception, folders: Sequence[Path]) -> str:
             "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
             "table of forces controller=open_loop controller.path=PATH"
         )
+    if "Could not override 'dispersions." in text:
+        return f"{text} Nothing is dispersed until you say so: write +dispersions..., with a plus"
     _, marker, rest = str(error).partition("Could not find '")
     if marker:
         wanted = rest.partition("'")[0]

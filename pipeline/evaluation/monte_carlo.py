@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.statistics import fraction, statistic
 from pipeline.flight.controller import Controller
+from pipeline.flight.dispersions import drawn
 from pipeline.flight.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.simulation import fly_all
 from pipeline.flight.world import inspection_points
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 
 Column = NDArray[Any]
@@ -38,6 +40,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
     """Return the columns of `evaluate/episodes.parquet`, one entry per case."""
     num_points = len(inspection_points(mission))
     positions = np.array([scenario.position_m for scenario in scenarios])
+    own = [dict(drawn(mission, scenario)) for scenario in scenarios]
     return {
         "case": np.arange(len(scenarios)),
         "position_x_m": positions[:, 0],
@@ -57,6 +60,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count),
+        **{one.key: np.array([of[one.key] for of in own]) for one in distributions(mission.dispersions)},
     }
 
 

@@ -53,6 +53,73 @@ def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
     return Fraction(count, share, max(0.0, low), min(1.0, high))
 
 
+@dataclass(frozen=True)
+class Percentile:
+    """What a share of all flights does not exceed, with a distribution-free interval.
+
+    Parameters
+    ----------
+    percent : float
+    value : float
+        Of the sample.
+    low, high : float, optional
+        None where the sample is too small to tell.
+    """
+
+    percent: float
+    value: float
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Spearman's rank correlation with its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def percentile(values: Floats, percent: float, confidence_percent: float) -> Percentile:
+    """Describe a percentile by order statistics: how many values lie below it is binomial.
+
+    Each end of the interval is passed by chance with half of what the confidence leaves (Hanson and Beard,
+    NASA/TP-2010-216447; Wilks, Ann. Math. Stat. 12, 1941).
+    """
+    from scipy.stats import binom  # noqa: PLC0415 - takes longer to import than a thousand flights take
+
+    ordered, share, number = np.sort(values), percent / 100.0, len(values)
+    tail = 0.5 - confidence_percent / 200.0
+    # P(fewer than r of n lie below the percentile) is at most the tail, for the greatest such r; and so above
+    below = int(binom.ppf(tail, number, share))
+    above = int(binom.ppf(1.0 - tail, number, share)) + 1
+    return Percentile(
+        percent,
+        float(np.quantile(ordered, share, method="inverted_cdf")),
+        float(ordered[below - 1]) if below >= 1 else None,
+        float(ordered[above - 1]) if above <= number else None,
+    )
+
+
+def rank_correlation(first: Floats, second: Floats, confidence_percent: float) -> Correlation:
+    """Return Spearman's correlation, zero where one of the two is constant.
+
+    Its interval is by Fisher's transformation, with the variance of Bonett and
+    Wright (Psychometrika 65, 2000).
+    """
+    from scipy.stats import rankdata  # noqa: PLC0415 - as above
+
+    ranks = [rankdata(values) - (len(values) + 1) / 2.0 for values in (first, second)]
+    spread = math.sqrt(float(ranks[0] @ ranks[0]) * float(ranks[1] @ ranks[1]))
+    value = float(ranks[0] @ ranks[1]) / spread if spread > 0.0 else 0.0
+    if len(first) < 4:
+        return Correlation(value, -1.0, 1.0)
+    reach = _z(confidence_percent) * math.sqrt((1.0 + value * value / 2.0) / (len(first) - 3))
+    middle = math.atanh(max(-1.0 + 1e-12, min(1.0 - 1e-12, value)))
+    return Correlation(value, math.tanh(middle - reach), math.tanh(middle + reach))
+
+
 def _z(confidence_percent: float) -> float:
     from scipy.special import ndtri  # noqa: PLC0415 - takes longer to import than a thousand flights take
 

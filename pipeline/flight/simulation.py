@@ -18,6 +18,7 @@ from pipeline.flight.controller import (
     packed,
     rehearsed_pushes,
 )
+from pipeline.flight.dispersions import groups_of, mission_of_case
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import (
@@ -237,7 +238,12 @@ def fly_all(
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
 ) -> Outcomes:
-    """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest."""
+    """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest.
+
+    Where settings are dispersed, cases that share all of theirs fly side by side.
+    """
+    if mission.dispersions:
+        return _fly_dispersed(mission, controller, scenarios, workers, tracks)
     if is_by_the_reference(mission):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
@@ -245,6 +251,37 @@ def fly_all(
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def _fly_dispersed(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    tracks: NDArray[np.float32] | None,
+) -> Outcomes:
+    """Fly every case in the mission that is its own."""
+
+    def fly_group(group: tuple[Mission, list[int]]) -> tuple[list[int], Outcomes]:
+        own, places = group
+        found = None if tracks is None else tracks[places]
+        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found)
+        if tracks is not None and found is not None:
+            tracks[places] = found
+        return places, outcomes
+
+    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
+    try:
+        flown = list(pool.map(fly_group, groups_of(mission, scenarios)))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    order = np.argsort([place for places, _ in flown for place in places])
+    return Outcomes(
+        **{
+            name: np.concatenate([vars(outcomes)[name] for _, outcomes in flown])[order]
+            for name in vars(flown[0][1])
+        }
+    )
 
 
 def rehearsed_openings(
@@ -361,6 +398,7 @@ def tracked(log: FlightLog) -> Floats:
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
     """Fly one episode and keep everything that happened."""
+    mission = mission_of_case(mission, scenario)
     if is_by_the_reference(mission):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)

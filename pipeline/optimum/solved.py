@@ -131,6 +131,10 @@ def solved_for(experiment: Experiment) -> Solved:
     reference, sun = experiment.optimum.reference, experiment.sun
     if reference is None:
         raise IncomparableError("optimum.reference is null")
+    if experiment.mission.dispersions:
+        raise IncomparableError("settings are dispersed, and the plans know none of them")
+    if experiment.monte_carlo.table is not None:
+        raise IncomparableError("the starts are those of a file")
     if reference == SHIPPED and sun.mode not in SHIPPED_FOLDERS:
         raise IncomparableError(f"sun.mode is {sun.mode}; plans ship for sun=fixed and sun=random")
     if reference == SHIPPED:

@@ -105,7 +105,9 @@ class FlightRecorder:
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64
         )
-        self._is_noisy = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
+        # whether flights depend on what their cases have drawn besides the start
+        has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
+        self._is_noisy = has_errors or bool(mission.dispersions)
         self._numbers = packed(controller)
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))

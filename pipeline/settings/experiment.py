@@ -300,6 +300,11 @@ class Experiment:
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
                 f"once in the order {', '.join(STAGES)}"
             )
+        if "train" in self.stages and self.mission.dispersions:
+            raise SettingError(
+                "stages has train, and dispersions are given, which training does not fly; train without "
+                "them, and evaluate with them"
+            )
         if "train" in self.stages and "systems" not in self.controller and "kind" in self.controller:
             raise SettingError(
                 f"stages has train, but a controller of kind {self.controller['kind']} has nothing to train; "

@@ -8,6 +8,8 @@ from pipeline.settings.nearest import did_you_mean
 
 #: the group whose keys depend on its kind; whoever reads a controller checks it
 FREE = "controller"
+#: the group whose keys are those of the mission
+DISPERSIONS = "dispersions"
 #: ends of keys to their units; the first that fits counts
 UNITS: Mapping[str, str] = {
     "_kg_m2": "kg m^2",
@@ -49,7 +51,7 @@ def all_keys() -> frozenset[str]:
 
 def is_key(key: str) -> bool:
     """Return whether a dotted key may stand in the configuration."""
-    return key in _known or key.startswith(FREE + ".")
+    return key in _known or key.startswith((FREE + ".", DISPERSIONS + "."))
 
 
 def unknown(key: str) -> str:

@@ -1,8 +1,8 @@
 """The world of a flight and its limits: the groups that make a mission."""
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -21,6 +21,7 @@ from pipeline.settings.checks import (
     UnitVector,
     Vector,
 )
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.groups import settings
 
 #: beyond these a flight fills the memory of a computer; the last two are of a whole flight
@@ -29,6 +30,11 @@ MOST_POINTS_SAMPLED, MOST_ATTITUDES = 20_000_000, 5_000_000
 #: beyond so many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
+#: numbers that all flights of an evaluation share: what their samples and decisions keep time by
+SHARED = (
+    *("attitude_period_s", "control_period_s", "duration_s"),
+    *("navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"),
+)
 #: the least is beyond what rounding adds up to in a flight
 Margin = Annotated[Number, Field(ge=0.001)]
 
@@ -282,6 +288,9 @@ class Mission:
     coast_when_complete: Annotated[Flag, Field(description="whether no force follows the last point")]
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
     light: Light = PAPER_LIGHT
+    dispersions: Annotated[
+        dict[str, Any], Field(description="settings that each case has its own of, with their distributions")
+    ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         """Check that the clocks fit into one another, the gains and the safety layer."""
@@ -293,11 +302,25 @@ class Mission:
                 f"makes {self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten "
                 "the first or lengthen the second"
             )
+        self._check_dispersions()
         self._check_clocks()
         self._check_size()
         self._check_gains()
         if self.safety.kind == "filter":
             self._check_safety()
+
+    def _check_dispersions(self) -> None:
+        """Refuse distributions of what is no number of a flight's own."""
+        for one in distributions(self.dispersions):
+            node: Any = self
+            for name in one.key.split("."):
+                node = getattr(node, name, None) if name != "dispersions" else None
+            if not isinstance(node, float) or one.key in SHARED:
+                raise SettingError(
+                    f"dispersions.{one.key} is no number that a flight can have its own of; it must be a key "
+                    "of the mission with a decimal number, and no clock or delay, as in "
+                    "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
+                )
 
     def _check_clocks(self) -> None:
         """Refuse fixes and delays that do not fall on samples."""

@@ -4,6 +4,7 @@ import shlex
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ import numpy as np
 
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
+from pipeline.evaluation.sensitivity import RANKED, percentiles, sensitivity
 from pipeline.flight.controller import Controller
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, tables
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
 
 
@@ -45,6 +48,8 @@ def run(experiment: Experiment, folder: Path) -> None:
         "seed": experiment.seed,
         "confidence_percent": confidence,
         **summarise(episodes, confidence),
+        "percentiles": percentiles(episodes, confidence),
+        **_dispersed(experiment, controller, episodes),
         "optimum": _beside_optimum(experiment, controller, folder),
     }
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
@@ -57,6 +62,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
         f"{_inspectable_line(summary)}"
         f"{_safety_line(experiment, summary)}"
+        f"{_dispersion_lines(summary)}"
         f"{_told(summary['optimum'])}"
         f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
     )
@@ -75,6 +81,43 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
     tables.write_parquet(path, columns)
     points = int(solved.summary["points_asked"])
     return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
+
+
+def _dispersed(experiment: Experiment, controller: Controller, episodes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what each dispersion costs, and how the same cases go without; nothing where there is none."""
+    mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
+    keys = [one.key for one in distributions(mission.dispersions)]
+    if not keys:
+        return {}
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    nominal, _ = fly_cases(
+        replace(mission, dispersions={}), controller, scenarios, experiment.monte_carlo.workers
+    )
+    return {
+        "sensitivity": sensitivity(episodes, keys, confidence),
+        "nominal": summarise(nominal, confidence),
+    }
+
+
+def _dispersion_lines(summary: Mapping[str, Any]) -> str:
+    """Say how the cases go without dispersions, what most keep to with them, and which matter."""
+    if "sensitivity" not in summary:
+        return ""
+    nominal, (_, _, most) = summary["nominal"], summary["percentiles"]["delta_v_m_s"]
+    upto = "" if most["high"] is None else f" (at most {most['high']:.3f})"
+    lines = [
+        f"without dispersions: delta-v {nominal['delta_v_m_s']['mean']:.3f} m/s, "
+        f"success {100 * nominal['success']['fraction']:.1f} %, "
+        f"outside {100 * nominal['violated']['fraction']:.1f} %",
+        f"99 % of the flights burn at most {most['value']:.3f} m/s{upto}",
+    ]
+    for one in summary["sensitivity"]:
+        told = [
+            f"{word} {one[name]['value']:+.2f} ({one[name]['low']:+.2f} to {one[name]['high']:+.2f})"
+            for name, word in zip(RANKED, ("delta-v", "rate"), strict=True)
+        ]
+        lines.append(f"{one['key']}: rank correlation with {', with '.join(told)}")
+    return "".join(f"  {line}\n" for line in lines)
 
 
 def _told(beside: dict[str, Any]) -> str:

@@ -1,0 +1,74 @@
+"""What a flight has its own of: settings drawn for each case.
+
+A case draws from its own seed, ``SeedSequence(seed, spawn_key=(stage, case))``, after its direction, distance
+and Sun and in the order of the sorted keys, so that whoever knows the case finds the same settings again.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pipeline.flight.log import Scenario
+from pipeline.settings.checks import SettingError
+from pipeline.settings.dispersions import distributions
+from pipeline.settings.experiment import Mission
+
+#: keys with the values of one case, sorted
+Drawn = tuple[tuple[str, float], ...]
+
+
+def drawn(mission: Mission, scenario: Scenario) -> Drawn:
+    """Return the settings that are a case's own; none where nothing is dispersed."""
+    if not mission.dispersions:
+        return ()
+    seed, stage, case = scenario.noise
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
+    # as the start has drawn: direction, distance, the Sun's angle and elevation
+    generator.standard_normal(3)
+    generator.uniform(size=3)
+    return tuple((one.key, one.value(generator.uniform())) for one in distributions(mission.dispersions))
+
+
+def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
+    """Return the mission that a case flies, without dispersions.
+
+    Raises
+    ------
+    SettingError
+        If what is drawn cannot be.
+    """
+    return _with(mission, drawn(mission, scenario))
+
+
+def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mission, list[int]]]:
+    """Return the missions that some cases fly, each with the places of those that share it."""
+    places: dict[Drawn, list[int]] = {}
+    for place, scenario in enumerate(scenarios):
+        places.setdefault(drawn(mission, scenario), []).append(place)
+    return [(_with(mission, values), shared) for values, shared in places.items()]
+
+
+def _with(mission: Mission, values: Drawn) -> Mission:
+    changes: dict[str, Any] = {"dispersions": {}}
+    for key, value in values:
+        group, _, name = key.rpartition(".")
+        if group:
+            changes[group] = {**changes.get(group, {}), name: value}
+        else:
+            changes[name] = value
+    try:
+        return replace(
+            mission,
+            **{
+                name: replace(getattr(mission, name), **value)
+                if name != "dispersions" and isinstance(value, Mapping)
+                else value
+                for name, value in changes.items()
+            },
+        )
+    except SettingError as error:
+        raise SettingError(
+            f"a case draws what cannot be: {error}; truncate its distribution by low and high"
+        ) from error

@@ -1,0 +1,119 @@
+"""Distributions of settings that each flight of an evaluation has its own of."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+from pipeline.settings.checks import SettingError
+from pipeline.settings.nearest import did_you_mean
+
+#: what each kind is told by; low and high truncate a normal one
+KINDS: Mapping[str, tuple[set[str], set[str]]] = {
+    "normal": ({"mean", "std"}, {"low", "high"}),
+    "uniform": ({"low", "high"}, set()),
+}
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Of one key: normal, cut off at low and high, or uniform between them.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``deputy.mass_kg``.
+    kind : str
+        One of `KINDS`.
+    mean, std : float
+        Of a normal one before it is cut.
+    low, high : float
+        Infinite where nothing is cut.
+    """
+
+    key: str
+    kind: str
+    mean: float
+    std: float
+    low: float
+    high: float
+
+    def value(self, share: float) -> float:
+        """Return the value below which a share of all values lies, from 0 to less than 1."""
+        if self.kind == "uniform":
+            return self.low + share * (self.high - self.low)
+        normal = NormalDist(self.mean, self.std)
+        below, upto = (
+            0.0 if bound == -math.inf else 1.0 if bound == math.inf else normal.cdf(bound)
+            for bound in (self.low, self.high)
+        )
+        # strictly between 0 and 1, where the inverse is finite
+        at = min(max(below + share * (upto - below), 2.0**-53), 1.0 - 2.0**-53)
+        return min(max(normal.inv_cdf(at), self.low), self.high)
+
+
+def distributions(config: Mapping[str, Any]) -> tuple[Distribution, ...]:
+    """Read the group ``dispersions``: keys of the mission, each with its distribution; sorted by their keys.
+
+    Raises
+    ------
+    SettingError
+        If one is told in other words than `KINDS`, or cannot be.
+    """
+    return tuple(sorted(_read(config, ()), key=lambda one: one.key))
+
+
+def _read(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[Distribution]:
+    for name, value in node.items():
+        place = (*above, str(name))
+        if not isinstance(value, Mapping):
+            raise SettingError(
+                f"dispersions.{'.'.join(place)} is {value!r}; give a distribution, as "
+                "{kind: normal, mean: 12.0, std: 0.1}"
+            )
+        if "kind" in value:
+            yield _distribution(".".join(place), value)
+        else:
+            yield from _read(value, place)
+
+
+def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
+    kind, where = told["kind"], f"dispersions.{key}"
+    if kind not in KINDS:
+        raise SettingError(
+            f"{where}.kind is {kind!r}; it must be one of {', '.join(KINDS)}{did_you_mean(str(kind), KINDS)}"
+        )
+    needed, allowed = KINDS[kind]
+    names = set(told) - {"kind"}
+    if not needed <= names <= needed | allowed:
+        extra = f", and may have {', '.join(sorted(allowed))}" if allowed else ""
+        raise SettingError(
+            f"{where} has {', '.join(sorted(names)) or 'nothing'}; one of kind {kind} has "
+            f"{', '.join(sorted(needed))}{extra}"
+        )
+    for name in names:
+        number = told[name]
+        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+            raise SettingError(f"{where}.{name} is {number!r}; it must be a finite number")
+    found = Distribution(
+        key,
+        kind,
+        float(told.get("mean", 0.0)),
+        float(told.get("std", 0.0)),
+        float(told.get("low", -math.inf)),
+        float(told.get("high", math.inf)),
+    )
+    if not found.low < found.high:
+        raise SettingError(
+            f"{where}.low is {found.low:g} and {where}.high {found.high:g}; the first must be less"
+        )
+    if kind == "normal" and not found.std > 0.0:
+        raise SettingError(f"{where}.std is {found.std:g}; it must be greater than 0")
+    if kind == "normal" and not (
+        found.low - found.mean < 8 * found.std and found.mean - found.high < 8 * found.std
+    ):
+        raise SettingError(
+            f"{where}.low and {where}.high lie more than eight standard deviations beside the mean; move them"
+        )
+    return found
