@@ -168,7 +168,9 @@ function remember(event: Event): void {
       break;
     case "/mission": {
       const angle = event.message.sun_angle_rad;
-      sun = { x: Math.cos(angle), y: Math.sin(angle), z: 0 };
+      const elevation = event.message.sun_elevation_rad ?? 0; // earlier recordings know none
+      const level = Math.cos(elevation);
+      sun = { x: level * Math.cos(angle), y: level * Math.sin(angle), z: Math.sin(elevation) };
       break;
     }
   }

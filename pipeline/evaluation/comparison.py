@@ -21,7 +21,17 @@ FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 MEANS = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_delta_v_m_s")
 SHARES = ("success", "violated", "safety_acted")
 HEADER = (
-    *("controller", "source", "sun", "safety", "num_cases", "rules", "times_optimum_mean", "solved_cases"),
+    *(
+        "controller",
+        "source",
+        "sun",
+        "safety",
+        "num_cases",
+        "rules",
+        "times_optimum_mean",
+        "times_optimum_as_seen_mean",
+        "solved_cases",
+    ),
     *(f"{name}_{field.name}" for name in MEANS for field in fields(Statistic)),
     *(f"{name}_{field.name}" for name in SHARES for field in fields(Fraction)),
 )
@@ -71,7 +81,8 @@ def planned_row(
     cases = solved.cases
     episodes = {
         **cases,
-        "success": cases["inspected_count"] >= points_needed(num_points, threshold),
+        "success": cases["inspected_count"]
+        >= points_needed(cases.get("inspectable_count", np.int64(num_points)), threshold),
         "violated": cases["outside_m"] > 0.0,
     }
     return ComparisonRow(
@@ -115,6 +126,7 @@ def as_cells(row: ComparisonRow) -> list[Any]:
     }
     if row.times:
         cells["times_optimum_mean"] = row.times["times_optimum"]["mean"]
+        cells["times_optimum_as_seen_mean"] = row.times["times_optimum_as_seen"]["mean"]
         cells["solved_cases"] = row.times["num_cases"]
     for name in (*MEANS, *SHARES):
         cells |= {f"{name}_{part}": value for part, value in row.summary.get(name, {}).items()}

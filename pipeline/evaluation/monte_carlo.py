@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.statistics import fraction, statistic
 from pipeline.flight.controller import Controller
-from pipeline.flight.log import Outcomes, Scenario, points_needed
+from pipeline.flight.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.simulation import fly_all
 from pipeline.flight.world import inspection_points
 from pipeline.settings.experiment import Mission
@@ -38,7 +38,6 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
     """Return the columns of `evaluate/episodes.parquet`, one entry per case."""
     num_points = len(inspection_points(mission))
     positions = np.array([scenario.position_m for scenario in scenarios])
-    needed = points_needed(num_points, mission.inspection_threshold_percent)
     return {
         "case": np.arange(len(scenarios)),
         "position_x_m": positions[:, 0],
@@ -51,10 +50,13 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "mean_distance_m": outcomes.mean_distance_m,
         "min_distance_m": outcomes.min_distance_m,
         "max_distance_m": outcomes.max_distance_m,
-        "success": outcomes.inspected_count >= needed,
+        "success": outcomes.is_success(mission.inspection_threshold_percent),
         "violated": outcomes.is_violated,
         "safety_periods": outcomes.safety_periods,
         "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,
+        "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
+        "inspectable_count": outcomes.inspectable_count,
+        "inspectable_rate_percent": inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count),
     }
 
 
@@ -66,6 +68,8 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
     if "safety_periods" in episodes:  # not in those of earlier versions
         names += ["safety_periods", "safety_delta_v_m_s"]
         shares["safety_acted"] = episodes["safety_periods"] > 0
+    if "inspectable_count" in episodes:  # nor these
+        names += ["inspectable_count", "inspectable_rate_percent"]
     return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {
         name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()
     }

@@ -1,8 +1,7 @@
 """What goes into a flight and what comes out of it, as arrays."""
 
-import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +21,22 @@ LEAST_CHANGE_N = 1e-9
 
 @dataclass(frozen=True)
 class Scenario:
-    """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and the Sun's angle at k = 0 (rad)."""
+    """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and where the Sun is at k = 0 (rad).
+
+    The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane. `noise` is the
+    seed, the stage and the case that errors of navigation and thrusters are drawn from.
+    """
 
     position_m: Floats
     velocity_m_s: Floats
     sun_angle_rad: float
+    sun_elevation_rad: float = 0.0
+    noise: tuple[int, int, int] = (0, 0, 0)
+
+    def generator(self, what: int) -> np.random.Generator:
+        """Return what draws the errors of one kind in the flight from here."""
+        seed, stage, case = self.noise
+        return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case, what)))
 
 
 class FlightLog(NamedTuple):
@@ -74,6 +84,12 @@ class FlightLog(NamedTuple):
     is_decided : (K,) bool
         Whether inference decided the force at sample k: not while coasting, nor between two decisions.
     sun_angle_rad : (K+1,)
+    sun_elevation_rad : (K+1,)
+        The same throughout.
+    visible_sun_share : (K+1,)
+        Of the Sun's disc, that the Earth does not hide from the chief; 1 in a world without its shadow.
+    is_inspectable : (P,) bool
+        Whether a point is lit at some sample.
     is_inspected : (K+1, P) bool
     delta_v_m_s : (K+1,)
         Spent by the forces 0 … k-1.
@@ -82,6 +98,8 @@ class FlightLog(NamedTuple):
         `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
     safety_force_hill_n : (K, 3)
         By which it changed the force, after the clip; part of `force_hill_n`.
+    estimate : (K+1, 6), estimate_covariance : (K+1, 6, 6)
+        Position (m) and velocity (m/s) as the deputy knew them, where it navigates by fixes.
     """
 
     position_m: Floats
@@ -105,10 +123,15 @@ class FlightLog(NamedTuple):
     fis_output_n: Floats
     is_decided: NDArray[np.bool_]
     sun_angle_rad: Floats
+    sun_elevation_rad: Floats
+    visible_sun_share: Floats
+    is_inspectable: NDArray[np.bool_]
     is_inspected: NDArray[np.bool_]
     delta_v_m_s: Floats
     safety_limit: NDArray[np.int64]
     safety_force_hill_n: Floats
+    estimate: Floats
+    estimate_covariance: Floats
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
@@ -142,10 +165,15 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         fis_output_n=np.zeros((controls, num_systems)),
         is_decided=np.zeros(controls, dtype=np.bool_),
         sun_angle_rad=np.zeros(samples),
+        sun_elevation_rad=np.zeros(samples),
+        visible_sun_share=np.ones(samples),
+        is_inspectable=np.ones(num_points, dtype=np.bool_),
         is_inspected=np.zeros((samples, num_points), dtype=np.bool_),
         delta_v_m_s=np.zeros(samples),
         safety_limit=np.zeros(controls, dtype=np.int64),
         safety_force_hill_n=np.zeros((controls, 3)),
+        estimate=np.zeros((samples, 6)),
+        estimate_covariance=np.zeros((samples, 6, 6)),
     )
 
 
@@ -162,6 +190,8 @@ class Outcomes:
     ----------
     delta_v_m_s : array of float
     inspected_count : array of int
+    inspectable_count : array of int
+        Points that are lit at some sample of the flight.
     mean_distance_m, min_distance_m, max_distance_m : array of float
         Over samples 0 … K.
     outside_m : array of float
@@ -175,6 +205,7 @@ class Outcomes:
 
     delta_v_m_s: Floats
     inspected_count: NDArray[np.int64]
+    inspectable_count: NDArray[np.int64]
     mean_distance_m: Floats
     min_distance_m: Floats
     max_distance_m: Floats
@@ -187,7 +218,26 @@ class Outcomes:
         """Whether a sample 1 … K was outside the distance limits."""
         return self.outside_m > 0.0
 
+    def is_success(self, threshold_percent: float) -> NDArray[np.bool_]:
+        """Whether enough of the points that can be inspected are."""
+        return np.asarray(self.inspected_count >= points_needed(self.inspectable_count, threshold_percent))
 
-def points_needed(num_points: int, threshold_percent: float) -> int:
-    """Return the least number of inspected points whose rate reaches the threshold."""
-    return math.ceil(num_points * threshold_percent / 100.0 - 1e-9)
+
+def inspectable_rate(inspected: Any, inspectable: Any) -> Any:
+    """Return the share of the points that can be inspected that are, in %; 100 where there are none."""
+    return np.where(np.equal(inspectable, 0), 100.0, 100.0 * inspected / np.maximum(inspectable, 1))[()]
+
+
+def points_in_words(log: FlightLog, sample: int = -1) -> str:
+    """Say how many points are inspected at a sample, of how many that can be, and of how many in all."""
+    count, inspectable = int(log.is_inspected[sample].sum()), int(log.is_inspectable.sum())
+    num_points = len(log.is_inspectable)
+    if inspectable == num_points:
+        return f"{count} of {num_points} points"
+    return f"{count} of the {inspectable} points that can be inspected ({num_points} in all)"
+
+
+def points_needed(num_points: Any, threshold_percent: float) -> Any:
+    """Return the least number of points whose rate reaches the threshold, of one number or of many."""
+    needed = np.ceil(num_points * threshold_percent / 100.0 - 1e-9)
+    return int(needed) if np.ndim(needed) == 0 else needed.astype(np.int64)

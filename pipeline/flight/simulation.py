@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
+from pipeline.flight.cases import Cases, Starts, cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -21,17 +21,17 @@ from pipeline.flight.controller import (
 )
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import CARRIED, CASE, NUM_OUTCOMES, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
+from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
+from pipeline.flight.light import sun_shares
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
 from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
-#: starts, an array of `CASE`
-Cases = np.recarray[Any, Any]
 
 #: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
@@ -47,6 +47,8 @@ def make_workspace(world: World) -> Workspace:
         passed=np.zeros((7 * world.num_attitude_steps, LANES)),
         unseen=np.zeros((LANES, width)),
         candidate=np.zeros(width),
+        lit=np.zeros(width),
+        seen=np.zeros(width),
         ahead=np.zeros(width),
         deadlines=np.zeros((LANES, width)),
         looks=np.zeros((5, width)),
@@ -65,13 +67,30 @@ def make_workspace(world: World) -> Workspace:
     )
 
 
-def cases_of(scenarios: list[Scenario]) -> Cases:
-    """Return some starts as compiled flights read them, shape (n,)."""
-    cases = np.empty(len(scenarios), CASE).view(np.recarray)
-    for case, scenario in zip(cases, scenarios, strict=True):
-        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
-        case.sun_angle = scenario.sun_angle_rad
-    return cases
+def inspectable_points(world: World, starts: Starts) -> NDArray[np.uint8]:
+    """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
+    found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
+    note_inspectable(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    return found
+
+
+def lit_at_samples(world: World, starts: Starts) -> NDArray[np.bool_]:
+    """Tell which points are lit at each sample of one case's flight, shape (K+1, P)."""
+    found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
+    note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    return np.ascontiguousarray(found[:, : world.num_points] > 0)
+
+
+def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the points that flights are about, as `inspectable_points`, or in one row what all share.
+
+    In the paper's world these are all, whether they are ever lit or not; in others those that can be
+    inspected, so that a deputy waits for no other.
+    """
+    if optics_in_use(world, starts) is None:
+        return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
+    is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
+    return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)
 
 
 def fly_population(
@@ -92,8 +111,8 @@ def fly_population(
         Of the structure that the population shares.
     numbers : Packed
         n controllers.
-    cases : (m,)
-        Starts, see `cases_of`.
+    cases : Cases
+        m starts.
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 8) float32, optional
@@ -119,17 +138,22 @@ def fly_population(
     # four shares a thread, so that a slow share does not hold up the end
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
     silent = no_log()
+    inspectable = inspectable_points(world, cases.starts)
+    counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
         work = make_workspace(world)
         fly_many(
             world,
-            *_parts_in_use(world, law),
+            *_parts_in_use(world, law, cases.starts),
+            cases.fixes(),
+            cases.firing(),
             law,
             numbers.values,
             numbers.rules,
-            cases,
+            cases.starts,
+            counted,
             openings,
             work,
             silent,
@@ -146,16 +170,24 @@ def fly_population(
         with ThreadPoolExecutor(workers) as pool:
             for done in [pool.submit(fly_share, first, last) for first, last in shares]:
                 done.result()
-    return _outcomes(outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES))
+    rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
+    return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def _parts_in_use(world: World, law: Law) -> tuple[Guard | None, bool | None, bool | None]:
+def optics_in_use(world: World, starts: Starts) -> bool | None:
+    """Return whether light or camera are not the paper's, or None."""
+    return True if world.has_optics or np.any(starts.sun_elevation != 0.0) else None
+
+
+def _parts_in_use(
+    world: World, law: Law, starts: Starts
+) -> tuple[bool | None, Guard | None, bool | None, bool | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
-    The safety layer, clusters, and pushes that show what sets.
+    Light and camera beyond the paper's, the safety layer, clusters, and pushes that show what sets.
     """
     guard = world.guard if world.guard.is_on else None
-    return guard, world.has_clusters or None, bool(law.needs & SETTING) or None
+    return optics_in_use(world, starts), guard, world.has_clusters or None, bool(law.needs & SETTING) or None
 
 
 class FlightError(ValueError):
@@ -172,11 +204,12 @@ def _check_finite(*numbers: Floats) -> None:
         )
 
 
-def _outcomes(rows: Floats) -> Outcomes:
+def _outcomes(rows: Floats, inspectable_count: NDArray[np.int64]) -> Outcomes:
     _check_finite(rows)
     return Outcomes(
         delta_v_m_s=rows[..., arrays.DELTA_V],
         inspected_count=np.rint(rows[..., arrays.INSPECTED]).astype(np.int64),
+        inspectable_count=np.broadcast_to(inspectable_count, rows.shape[:-1]),
         mean_distance_m=rows[..., arrays.MEAN_DISTANCE],
         min_distance_m=rows[..., arrays.MIN_DISTANCE],
         max_distance_m=rows[..., arrays.MAX_DISTANCE],
@@ -198,7 +231,7 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     if controller.planner is not None:
         return _fly_planned(mission, controller, scenarios, workers, tracks)
-    world, cases = pack_world(mission), cases_of(scenarios)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_of(controller, mission), packed(controller)
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
@@ -223,18 +256,18 @@ def rehearsed_openings(
     if not len(pushes):
         return None
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
-    world, cases = pack_world(mission), cases_of(scenarios)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
     ends = fly_population(
         world,
         law_of(controller, mission),
         packed(controller),
-        np.repeat(cases, len(forces)).view(np.recarray),
+        cases.repeated(len(forces)),
         workers,
         openings=np.tile(forces, (len(cases), 1)),
     )
     # as many as the controller puts up with cost nothing
     least = max(1.0, constants_of(controller)[constant("coast_below_points")])
-    missed = np.maximum(0.0, world.num_points - ends.inspected_count - np.ceil(least) + 1.0)
+    missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
     cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
     return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
 
@@ -252,7 +285,7 @@ def _fly_planned(
     def fly_one(case: int) -> Outcomes:
         law = law_of(planned_for(controller, scenarios[case]), mission)
         track = None if tracks is None else tracks[case : case + 1]
-        return fly_population(world, law, numbers, cases_of([scenarios[case]]), 1, track)
+        return fly_population(world, law, numbers, cases_of(mission, [scenarios[case]]), 1, track)
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         try:
@@ -297,12 +330,13 @@ def _outcomes_of_logs(
     scenarios: list[Scenario],
     tracks: NDArray[np.float32] | None,
 ) -> Outcomes:
-    rows = np.empty((len(scenarios), NUM_OUTCOMES))
+    rows, inspectable = np.empty((len(scenarios), NUM_OUTCOMES)), np.empty(len(scenarios), dtype=np.int64)
     limits = mission.deputy
     for case, scenario in enumerate(scenarios):
         log = fly_logged(mission, controller, scenario)
         if tracks is not None:
             tracks[case] = tracked(log)[:, : tracks.shape[2]]
+        inspectable[case] = log.is_inspectable.sum()
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
         rows[case, arrays.DELTA_V] = log.delta_v_m_s[-1]
@@ -314,7 +348,7 @@ def _outcomes_of_logs(
         rows[case, arrays.SAFETY_PERIODS] = np.count_nonzero(log.safety_limit)
         per_force = mission.control_period_s / limits.mass_kg
         rows[case, arrays.SAFETY_DELTA_V] = np.abs(log.safety_force_hill_n).sum() * per_force
-    return _outcomes(rows)
+    return _outcomes(rows, inspectable)
 
 
 def tracked(log: FlightLog) -> Floats:
@@ -330,14 +364,18 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
-    openings = rehearsed_openings(mission, controller, [scenario], 1)
+    openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
+    inspectable = inspectable_points(world, cases.starts)
     fly_many(
         world,
-        *_parts_in_use(world, law),
+        *_parts_in_use(world, law, cases.starts),
+        cases.fixes(),
+        cases.firing(),
         law,
         numbers.values,
         numbers.rules,
-        cases_of([scenario]),
+        cases.starts,
+        counted_points(world, cases.starts, inspectable),
         openings,
         make_workspace(world),
         log,
@@ -347,6 +385,9 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         np.empty((1, NUM_OUTCOMES)),
     )
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
+    log.sun_elevation_rad[:] = scenario.sun_elevation_rad
+    log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, scenario.sun_elevation_rad)
+    log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     _check_finite(
         log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
     )

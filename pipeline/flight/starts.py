@@ -1,11 +1,12 @@
 """Starts of flights, drawn case by case so that a case does not depend on how many others there are.
 
 Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
-Sun's angle, whether or not the angle is used. The same seed therefore gives the same positions whatever the
-Sun does.
+Sun's angle, then its elevation, whether or not they are used. The same seed therefore gives the same
+positions whatever the Sun does.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -39,9 +40,16 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
     direction /= np.linalg.norm(direction)
     distance = generator.uniform(*shell_m)
     angle = generator.uniform(0.0, 2.0 * np.pi)
+    share = generator.uniform()
+    elevation_deg = sun.elevation_deg
     is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
+    if is_fixed:
+        angle = float(np.radians(sun.angle_deg))
+    elif sun.elevation_range_deg is not None:
+        low, high = sun.elevation_range_deg
+        elevation_deg = low + share * (high - low)
     return Scenario(
-        distance * direction, np.zeros(3), float(np.radians(sun.angle_deg)) if is_fixed else angle
+        distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
     )
 
 
@@ -53,7 +61,7 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
     if starts.kind == "random":
         return drawn
     return [
-        Scenario(starts.min_distance_m * direction, np.zeros(3), case.sun_angle_rad)
+        replace(case, position_m=starts.min_distance_m * direction)
         for direction, case in zip(OCTANTS, drawn, strict=True)
     ]
 
@@ -72,8 +80,12 @@ def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) ->
 
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
     """Return the start that the configuration gives; a Sun that is drawn is an evaluation's first."""
-    angle = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun).sun_angle_rad
-    return Scenario(np.array(deputy.initial_position_m), np.array(deputy.initial_velocity_m_s), angle)
+    drawn = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
+    return replace(
+        drawn,
+        position_m=np.array(deputy.initial_position_m),
+        velocity_m_s=np.array(deputy.initial_velocity_m_s),
+    )
 
 
 def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
@@ -89,15 +101,22 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
     ----------
     columns : mapping of (n,) arrays
         ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``, and ``velocity_x_m_s`` and so on, without
-        which all are at rest.
+        which all are at rest, and ``sun_elevation_rad``, without which the Sun is in the orbit plane.
     """
     angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
     at_rest = np.zeros(len(angles))
+    elevations = np.asarray(columns.get("sun_elevation_rad", at_rest), dtype=np.float64)
     positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
     velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
     return [
-        Scenario(position, velocity, angle)
-        for position, velocity, angle in zip(
-            positions.astype(np.float64), velocities.astype(np.float64), angles.tolist(), strict=True
+        Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
+        for row, (position, velocity, angle, elevation) in enumerate(
+            zip(
+                positions.astype(np.float64),
+                velocities.astype(np.float64),
+                angles.tolist(),
+                elevations.tolist(),
+                strict=True,
+            )
         )
     ]

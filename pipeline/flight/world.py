@@ -7,12 +7,19 @@ from fis_tools.engines.vectors import padded
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.kernel.arrays import POINTS, World
 from pipeline.flight.kernel.safety import guard_of
+from pipeline.flight.light import (
+    RIGHT_ANGLE_DEG,
+    STRAIGHT_ANGLE_DEG,
+    sees_as_in_the_paper,
+    shadowing_radius,
+)
 from pipeline.flight.preview import look_stride, preview_stride
-from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.flight.surface import Surface, surface_of
+from pipeline.physics.illumination import least_sun_height
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.rigid_body import tumble
-from pipeline.physics.sight import sight_of
+from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -20,9 +27,44 @@ Floats = NDArray[np.float64]
 
 def inspection_points(mission: Mission) -> Floats:
     """Return the points of a mission in chief axes, shape (P, 3), m."""
-    chief = mission.chief
-    place = regular_placement if chief.placement == "deserno" else fibonacci_placement
-    return np.asarray(place(chief.num_points, chief.inspection_radius_m), dtype=np.float64)
+    return surface_of(mission).points
+
+
+def optics_of(mission: Mission, surface: Surface, attitudes: Floats) -> Optics:
+    """Return what sight depends on where light or camera are not the paper's.
+
+    Parameters
+    ----------
+    mission : Mission
+    surface : Surface
+        With the chief's points.
+    attitudes : (K+1 or 1, 4)
+        Of the chief, one where it does not turn.
+    """
+    sensor, light, width = mission.sensor, mission.light, padded(len(surface.points), POINTS)
+    rows = np.zeros((len(attitudes), NUM_SURFACE, width))
+    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
+    for k, turned in enumerate(axes):
+        rows[k, NORMAL : NORMAL + 3, : len(surface.points)] = turned.T @ surface.normals.T
+    rows[:, HEIGHT, : len(surface.points)] = np.sum(surface.points * surface.normals, axis=1)
+    rows[:, SQUARE, : len(surface.points)] = np.sum(surface.points**2, axis=1)
+    cosine = float(np.cos(np.radians(sensor.half_angle_deg)))
+    is_any = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
+    return Optics(
+        least_height=-2.0
+        if light.shadow == "none"
+        else least_sun_height(shadowing_radius(mission.orbit, light), light.min_fraction),
+        # a whole sphere of view, with room for rounding
+        cos_squared=cosine * abs(cosine) if sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
+        incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
+        range_squared=np.inf if sensor.max_range_m is None else sensor.max_range_m**2,
+        most_sunward=float(np.cos(np.radians(sensor.min_sun_angle_deg)))
+        if sensor.min_sun_angle_deg
+        else np.inf,
+        surface=rows,
+        occlusion=surface.occlusion,
+        chief_axes=axes,
+    )
 
 
 def chief_attitudes(mission: Mission) -> Floats:
@@ -53,12 +95,13 @@ def chief_attitudes(mission: Mission) -> Floats:
 def pack_world(mission: Mission) -> World:
     """Turn a mission into the numbers that the compiled episode reads."""
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
-    points = inspection_points(mission)
-    placed = np.zeros((1, 3, padded(len(points), POINTS)))
+    surface, attitudes = surface_of(mission), chief_attitudes(mission)
+    points = surface.points
     if mission.chief.initial_angular_velocity_rad_s is None:
+        attitudes = attitudes[:1]
+        placed = np.zeros((1, 3, padded(len(points), POINTS)))
         placed[0, :, : len(points)] = points.T
     else:
-        attitudes = chief_attitudes(mission)
         placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
@@ -85,6 +128,8 @@ def pack_world(mission: Mission) -> World:
         points=placed,
         num_points=len(points),
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
+        has_optics=not sees_as_in_the_paper(mission),
+        optics=optics_of(mission, surface, attitudes),
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,

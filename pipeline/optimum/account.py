@@ -13,17 +13,19 @@ from pipeline.settings.experiment import Mission, SettingError
 
 Column = NDArray[Any]
 
-_START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad")
+_POSITION = ("position_x_m", "position_y_m", "position_z_m")
 _VELOCITY = ("velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s")
 
 
-def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_points: int) -> dict[str, Any]:
+def case_row(case: int, scenario: Scenario, plan: CasePlan, num_points: int) -> dict[str, Any]:
     """Return the row of a case in `optimum/cases.parquet`."""
     flight, restarts = plan.flight, plan.restart_delta_v
     settled = restarts[np.isfinite(restarts)]
     return {
         "case": case,
-        **dict(zip(_START, [*scenario.position_m.tolist(), scenario.sun_angle_rad], strict=True)),
+        **dict(zip(_POSITION, scenario.position_m.tolist(), strict=True)),
+        "sun_angle_rad": scenario.sun_angle_rad,
+        "sun_elevation_rad": scenario.sun_elevation_rad,
         **dict(zip(_VELOCITY, scenario.velocity_m_s.tolist(), strict=True)),
         "delta_v_m_s": flight.delta_v,
         "inspected_count": flight.num_inspected,
@@ -32,8 +34,9 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
         "min_distance_m": flight.min_distance,
         "max_distance_m": flight.max_distance,
         "outside_m": flight.outside,
-        "points_asked": needed,
-        "is_feasible": flight.is_feasible(needed),
+        "inspectable_count": plan.inspectable,
+        "points_asked": plan.needed,
+        "is_feasible": flight.is_feasible(plan.needed),
         "restarts": len(restarts),
         "restarts_feasible": len(settled),
         "restarts_agreeing": num_agreeing(restarts),
@@ -43,7 +46,7 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, needed: int, num_poi
     }
 
 
-def check_points(mission: Mission, needed: int) -> None:
+def check_points(mission: Mission, needed: int | None) -> None:
     """Refuse to look for more points than there are.
 
     Raises
@@ -51,7 +54,7 @@ def check_points(mission: Mission, needed: int) -> None:
     SettingError
     """
     num_points = len(inspection_points(mission))
-    if needed > num_points:
+    if needed is not None and needed > num_points:
         raise SettingError(
             f"optimum.points is {needed}, but the chief has {num_points} points; ask for at most as many"
         )
@@ -78,7 +81,9 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return summary
 
 
-def beside_optimum(episodes: Mapping[str, Column], cases: Mapping[str, Column]) -> dict[str, Column]:
+def beside_optimum(
+    episodes: Mapping[str, Column], cases: Mapping[str, Column], harder: Sequence[Mapping[str, Column]] = ()
+) -> dict[str, Column]:
     """Put a controller's flights beside the plans of the same cases.
 
     Parameters
@@ -87,27 +92,39 @@ def beside_optimum(episodes: Mapping[str, Column], cases: Mapping[str, Column]) 
         Of `pipeline.evaluation.monte_carlo.episode_columns`, flown from the starts of the cases, in order.
     cases : mapping of (n,) arrays
         Of `pipeline.optimum.solved.Solved`.
+    harder : sequence of such columns
+        Of the same, with plans for more points.
 
     Returns
     -------
     dict of (n,) arrays
-        The columns of `evaluate/optimum.parquet`: those of the episodes, under the numbers of the cases, and
-        ``optimum_delta_v_m_s``, ``optimum_bound_m_s``, ``optimum_inspected_count``, ``times_optimum``.
+        The columns of `evaluate/optimum.parquet`: those of the episodes, under the numbers of the cases,
+        ``optimum_delta_v_m_s``, ``optimum_bound_m_s``, ``optimum_inspected_count``, ``times_optimum``; and
+        ``optimum_as_seen_delta_v_m_s``, ``times_optimum_as_seen``, of the cheapest plan that inspects as many
+        points as the flight did, or the most of all plans.
     """
-    least = np.asarray(cases["delta_v_m_s"], dtype=np.float64)
+    least, spent = np.asarray(cases["delta_v_m_s"], dtype=np.float64), np.asarray(episodes["delta_v_m_s"])
+    as_seen, reached = least, np.asarray(cases["inspected_count"])
+    for plans in harder:
+        falls_short = reached < episodes["inspected_count"]
+        as_seen = np.where(falls_short, plans["delta_v_m_s"], as_seen)
+        reached = np.where(falls_short, plans["inspected_count"], reached)
     return {
         **episodes,
         "case": np.asarray(cases["case"]),
         "optimum_delta_v_m_s": least,
         "optimum_bound_m_s": np.asarray(cases["delta_v_bound_m_s"], dtype=np.float64),
         "optimum_inspected_count": np.asarray(cases["inspected_count"]),
-        "times_optimum": np.asarray(episodes["delta_v_m_s"], dtype=np.float64) / least,
+        "times_optimum": spent / least,
+        "optimum_as_seen_delta_v_m_s": as_seen,
+        "times_optimum_as_seen": spent / as_seen,
     }
 
 
 def summarise_times(columns: Mapping[str, Column]) -> dict[str, Any]:
     """Return what `beside_optimum` comes to: times the optimum, and cases that succeed inside the limits."""
     times = columns["times_optimum"]
+    as_seen = columns.get("times_optimum_as_seen", times)  # not in tables of earlier versions
     worst = int(np.argmax(times))
     return {
         "num_cases": len(times),
@@ -119,6 +136,7 @@ def summarise_times(columns: Mapping[str, Column]) -> dict[str, Any]:
             "max": float(times[worst]),
             "max_case": int(columns["case"][worst]),
         },
+        "times_optimum_as_seen": {"mean": float(as_seen.mean())},
         "delta_v_m_s": {"mean": float(columns["delta_v_m_s"].mean())},
         "optimum_delta_v_m_s": {"mean": float(columns["optimum_delta_v_m_s"].mean())},
     }

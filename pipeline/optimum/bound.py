@@ -16,8 +16,8 @@ least of that over all pairs of samples, is what the pair takes.
 pair takes v or more (a point with itself where it does alone): if no P - N points touch all edges, every such
 plan sees both ends of one, and takes v or more. The greatest such v is the bound.
 
-Distance limits, camera and greatest force are dropped, so that the bound holds with any of them. It is no
-estimate: it says what is impossible, and may be far below what is possible.
+Distance limits, camera, what a mesh hides and the greatest force are dropped, so that the bound holds with
+any of them. It is no estimate: it says what is impossible, and may be far below what is possible.
 """
 
 from math import cos, inf, pi, sin
@@ -108,7 +108,7 @@ def _pair_costs(
 
 def _missing(problem: Problem) -> Floats:
     """Return how far each point is below its horizon without force, shape (K+1, P), m."""
-    below: Floats = problem.radius - np.einsum("ka,kaj->kj", problem.free, problem.normals)
+    below: Floats = problem.heights - np.einsum("ka,kaj->kj", problem.free, problem.normals)
     return below
 
 

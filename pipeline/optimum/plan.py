@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.polish import Step, step
 from pipeline.optimum.problem import Problem, flown, problem_of, seen_as
@@ -79,11 +79,17 @@ class CasePlan:
         After coarse polishing, m/s, ascending; infinite where demands were missed.
     bound : float
         No plan inspects as many points for less, m/s.
+    needed : int
+        Points that were asked for.
+    inspectable : int
+        Points that can be inspected.
     """
 
     flight: FlownPlan
     restart_delta_v: Floats
     bound: float
+    needed: int
+    inspectable: int
 
 
 def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.random.SeedSequence) -> CasePlan:
@@ -105,7 +111,9 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
     CasePlan
         Its flight is the best there was, which may still be short of points or outside the limits.
     """
-    problem, needed = problem_of(mission, scenario), settings.points
+    problem = problem_of(mission, scenario)
+    inspectable = int(problem.is_lit.any(axis=0).sum())
+    needed = settings.points or points_needed(inspectable, mission.inspection_threshold_percent)
     own, *seeds = seed.spawn(1 + settings.restarts)
     drafts: list[Step] = []
     for restart, child in enumerate(seeds):
@@ -122,7 +130,8 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
         key=lambda flight: flight.rank(needed),
     )
     known = best.delta_v if best.is_feasible(needed) else np.inf
-    return CasePlan(best, restarts, delta_v_bound(problem, needed, known))
+    bound = delta_v_bound(problem, needed, known)
+    return CasePlan(best, restarts, bound, needed, inspectable)
 
 
 def _costs(drafts: list[Step]) -> Floats:

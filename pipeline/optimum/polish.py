@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from pipeline.optimum.problem import Problem, margins_along, path_of
+from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
 
 Floats = NDArray[np.float64]
 Constraint = tuple[Floats, int, float]
@@ -26,7 +26,7 @@ Constraint = tuple[Floats, int, float]
 #: m/s for a metre that a demand is missed by: many times what a metre ever costs
 PRICE_OF_SLACK = 0.05
 #: m by which demands are set tighter: for rounding, and, as planes cut a convex limit but roughly, beyond it
-SIGHT_MARGIN, NEAR_MARGIN, FAR_MARGIN = 1e-6, 1e-3, 0.05
+SIGHT_MARGIN, CURVED_MARGIN, NEAR_MARGIN, FAR_MARGIN = 1e-6, 0.02, 1e-3, 0.05
 #: tangent planes are set where the last path is nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 40.0, 60.0
 #: how often planes are added at most
@@ -82,8 +82,12 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     best = margins.argmax(axis=0)
     chosen = choose(margins.max(axis=0), needed, prices)
     periods = np.arange(0, problem.num_controls, stride)
-    demands = [(problem.normals[best[j], :, j], int(best[j]), problem.radius + SIGHT_MARGIN) for j in chosen]
-    bars = list(_bars(problem, path, {int(best[j]) for j in chosen}))
+    asked = [(int(best[j]), sight_demands(problem, path, int(best[j]), int(j))) for j in chosen]
+    # those of tangents to what is curved must do with planes a little inside
+    margin = SIGHT_MARGIN if problem.is_flat else CURVED_MARGIN
+    demands = [(direction, k, least + margin) for k, ((direction, least), *_) in asked]
+    bars = [(direction, k, least + margin) for k, (_, *others) in asked for direction, least in others]
+    bars += _bars(problem, path, {int(best[j]) for j in chosen})
     for _ in range(CUT_ROUNDS):
         done = _solve(problem, [*demands, *bars], periods)
         cuts = list(_far_planes(problem, path_of(problem, done.forces), 0.0))

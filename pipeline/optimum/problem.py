@@ -4,7 +4,9 @@ The Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + 
 The paper's first condition of view, ``p . r >= d_c |p|``, is linear in the position r as well: a point is
 seen from beyond its tangent plane. Its second one, the cone of the camera, holds for every point above the
 horizon once the deputy is at least ``d_s/sin(beta - e)`` away, where e is by how much the camera misses the
-chief. The Sun moves by itself, so what is lit when is known.
+chief. The Sun moves by itself, so what is lit when is known. A greatest incidence or range bends the tangent
+plane into a cone or a sphere, of which a step takes the tangent again; what parts of a mesh hide, and where
+the Sun blinds the camera, is known along a path.
 """
 
 from dataclasses import dataclass, replace
@@ -12,14 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.flight.cases import starts_of
 from pipeline.flight.controller import open_loop
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.simulation import fly_logged, lit_at_samples
 from pipeline.flight.world import pack_world
-from pipeline.physics.illumination import sun_angle
+from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import free_path, repeated
+from pipeline.physics.occlusion import Occlusion, note_free_along
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.sight import is_lit
+from pipeline.physics.sight import NORMAL
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -40,10 +44,20 @@ class Problem:
         Positions without force, m, Hill axes.
     gain : (K+1, 3, 3)
         What 1 N held over a period adds to the position m samples after the period began, m/N.
-    normals : (K+1, 3, P)
-        Unit vectors to the points, Hill axes.
+    points, normals : (K+1, 3, P)
+        m, and unit vectors out of the surface there, Hill axes.
+    heights : (P,)
+        Of the points' tangent planes over the chief's centre, m.
     radius : float
-        Of the sphere of points, m.
+        Of the sphere that all points lie in, m.
+    cos_incidence, max_range : float
+        Of the greatest incidence; the greatest range, m, infinite for none.
+    most_sunward : float
+        Cosine between boresight and Sun beyond which the camera is blind.
+    suns : (K+1, 3)
+        Unit vectors towards the Sun, Hill axes.
+    occlusion, chief_axes : Occlusion, (K+1, 3, 3)
+        What parts of the chief hide, and its axes.
     is_lit : (K+1, P) bool
     sight : (K+1,)
         Distance from which on the camera holds all that is above the horizon, m; infinite where it looks
@@ -56,8 +70,16 @@ class Problem:
     scenario: Scenario
     free: Floats
     gain: Floats
+    points: Floats
     normals: Floats
+    heights: Floats
     radius: float
+    cos_incidence: float
+    max_range: float
+    most_sunward: float
+    suns: Floats
+    occlusion: Occlusion
+    chief_axes: Floats
     is_lit: NDArray[np.bool_]
     sight: Floats
     delta_v_per_force: float
@@ -72,6 +94,11 @@ class Problem:
         """Points on the chief, P."""
         return int(self.normals.shape[2])
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether a point is seen from all beyond a plane, with no greatest incidence or range."""
+        return self.cos_incidence == 0.0 and self.max_range == np.inf
+
 
 def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     """Set up a case; the camera is supposed to point as it does in a flight without force."""
@@ -82,17 +109,29 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     gain = np.zeros((num_controls + 1, 3, 3))
     gain[1:] = repeated(world.motion, num_controls).control[:, :3]
     times = np.arange(num_controls + 1) * world.control_period
-    angles = np.array([sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times])
-    points = np.broadcast_to(world.points[:, :, : world.num_points], (num_controls + 1, 3, world.num_points))
-    sun_x, sun_y = np.cos(angles)[:, np.newaxis], np.sin(angles)[:, np.newaxis]
+    angles = [sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times.tolist()]
+    shape, num_points = (num_controls + 1, 3, world.num_points), world.num_points
+    points = np.ascontiguousarray(np.broadcast_to(world.points[:, :, :num_points], shape))
+    is_sphere, optics = mission.chief.shape == "sphere", world.optics
+    normals = np.broadcast_to(optics.surface[:, NORMAL : NORMAL + 3, :num_points], shape)
+    if not is_sphere:
+        radius = float(np.linalg.norm(points[0], axis=0).max())
     problem = Problem(
         mission=mission,
         scenario=scenario,
         free=free,
         gain=gain,
-        normals=np.ascontiguousarray(points) / radius,
+        points=points,
+        normals=points / radius if is_sphere else np.ascontiguousarray(normals),
+        heights=np.full(num_points, radius) if is_sphere else np.sum(points[0] * normals[0], axis=0),
         radius=radius,
-        is_lit=np.ascontiguousarray(is_lit(world.sight, points[:, 0], points[:, 1], sun_x, sun_y)),
+        cos_incidence=float(np.sqrt(optics.incidence_squared)),
+        max_range=float(np.sqrt(optics.range_squared)),
+        most_sunward=optics.most_sunward,
+        suns=np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles]),
+        occlusion=optics.occlusion,
+        chief_axes=optics.chief_axes,
+        is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),
         delta_v_per_force=world.control_period * world.acceleration_per_force,
     )
@@ -121,20 +160,50 @@ def seen_as(problem: Problem, log: FlightLog) -> Problem:
     left = np.radians(problem.mission.sensor.half_angle_deg) - (1.0 + ERROR_SHARE) * error
     # a camera that has less than a tenth of a degree left sees nothing to count on
     is_useful = left > np.radians(0.1)
-    sight = np.where(is_useful, problem.radius / np.sin(np.where(is_useful, left, 1.0)), np.inf)
+    # a field of view of a right angle and more holds all that is above the horizon
+    angle = np.minimum(np.where(is_useful, left, 1.0), 0.5 * np.pi)
+    sight = np.where(is_useful, problem.radius / np.sin(angle), np.inf)
     return replace(problem, sight=sight)
 
 
 def margins_along(problem: Problem, path: Floats) -> Floats:
     """Return by how much each point is seen at each sample, m: below zero it is not, -inf in the dark.
 
-    It is the lesser of the height over the point's tangent plane and the distance beyond `sight`.
+    It is the least of the height over the point's tangent plane, or over the cone of the greatest incidence,
+    of what is left to the greatest range, and of the distance beyond `sight`.
 
     Returns
     -------
     (K+1, P) array
     """
-    height = np.einsum("ka,kaj->kj", path, problem.normals) - problem.radius
-    beyond = np.linalg.norm(path, axis=1) - problem.sight
-    margins: Floats = np.where(problem.is_lit, np.minimum(height, beyond[:, np.newaxis]), -np.inf)
+    height = np.einsum("ka,kaj->kj", path, problem.normals) - problem.heights
+    distance = np.linalg.norm(path, axis=1)
+    least = np.minimum(height, (distance - problem.sight)[:, np.newaxis])
+    if not problem.is_flat:
+        apart = np.linalg.norm(path[:, :, np.newaxis] - problem.points, axis=1)
+        least = np.minimum(least, height - problem.cos_incidence * apart)
+        least = np.minimum(least, problem.max_range - apart)
+    is_granted = problem.is_lit.copy()
+    is_granted &= (-np.sum(path * problem.suns, axis=1) <= problem.most_sunward * distance)[:, np.newaxis]
+    if problem.occlusion.edge:
+        note_free_along(problem.occlusion, problem.chief_axes, path, problem.points, is_granted)
+    margins: Floats = np.where(is_granted, least, -np.inf)
     return margins
+
+
+def sight_demands(problem: Problem, path: Floats, k: int, point: int) -> list[tuple[Floats, float]]:
+    """Return what seeing a point from near a path's place asks of a position r: directions d, ``d . r >= b``.
+
+    First the height, or the tangent of the incidence's cone; then that of the range's sphere, where there is
+    one. Both lie outside of what they are tangents of.
+    """
+    normal, at = problem.normals[k, :, point], problem.points[k, :, point]
+    if problem.is_flat:
+        return [(normal, float(problem.heights[point]))]
+    apart = path[k] - at
+    towards = apart / np.linalg.norm(apart)
+    steep = normal - problem.cos_incidence * towards
+    demands = [(steep, float(steep @ at))]
+    if problem.max_range < np.inf:
+        demands.append((-towards, float(-towards @ at) - problem.max_range))
+    return demands

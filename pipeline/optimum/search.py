@@ -37,7 +37,10 @@ def price_burns(
     normals: Floats,
     is_lit: NDArray[np.bool_],
     sight: Floats,
-    radius: float,
+    heights: Floats,
+    points: Floats,
+    cos_incidence: float,
+    max_range: float,
     limits: tuple[float, float],
     delta_v_per_force: float,
     costs: Floats,
@@ -50,7 +53,7 @@ def price_burns(
         Forces in N, burn by burn, then the samples of all burns but the first; a plan a column.
     num_burns, needed : int
         Burns, and points to be seen.
-    free, gain, normals, is_lit, sight, radius, delta_v_per_force
+    free, gain, normals, is_lit, sight, heights, points, cos_incidence, max_range, delta_v_per_force
         Of the `Problem`.
     limits : (float, float)
         Of the distance, m.
@@ -59,6 +62,7 @@ def price_burns(
     """
     num_samples, num_points = len(free), normals.shape[2]
     path, best = np.empty((num_samples, 3)), np.empty(num_points)
+    is_flat = cos_incidence == 0.0 and max_range == np.inf
     for plan in range(genes.shape[1]):
         path[:] = free
         spent = 0.0
@@ -81,7 +85,11 @@ def price_burns(
             if beyond < NEVER:
                 continue
             for j in range(num_points):
-                height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - radius
+                height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
+                if not is_flat and is_lit[k, j]:
+                    dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
+                    apart = np.sqrt(dx * dx + dy * dy + dz * dz)
+                    height = min(height - cos_incidence * apart, max_range - apart)
                 seen = min(height, beyond) if is_lit[k, j] else NEVER
                 best[j] = max(best[j], seen)
         short = 0.0
@@ -128,7 +136,10 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
             problem.normals,
             problem.is_lit,
             problem.sight,
-            problem.radius,
+            problem.heights,
+            problem.points,
+            problem.cos_incidence,
+            problem.max_range,
             (deputy.min_distance_m, deputy.max_distance_m),
             problem.delta_v_per_force,
             costs,

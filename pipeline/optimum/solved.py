@@ -1,8 +1,8 @@
 """Cases whose minimum-fuel plans are known: those that ship, or those of a run of the stage optimum."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,20 @@ from numpy.typing import NDArray
 from pipeline.flight.log import Scenario
 from pipeline.flight.starts import starts_in
 from pipeline.run import artifacts, tables
-from pipeline.settings.experiment import SHIPPED, Experiment, Mission
+from pipeline.settings.experiment import SHIPPED, Experiment, Mission, Sun
 
 Column = NDArray[Any]
 Floats = NDArray[np.float64]
 
-#: the folders that ship, laid out like those of runs
+#: groups of the mission that a plan of least fuel depends on
+GROUPS = ("orbit", "deputy", "chief", "sensor", "light", "attitude")
+
+#: the folders that ship, laid out like those of runs: plans for 95 points, and for more of the same starts
 SHIPPED_FOLDERS = {sun: Path(__file__).parent / "shipped" / f"{sun}_sun" for sun in ("fixed", "random")}
+HARDER_FOLDERS = {
+    sun: [folder.with_name(f"{folder.name}_{points}") for points in (98, 99)]
+    for sun, folder in SHIPPED_FOLDERS.items()
+}
 
 
 class IncomparableError(ValueError):
@@ -39,12 +46,15 @@ class Solved:
         Case, time (s) and force (N, Hill axes) of every control period with a force.
     summary : mapping
         What ``optimum/summary.json`` holds.
+    harder : sequence of such columns
+        Of plans for more points from the same starts, ascending; only with those that ship.
     """
 
     folder: Path
     cases: Mapping[str, Column]
     fired: Floats
     summary: Mapping[str, Any]
+    harder: Sequence[Mapping[str, Column]] = ()
 
     @property
     def scenarios(self) -> list[Scenario]:
@@ -66,9 +76,7 @@ def terms_of(mission: Mission) -> dict[str, Any]:
     that counts as a success.
     """
     terms = {
-        f"{group}.{key}": value
-        for group in ("orbit", "deputy", "chief", "sensor", "attitude")
-        for key, value in asdict(getattr(mission, group)).items()
+        f"{group}.{key}": value for group in GROUPS for key, value in asdict(getattr(mission, group)).items()
     }
     for key in ("deputy.initial_position_m", "deputy.initial_velocity_m_s"):
         del terms[key]
@@ -76,6 +84,16 @@ def terms_of(mission: Mission) -> dict[str, Any]:
         terms[key] = getattr(mission, key)
     plain: dict[str, Any] = json.loads(json.dumps(terms))
     return plain
+
+
+def _without_choice(mission: Mission) -> dict[str, Any]:
+    """Return the terms that settings have where none is given: those of the paper."""
+    return {
+        f"{group}.{field.name}": field.default
+        for group in GROUPS
+        for field in fields(type(getattr(mission, group)))
+        if field.default is not MISSING
+    }
 
 
 def read_solved(folder: Path) -> Solved:
@@ -115,11 +133,17 @@ def solved_for(experiment: Experiment) -> Solved:
         raise IncomparableError("optimum.reference is null")
     if reference == SHIPPED and sun.mode not in SHIPPED_FOLDERS:
         raise IncomparableError(f"sun.mode is {sun.mode}; plans ship for sun=fixed and sun=random")
-    solved = read_solved(SHIPPED_FOLDERS[sun.mode] if reference == SHIPPED else Path(reference))
+    if reference == SHIPPED:
+        harder = [read_solved(folder).cases for folder in HARDER_FOLDERS[sun.mode]]
+        solved = replace(read_solved(SHIPPED_FOLDERS[sun.mode]), harder=harder)
+    else:
+        solved = read_solved(Path(reference))
     theirs, ours = solved.summary.get("mission"), terms_of(experiment.mission)
     their_sun, angles = solved.summary.get("sun"), solved.cases["sun_angle_rad"]
     if not isinstance(theirs, dict) or not len(solved.cases["case"]):
         raise IncomparableError(f"{solved.folder} does not say of which mission its plans are, or has none")
+    # plans of earlier versions do not name what was then the paper's without choice
+    theirs = _without_choice(experiment.mission) | theirs
     differing = [key for key in ours if ours[key] != theirs.get(key)]
     if differing:
         key = differing[0]
@@ -128,4 +152,15 @@ def solved_for(experiment: Experiment) -> Solved:
         raise IncomparableError(f"sun.mode is {sun.mode} here, and {their_sun} in the plans' cases")
     if sun.mode == "fixed" and not np.allclose(angles, np.radians(sun.angle_deg), rtol=0.0, atol=1e-9):
         raise IncomparableError(f"sun.angle_deg is {sun.angle_deg:g} here, and another in the plans' cases")
+    low, high = _elevations(sun)
+    elevations = np.degrees(solved.cases.get("sun_elevation_rad", np.zeros(len(angles))))
+    if np.any(elevations < low - 1e-9) or np.any(elevations > high + 1e-9):
+        raise IncomparableError("the Sun has other elevations here than in the plans' cases")
     return solved
+
+
+def _elevations(sun: Sun) -> tuple[float, float]:
+    """Return the least and the greatest elevation of a Sun, deg."""
+    if sun.mode == "random" and sun.elevation_range_deg is not None:
+        return sun.elevation_range_deg[0], sun.elevation_range_deg[1]
+    return sun.elevation_deg, sun.elevation_deg

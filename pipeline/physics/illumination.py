@@ -1,6 +1,6 @@
-"""Where the Sun is, and what it lights (Choi, Kim and Leeghim, AAS 25-727)."""
+"""Where the Sun is, what it lights (Choi, Kim and Leeghim, AAS 25-727), and when the Earth hides it."""
 
-from math import cos, sin
+from math import acos, asin, cos, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from pipeline.physics.vectors import dot
 Floats = NDArray[np.float64]
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
+SUN_RADIUS_M, EARTH_RADIUS_M = 695_700_000.0, 6_378_137.0
+EARTH_GRAVITY_M3_S2 = 3.986004418e14
 
 
 @compiled
@@ -20,9 +22,78 @@ def sun_angle(initial_sun_angle: float, mean_motion: float, time: float) -> floa
 
 
 @compiled
-def sun_direction_h(angle: float) -> Floats:
-    """Return the unit vector towards the Sun, shape (3,), Hill axes, for its angle in rad."""
-    return np.array([cos(angle), sin(angle), 0.0])
+def sun_direction_h(angle: float, elevation: float = 0.0) -> Floats:
+    """Return the unit vector towards the Sun, shape (3,), Hill axes.
+
+    Parameters
+    ----------
+    angle : float
+        In the orbit plane from i towards j, rad.
+    elevation : float
+        Over the orbit plane towards k, rad: the angle beta of orbital mechanics.
+    """
+    return np.array([cos(elevation) * cos(angle), cos(elevation) * sin(angle), sin(elevation)])
+
+
+def orbit_radius(mean_motion: float) -> float:
+    """Return the radius of the circular orbit about the Earth with a mean motion in rad/s, m (Kepler)."""
+    return float((EARTH_GRAVITY_M3_S2 / mean_motion**2) ** (1.0 / 3.0))
+
+
+@compiled
+def visible_share(sun_h: Floats, orbit_radius: float) -> float:
+    """Return the share of the Sun's disc that the Earth leaves visible from the chief, 0 to 1.
+
+    Two circles in the sky: the Sun's about its direction, the Earth's about -i (O. Montenbruck and E. Gill,
+    Satellite Orbits, 2000, section 3.4.2). Both bodies are spheres, the Sun is one astronomical unit away.
+
+    Parameters
+    ----------
+    sun_h : array, shape (3,)
+        Unit vector towards the Sun, Hill axes.
+    orbit_radius : float
+        Of the chief's orbit, greater than the Earth's radius, m.
+    """
+    sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / orbit_radius)
+    apart = acos(max(-1.0, min(1.0, -sun_h[0])))
+    if apart >= sun + earth:
+        return 1.0
+    if apart <= abs(earth - sun):
+        return 0.0 if earth >= sun else 1.0 - (earth / sun) ** 2
+    along = (apart * apart + sun * sun - earth * earth) / (2.0 * apart)
+    across = sqrt(max(0.0, sun * sun - along * along))
+    hidden = sun * sun * acos(max(-1.0, min(1.0, along / sun)))
+    hidden += earth * earth * acos(max(-1.0, min(1.0, (apart - along) / earth))) - apart * across
+    return min(1.0, max(0.0, 1.0 - hidden / (pi * sun * sun)))
+
+
+def least_sun_height(orbit_radius: float, min_share: float) -> float:
+    """Return how high the Sun must stand for a share of its disc to be visible, as the cosine to zenith.
+
+    The Sun's disc comes out from behind the Earth the more the higher it stands over the chief's horizon, so
+    that one number tells light from shadow; found by bisection of `visible_share`.
+
+    Parameters
+    ----------
+    orbit_radius : float
+        m.
+    min_share : float
+        0 to 1; with 0 there is no shadow.
+
+    Returns
+    -------
+    float
+        Least component of the Sun's direction along i; -2, which it always exceeds, without a shadow.
+    """
+    if visible_share(np.array([-1.0, 0.0, 0.0]), orbit_radius) >= min_share:
+        return -2.0
+    dark, lit = pi, 0.5 * pi
+    while True:  # to the last bit
+        middle = 0.5 * (dark + lit)
+        if middle in (dark, lit):
+            return cos(lit)
+        share = visible_share(np.array([cos(middle), sin(middle), 0.0]), orbit_radius)
+        dark, lit = (dark, middle) if share >= min_share else (middle, lit)
 
 
 @compiled

@@ -7,10 +7,17 @@ The conditions are those of `pipeline.physics.illumination.is_illuminated` and
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Mask, Vector
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
+from pipeline.physics.occlusion import Occlusion
+
+Floats = NDArray[np.float64]
+
+#: rows of `Optics.surface`: the unit normal out of the surface, ``n . p``, and ``|p|^2``
+NORMAL, HEIGHT, SQUARE, NUM_SURFACE = 0, 3, 4, 5
 
 
 class Sight(NamedTuple):
@@ -61,3 +68,60 @@ def fits_from(sight: Sight) -> float:
     The camera looks at its centre: ``sin(half angle) >= radius / distance``.
     """
     return sight.horizon / (1.0 - sight.cos_squared)
+
+
+class Optics(NamedTuple):
+    """What sight depends on besides in a world whose light or camera are not the paper's.
+
+    Attributes
+    ----------
+    least_height : float
+        Component of the Sun's direction along i that it must exceed; lower it is in the Earth's shadow.
+    cos_squared : float
+        ``c |c|`` of the cosine c of the field of view's half angle, up to 180 deg.
+    incidence_squared : float
+        Of the cosine of the greatest angle between a point's normal and the direction to the deputy.
+    range_squared : float
+        Of the greatest range, m^2; infinite for none.
+    most_sunward : float
+        Cosine between boresight and Sun beyond which the camera is blind; infinite for none.
+    surface : (K+1 or 1, NUM_SURFACE, P padded)
+        What the points lie on, Hill axes, m; zeros where there is no point.
+    occlusion : Occlusion
+        What parts of the chief hide of one another, in chief axes; empty on a sphere.
+    chief_axes : (K+1 or 1, 3, 3)
+        From Hill to chief.
+    """
+
+    least_height: float
+    cos_squared: float
+    incidence_squared: float
+    range_squared: float
+    most_sunward: float
+    surface: Floats
+    occlusion: Occlusion
+    chief_axes: Floats
+
+
+@compiled(inline="always")
+def sunlight(
+    optics: Optics, sun_x: float, sun_y: float, cos_elevation: float, sin_elevation: float
+) -> tuple[float, float, float]:
+    """Return the direction to the Sun, Hill axes, from that of its angle in the plane; zeros in shadow."""
+    x = cos_elevation * sun_x
+    shines = 1.0 if x >= optics.least_height else 0.0
+    return shines * x, shines * cos_elevation * sun_y, shines * sin_elevation
+
+
+@compiled(inline="always")
+def is_sunlit(along_sun: Vector, height: Vector) -> Mask:
+    """Tell which points the Sun is above the tangent plane of, by ``n . s`` and ``n . p``."""
+    return along_sun > height * (1.0 / ASTRONOMICAL_UNIT_M)
+
+
+@compiled(inline="always")
+def is_resolved(optics: Optics, above: Vector, towards: Vector, squared: Vector) -> Mask:
+    """Tell which points a camera resolves, by the height ``n . (r - p)``, ``(p - r) . b``, ``|p - r|^2``."""
+    is_facing_it = (above >= 0.0) & (above * above >= optics.incidence_squared * squared)
+    is_in_field = towards * abs(towards) >= optics.cos_squared * squared
+    return is_facing_it & is_in_field & (squared <= optics.range_squared)

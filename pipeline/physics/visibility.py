@@ -1,5 +1,7 @@
 """What the deputy's camera sees of the chief (Choi, Kim and Leeghim, AAS 25-727)."""
 
+from math import inf
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,3 +40,39 @@ def is_in_view(
         return False
     line_of_sight = point_h - position_h
     return bool(dot(line_of_sight, boresight_h) >= cos_half_angle * norm(line_of_sight))
+
+
+@compiled
+def is_resolved(
+    point_h: Floats,
+    normal_h: Floats,
+    position_h: Floats,
+    boresight_h: Floats,
+    sun_h: Floats,
+    cos_max_incidence: float,
+    max_range: float,
+    cos_min_sun_angle: float,
+) -> bool:
+    """Tell whether a camera resolves a point in its view: near, not too obliquely, and not blinded.
+
+    Parameters
+    ----------
+    point_h, position_h : array, shape (3,)
+        The point and the deputy, m, Hill axes.
+    normal_h : array, shape (3,)
+        Unit vector out of the surface at the point, Hill axes.
+    boresight_h, sun_h : array, shape (3,)
+        Unit vectors along which the camera looks, and towards the Sun, Hill axes.
+    cos_max_incidence : float
+        Of the greatest angle between the normal and the direction to the deputy.
+    max_range : float
+        m; infinite for none.
+    cos_min_sun_angle : float
+        Of the least angle between boresight and Sun; 1 for none.
+    """
+    line_of_sight = point_h - position_h
+    distance = norm(line_of_sight)
+    is_near = distance <= max_range
+    is_steep = -dot(normal_h, line_of_sight) >= cos_max_incidence * distance
+    blinded = dot(boresight_h, sun_h) > (inf if cos_min_sun_angle == 1.0 else cos_min_sun_angle)
+    return bool(is_near and is_steep and not blinded)

@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.thrust import ThrustLogic
-from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, FlightLog, points_needed
+from pipeline.flight.log import (
+    KEEP_IN,
+    KEEP_OUT,
+    PASSIVE_SAFETY,
+    SPEED,
+    FlightLog,
+    inspectable_rate,
+    points_in_words,
+    points_needed,
+)
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -83,23 +92,25 @@ def _rehearsal(mission: Mission, log: FlightLog, num_rehearsed: int) -> Iterator
 def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
     """Say when enough points were inspected, and when all were."""
     count = log.is_inspected.sum(axis=1)
-    num_points = log.is_inspected.shape[1]
+    inspectable = int(log.is_inspectable.sum())
     threshold = mission.inspection_threshold_percent
-    enough = np.flatnonzero(count >= points_needed(num_points, threshold))
+    enough = np.flatnonzero(count >= points_needed(inspectable, threshold))
     if enough.size:
         sample = int(enough[0])
         yield Event(
             sample,
             "info",
-            f"{threshold:g} % reached: {count[sample]} of {num_points} points inspected, delta-v "
+            f"{threshold:g} % reached: {points_in_words(log, sample)} inspected, delta-v "
             f"{log.delta_v_m_s[sample]:.3f} m/s",
         )
-    complete = np.flatnonzero(count == num_points)
+    complete = np.flatnonzero(count == inspectable)
     if complete.size:
         sample = int(complete[0])
         later = log.force_hill_n[sample:]
         then = "; no force from here on" if len(later) and not later.any() else ""
-        yield Event(sample, "info", f"complete: all {num_points} points inspected{then}")
+        num_points = len(log.is_inspectable)
+        those = "points" if inspectable == num_points else f"points that can be inspected, of {num_points},"
+        yield Event(sample, "info", f"complete: all {inspectable} {those} inspected{then}")
 
 
 def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[Event]:
@@ -180,16 +191,16 @@ def _summary(mission: Mission, log: FlightLog) -> Event:
     if num_outside:
         inside = f"outside the limits at {num_outside} of {len(distance) - 1} samples"
     reach = f"{distance.min():.1f} to {distance.max():.1f} m from the chief"
-    count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
+    count, inspectable = int(log.is_inspected[-1].sum()), int(log.is_inspectable.sum())
     acted = np.count_nonzero(log.safety_limit)
     if acted:
         changed = _delta_v(mission, log.safety_force_hill_n)
         inside += f", safety layer acted in {acted} periods ({changed:.4f} m/s)"
-    is_success = count >= points_needed(num_points, mission.inspection_threshold_percent)
+    is_success = count >= points_needed(inspectable, mission.inspection_threshold_percent)
     return Event(
         len(distance) - 1,
         "info" if is_success and not num_outside else "warning",
-        f"end: {count} of {num_points} points inspected ({100.0 * count / num_points:.2f} %), delta-v "
+        f"end: {points_in_words(log)} inspected ({inspectable_rate(count, inspectable):.2f} %), delta-v "
         f"{log.delta_v_m_s[-1]:.3f} m/s, {reach}, {inside}",
     )
 

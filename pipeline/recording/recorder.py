@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import shapley
-from fis_tools.engines.compiled import compiled
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
@@ -22,18 +21,20 @@ from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.navigation import errors_of, filter_of
+from pipeline.flight.reference.sight import lit_points, seen_points
+from pipeline.flight.reference.world import world_of
 from pipeline.flight.signals import CONSTANTS
-from pipeline.flight.world import inspection_points
-from pipeline.physics.illumination import is_illuminated, sun_direction_h
+from pipeline.flight.surface import surface_of
+from pipeline.physics.illumination import sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.vectors import transposed_times
-from pipeline.physics.visibility import is_in_view
 from pipeline.recording.events import Event, events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
 from telemetry.file.topics import (
+    CHIEF_ATTACHMENT,
     CONSTANTS_METADATA,
     EPISODE_METADATA,
     FIS_METADATA_PREFIX,
@@ -97,10 +98,14 @@ class FlightRecorder:
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
         if meanings:
             self._systems[CONSTANTS_METADATA] = meanings
-        self._points = inspection_points(mission)
+        surface = surface_of(mission)
+        self._points = surface.points
+        if len(surface.corners):
+            self._attachments[CHIEF_ATTACHMENT] = stl_of(surface.corners)
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64
         )
+        self._is_noisy = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._numbers = packed(controller)
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))
@@ -126,7 +131,7 @@ class FlightRecorder:
         """
         metadata = {EPISODE_METADATA: self._episode(scenario, scenario_id), **self._systems}
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
-            self._write(writer, log)
+            self._write(writer, scenario, log)
 
     def _episode(self, scenario: Scenario, scenario_id: str) -> dict[str, str]:
         mission = self._mission
@@ -135,7 +140,9 @@ class FlightRecorder:
             seed=self._seed,
             position_m=tuple(scenario.position_m.tolist()),
             velocity_m_s=tuple(scenario.velocity_m_s.tolist()),
+            noise=scenario.noise if self._is_noisy else None,
             sun_angle_rad=float(scenario.sun_angle_rad),
+            sun_elevation_rad=float(scenario.sun_elevation_rad),
             product_version=self._product_version,
             config_hash=self._config_hash,
             min_distance_m=mission.deputy.min_distance_m,
@@ -152,13 +159,14 @@ class FlightRecorder:
             "num_points": json.dumps(len(self._points)),
         }
 
-    def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:
+    def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:
         """Write the samples one after the other."""
         period = self._mission.control_period_s
-        states = point_states(self._mission, self._points, log)
+        states = point_states(self._mission, log)
         target_directions = directions(log.target_m)
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
+        fixes = self._fixes(scenario, log)
         words: dict[int, list[Event]] = {}
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed):
             words.setdefault(event.sample, []).append(event)
@@ -166,6 +174,10 @@ class FlightRecorder:
             time_s = k * period
             _write_state(writer, time_s, log, k)
             writer.points(time_s, self._points, states[k])
+            if self._mission.navigation.mode == "fixes":
+                deviation = np.sqrt(np.diag(log.estimate_covariance[k]))
+                age = self._mission.navigation.delay_s
+                writer.navigation(time_s, log.estimate[k], deviation, fixes[k], age)
             writer.guidance(
                 time_s,
                 int(log.num_candidates[k]),
@@ -179,6 +191,9 @@ class FlightRecorder:
                 distance_m=float(distances[k]),
                 inspected_mask=log.is_inspected[k],
                 delta_v_m_s=float(log.delta_v_m_s[k]),
+                sun_elevation_rad=float(log.sun_elevation_rad[k]),
+                sun_hidden_share=1.0 - float(log.visible_sun_share[k]),
+                inspectable_count=int(log.is_inspectable.sum()),
             )
             if k < len(log.force_hill_n):
                 _write_control(writer, time_s, log, k, self._attitude_offsets)
@@ -186,6 +201,17 @@ class FlightRecorder:
                     writer.fis(time_s, *inference)
             for event in words.get(k, ()):
                 writer.log(time_s, event.level, event.text)
+
+    def _fixes(self, scenario: Scenario, log: FlightLog) -> Floats:
+        """Return the fix that comes into use at each sample, m, Hill axes, shape (K+1, 3); NaN for none."""
+        fixes = np.full(log.position_m.shape, np.nan)
+        if self._mission.navigation.mode == "fixes":
+            law = filter_of(self._mission)
+            measured = log.position_m[:: law.stride].copy()
+            measured += errors_of(self._mission.navigation, [scenario], len(measured)).of_fixes[0]
+            used = np.arange(law.delay, len(fixes), law.stride)
+            fixes[used] = measured[: len(used)]
+        return fixes
 
     def _inferences(self, log: FlightLog) -> dict[int, list[Inference]]:
         """Return the inferences of each sample at which they decided the force."""
@@ -225,6 +251,15 @@ def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int,
     )
 
 
+def stl_of(corners: Floats) -> bytes:
+    """Return triangles, shape (T, 3, 3), as a binary STL file; its readers work out the normals."""
+    rows = np.zeros(
+        len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    )
+    rows["corners"] = corners
+    return b" " * 80 + np.uint32(len(rows)).tobytes() + rows.tobytes()
+
+
 def describe(system: FuzzySystem) -> FisDescription:
     """Say what the numbers of a system's topic mean."""
     output = system.outputs[0]
@@ -261,14 +296,12 @@ def directions(vectors: Floats) -> Floats:
     return found
 
 
-def point_states(mission: Mission, points_c: Floats, log: FlightLog) -> States:
+def point_states(mission: Mission, log: FlightLog) -> States:
     """Tell what has become of each inspection point at each sample.
 
     Parameters
     ----------
     mission : Mission
-    points_c : (P, 3)
-        Chief axes, m.
     log : FlightLog
 
     Returns
@@ -277,42 +310,15 @@ def point_states(mission: Mission, points_c: Floats, log: FlightLog) -> States:
         A `telemetry.file.topics.PointState`, the first that applies of inspected, in view but dark, lit,
         dark.
     """
-    return _point_states(
-        points_c,
-        log.position_m,
-        log.quaternion_b_from_h,
-        log.quaternion_c_from_h,
-        log.sun_angle_rad,
-        log.is_inspected,
-        np.array(mission.sensor.boresight, dtype=np.float64),
-        math.cos(math.radians(mission.sensor.half_angle_deg)),
-        float(mission.chief.inspection_radius_m),
-    )
-
-
-@compiled
-def _point_states(
-    points_c: Floats,
-    position_h: Floats,
-    quaternion_b_from_h: Floats,
-    quaternion_c_from_h: Floats,
-    sun_angle: Floats,
-    is_inspected: NDArray[np.bool_],
-    boresight_b: Floats,
-    cos_half_angle: float,
-    radius: float,
-) -> States:
-    states = np.full(is_inspected.shape, DARK, dtype=np.int64)
-    for k in range(is_inspected.shape[0]):
-        boresight_h = transposed_times(dcm_b_from_h(quaternion_b_from_h[k]), boresight_b)
-        dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h[k])
-        sun_h = sun_direction_h(sun_angle[k])
-        for j in range(is_inspected.shape[1]):
-            point_h = transposed_times(dcm_c_from_h, points_c[j])
-            if is_inspected[k, j]:
-                states[k, j] = INSPECTED
-            elif is_illuminated(point_h, sun_h):
-                states[k, j] = LIT
-            elif is_in_view(point_h, position_h[k], boresight_h, cos_half_angle, radius):
-                states[k, j] = IN_VIEW_BUT_DARK
+    world, states = world_of(mission), np.full(log.is_inspected.shape, DARK, dtype=np.int64)
+    boresight_b = np.array(mission.sensor.boresight, dtype=np.float64)
+    for k in range(len(states)):
+        boresight_h = dcm_b_from_h(log.quaternion_b_from_h[k]).T @ boresight_b
+        sun_h = sun_direction_h(float(log.sun_angle_rad[k]), float(log.sun_elevation_rad[k]))
+        quaternion_c, is_dark = log.quaternion_c_from_h[k], ~log.is_inspected[k]
+        is_lit = lit_points(world, quaternion_c, sun_h) & is_dark
+        is_seen = seen_points(world, quaternion_c, log.position_m[k], boresight_h, sun_h, is_dark & ~is_lit)
+        states[k, log.is_inspected[k]] = INSPECTED
+        states[k, is_lit] = LIT
+        states[k, is_seen] = IN_VIEW_BUT_DARK
     return states

@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -108,7 +108,19 @@ def _start_of(recording: Recording) -> Scenario:
         raise RecordingError(
             f"{recording.path} does not tell from where it was flown; it cannot be flown again"
         )
-    return Scenario(np.array(episode.position_m), np.array(episode.velocity_m_s), episode.sun_angle_rad)
+    return Scenario(
+        np.array(episode.position_m),
+        np.array(episode.velocity_m_s),
+        episode.sun_angle_rad,
+        episode.sun_elevation_rad or 0.0,
+        _noise_of(episode.noise),
+    )
+
+
+def _noise_of(told: Sequence[float] | None) -> tuple[int, int, int]:
+    """Return what a flight's errors were drawn from; recordings of flights without any do not tell."""
+    seed, stage, case = (0, 0, 0) if told is None else map(int, told)
+    return seed, stage, case
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:

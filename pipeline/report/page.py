@@ -12,7 +12,7 @@ from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
 from pipeline.evaluation.published import Reported
-from pipeline.flight.log import points_needed
+from pipeline.flight.log import Scenario, inspectable_rate, points_in_words, points_needed
 from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.comparison_tables import headings, tables_of
 from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight
@@ -133,8 +133,7 @@ def lead(contents: Contents) -> str:
         )
     if contents.shown:
         log = contents.shown[0].log
-        count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
-        return f"{who} inspects {count} of {num_points} points for {log.delta_v_m_s[-1]:.3f} m/s."
+        return f"{who} inspects {points_in_words(log)} for {log.delta_v_m_s[-1]:.3f} m/s."
     if contents.comparison:
         flown = [row for row in contents.comparison if row.source == FLOWN]
         return (
@@ -246,16 +245,16 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
     """Return what is to be known of a flight besides its pictures: names and values."""
     log = flight.log
     counts = log.is_inspected.sum(axis=1)
-    num_points = log.is_inspected.shape[1]
-    needed = points_needed(num_points, mission.inspection_threshold_percent)
+    inspectable = int(log.is_inspectable.sum())
+    needed = points_needed(inspectable, mission.inspection_threshold_percent)
     reached = np.flatnonzero(counts >= needed)
     distances = np.linalg.norm(log.position_m, axis=1)
     start = ", ".join(_signed(component, 2) for component in flight.scenario.position_m)
     return [
         ("start, Hill axes", f"({start}) m"),
-        ("Sun at the start", f"{math.degrees(flight.scenario.sun_angle_rad):.1f}°"),
+        ("Sun at the start", _sun_in_words(flight.scenario)),
         ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
-        ("inspected", f"{counts[-1]} of {num_points} points, {100 * counts[-1] / num_points:.2f} %"),
+        ("inspected", f"{points_in_words(log)}, {inspectable_rate(counts[-1], inspectable):.2f} %"),
         (
             f"{mission.inspection_threshold_percent:g} % reached",
             f"after {reached[0] * mission.control_period_s:g} s" if reached.size else "not in this flight",
@@ -265,6 +264,11 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
             f"{distances.min():.1f} to {distances.max():.1f} m, {distances.mean():.1f} m in the mean",
         ),
     ]
+
+
+def _sun_in_words(scenario: Scenario) -> str:
+    angle, elevation = math.degrees(scenario.sun_angle_rad), math.degrees(scenario.sun_elevation_rad)
+    return f"{angle:.1f}°" + (f", {_signed(elevation, 1)}° over the orbit plane" if elevation else "")
 
 
 def case_rows(training: FlightSet | None) -> list[list[str]]:

@@ -214,7 +214,7 @@ def _pair_sketch(pair: Pair, mission: Mission) -> _Sketch:
 
 def _needed(mission: Mission) -> int:
     """Return the points that make a success."""
-    return points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent)
+    return int(points_needed(len(inspection_points(mission)), mission.inspection_threshold_percent))
 
 
 def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:

@@ -95,6 +95,8 @@ REACHES: Mapping[str, Reach] = {
     "1/s^2": Reach(1e-12, 1e3),
     "N": Reach(1e-9, 1e6),
     "N m": Reach(1e-9, 1e6),
+    "N s": Reach(1e-9, 1e6),
+    "m/s^2": Reach(1e-15, 1e3),
     "deg": Reach(1e-6, 360.0),
     "kg": Reach(1e-3, 1e6),
     "kg m^2": Reach(1e-9, 1e9),

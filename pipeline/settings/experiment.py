@@ -31,12 +31,17 @@ from pipeline.settings.checks import (
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import (
+    IDEAL,
+    PERFECT,
     UNGUARDED,
+    Actuators,
     Attitude,
     Chief,
     Deputy,
     Guidance,
+    Light,
     Mission,
+    Navigation,
     Orbit,
     Safety,
     Sensor,
@@ -46,9 +51,12 @@ from pipeline.settings.nearest import choices_of, did_you_mean
 from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
+    "IDEAL",
+    "PERFECT",
     "SHIPPED",
     "STAGES",
     "UNGUARDED",
+    "Actuators",
     "Assurance",
     "Attitude",
     "Chief",
@@ -57,8 +65,10 @@ __all__ = [
     "Encoding",
     "Experiment",
     "Guidance",
+    "Light",
     "Mission",
     "MonteCarlo",
+    "Navigation",
     "Optimizer",
     "Optimum",
     "Orbit",
@@ -106,7 +116,9 @@ class Optimum:
         Literal["evaluation", "start"],
         Field(description="those of the evaluation, or the start that the deputy is given"),
     ]
-    points: Annotated[Count, Field(description="to be inspected")]
+    points: Annotated[
+        Count | None, Field(description="to be inspected; None for those that make a success in each case")
+    ]
     restarts: Annotated[Count, Field(description="most beginnings of the global search")]
     burns: Annotated[Whole, Field(ge=2, le=5, description="most of a search, the first at the start")]
     kicks: Annotated[

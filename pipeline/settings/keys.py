@@ -13,6 +13,8 @@ UNITS: Mapping[str, str] = {
     "_kg_m2": "kg m^2",
     "_rad_s": "rad/s",
     "_n_m": "N m",
+    "_n_s": "N s",
+    "_m_s2": "m/s^2",
     "_m_s": "m/s",
     "_per_s": "1/s",
     "_percent": "%",

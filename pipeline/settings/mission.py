@@ -11,10 +11,13 @@ from pipeline.settings.checks import (
     Count,
     Flag,
     Inertia,
+    Interval,
     NotNegative,
     Number,
     Positive,
     SettingError,
+    Share,
+    Text,
     UnitVector,
     Vector,
 )
@@ -37,6 +40,10 @@ class Orbit:
 
     #: the densest planets allow 0.0015 rad/s
     mean_motion_rad_s: Annotated[Positive, Field(le=0.1)]
+    radius_m: Annotated[
+        float | None,
+        Field(gt=0, le=1e9, description="about the Earth's centre, m; None is that of the mean motion"),
+    ] = None
 
 
 @settings("deputy")
@@ -83,6 +90,12 @@ class Chief:
     inspection_radius_m: Annotated[Positive, Field(description="of the sphere of inspection points, m")]
     num_points: Annotated[Count, Field(le=MOST_POINTS)]
     placement: Literal["deserno", "fibonacci"]
+    shape: Annotated[
+        Literal["sphere", "mesh"], Field(description="the points lie on a sphere, or on the faces of a mesh")
+    ] = "sphere"
+    path: Annotated[
+        Text | None, Field(description="of the mesh, an STL or OBJ file in chief axes, m; None ships")
+    ] = None
 
 
 @settings("sensor")
@@ -90,9 +103,26 @@ class Chief:
 class Sensor:
     """The deputy's camera."""
 
-    # visibility compares squared cosines, which tell no angle from its supplement
-    half_angle_deg: Annotated[Positive, Field(le=89.9, description="of the field of view, deg")]
+    half_angle_deg: Annotated[Positive, Field(le=180, description="of the field of view, deg")]
     boresight: Annotated[UnitVector, Field(description="body axes")]
+    max_incidence_deg: Annotated[
+        Positive, Field(le=90, description="between a point's normal and the direction to the deputy, deg")
+    ] = 90.0
+    max_range_m: Annotated[Positive | None, Field(description="from which a point is resolved, m")] = None
+    min_sun_angle_deg: Annotated[
+        NotNegative, Field(le=180, description="between boresight and Sun, deg; nearer the camera is blind")
+    ] = 0.0
+
+
+@settings("light")
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """What takes the sunlight from the chief."""
+
+    shadow: Annotated[Literal["none", "conical"], Field(description="of the Earth")] = "none"
+    min_fraction: Annotated[
+        Share, Field(description="of the Sun's disc, with less of which visible nothing is lit")
+    ] = 0.5
 
 
 @settings("sun")
@@ -102,6 +132,17 @@ class Sun:
 
     mode: Literal["fixed", "random", "mixed"]
     angle_deg: Annotated[Number, Field(description="of the fixed Sun, from +i towards +j, deg")]
+    elevation_deg: Annotated[
+        Number, Field(ge=-90, le=90, description="of the Sun over the orbit plane towards +k, deg")
+    ] = 0.0
+    elevation_range_deg: Annotated[
+        Interval | None, Field(description="from which a Sun that is drawn has its elevation, deg")
+    ] = None
+
+    def __post_init__(self) -> None:
+        """Check that no elevation is beyond the poles."""
+        for elevation in self.elevation_range_deg or ():
+            checks.within("sun.elevation_range_deg", elevation, -90.0, 90.0, "deg")
 
 
 @settings("attitude")
@@ -146,6 +187,63 @@ class Safety:
     ]
 
 
+@settings("navigation")
+@dataclass(frozen=True, kw_only=True)
+class Navigation:
+    """What the deputy knows of its own place: the truth, or what a filter makes of fixes."""
+
+    mode: Literal["perfect", "fixes"]
+    fix_period_s: Positive
+    delay_s: Annotated[NotNegative, Field(description="from a fix to its use, s")]
+    noise_m: Annotated[Positive, Field(description="standard deviation of a fix along each axis, m")]
+    bias_m: Annotated[NotNegative, Field(description="standard deviation of a flight's constant error, m")]
+    outlier_share: Share
+    outlier_m: Annotated[NotNegative, Field(description="standard deviation of an outlier, m")]
+    gate_sigma: Annotated[Positive | None, Field(description="beyond which a fix is not believed")]
+    process_noise_m_s2: Annotated[NotNegative, Field(description="accelerations unknown to the filter")]
+    execution_error: Annotated[NotNegative, Field(le=1, description="share of forces unknown to the filter")]
+    initial_position_m: Annotated[Positive, Field(description="standard deviation at the start, m")]
+    initial_velocity_m_s: Annotated[Positive, Field(description="standard deviation at the start, m/s")]
+
+
+@settings("actuators")
+@dataclass(frozen=True, kw_only=True)
+class Actuators:
+    """How the thrusters depart from what they are told."""
+
+    kind: Literal["ideal", "real"]
+    delay_s: Annotated[NotNegative, Field(description="from a command to its force, s")]
+    scale_error: Annotated[NotNegative, Field(le=1, description="standard deviation, a share")]
+    misalignment_deg: Annotated[NotNegative, Field(le=90, description="standard deviation, deg")]
+    impulse_step_n_s: Annotated[NotNegative, Field(description="of which impulses are multiples, N s")]
+    least_impulse_n_s: Annotated[NotNegative, Field(description="along an axis in a control period, N s")]
+
+
+#: what a deputy knows that knows its place, and thrusters that fire what they are told
+PERFECT = Navigation(
+    mode="perfect",
+    fix_period_s=10.0,
+    delay_s=0.0,
+    noise_m=1.0,
+    bias_m=0.0,
+    outlier_share=0.0,
+    outlier_m=0.0,
+    gate_sigma=None,
+    process_noise_m_s2=0.0,
+    execution_error=0.0,
+    initial_position_m=1.0,
+    initial_velocity_m_s=1.0,
+)
+IDEAL = Actuators(
+    kind="ideal",
+    delay_s=0.0,
+    scale_error=0.0,
+    misalignment_deg=0.0,
+    impulse_step_n_s=0.0,
+    least_impulse_n_s=0.0,
+)
+
+
 #: no layer: forces are applied as a controller asks for them
 UNGUARDED = Safety(
     kind="none",
@@ -160,6 +258,10 @@ UNGUARDED = Safety(
 )
 
 
+#: the paper's: the Sun shines always
+PAPER_LIGHT = Light()
+
+
 @settings("")
 @dataclass(frozen=True, kw_only=True)
 class Mission:
@@ -172,11 +274,14 @@ class Mission:
     attitude: Attitude
     guidance: Guidance
     safety: Safety
+    navigation: Navigation = PERFECT
+    actuators: Actuators = IDEAL
     attitude_period_s: Annotated[Positive, Field(description="between two torques, s")]
     control_period_s: Annotated[Positive, Field(description="between two forces, s")]
     duration_s: Positive
     coast_when_complete: Annotated[Flag, Field(description="whether no force follows the last point")]
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
+    light: Light = PAPER_LIGHT
 
     def __post_init__(self) -> None:
         """Check that the clocks fit into one another, the gains and the safety layer."""
@@ -188,10 +293,30 @@ class Mission:
                 f"makes {self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten "
                 "the first or lengthen the second"
             )
+        self._check_clocks()
         self._check_size()
         self._check_gains()
         if self.safety.kind == "filter":
             self._check_safety()
+
+    def _check_clocks(self) -> None:
+        """Refuse fixes and delays that do not fall on samples."""
+        period, navigation, actuators = self.control_period_s, self.navigation, self.actuators
+        clocks = []
+        if navigation.mode == "fixes":
+            clocks += [
+                ("navigation.fix_period_s", navigation.fix_period_s),
+                ("navigation.delay_s", navigation.delay_s),
+            ]
+        if actuators.kind == "real":
+            clocks.append(("actuators.delay_s", actuators.delay_s))
+        for key, time in clocks:
+            if abs(time / period - round(time / period)) > 1e-9 * max(1.0, time / period):
+                raise SettingError(
+                    f"{key} is {time:g} s and control_period_s {period:g} s; the first must be a multiple of "
+                    f"the second, as {period * max(1, round(time / period)):g} s is"
+                )
+            checks.within(key, time, 0.0, self.duration_s, "s")
 
     def _check_size(self) -> None:
         """Refuse flights of which no log fits into memory, and points that no deputy can be outside of."""

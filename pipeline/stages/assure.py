@@ -216,7 +216,11 @@ class _Worst:
 
 
 def _start(scenario: Scenario) -> dict[str, Any]:
-    return {"position_m": scenario.position_m.tolist(), "sun_angle_rad": float(scenario.sun_angle_rad)}
+    return {
+        "position_m": scenario.position_m.tolist(),
+        "sun_angle_rad": float(scenario.sun_angle_rad),
+        "sun_elevation_rad": float(scenario.sun_elevation_rad),
+    }
 
 
 def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:

@@ -89,7 +89,7 @@ def _row(
     times = None
     if solved is not None:
         beside, _ = fly_cases(mission, controller, solved.scenarios, workers)
-        times = summarise_times(beside_optimum(beside, solved.cases))
+        times = summarise_times(beside_optimum(beside, solved.cases, solved.harder))
     summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
     row = ComparisonRow(
         label_of(name, experiment.compare.controllers),

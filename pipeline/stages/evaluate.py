@@ -55,6 +55,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary['success']['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
+        f"{_inspectable_line(summary)}"
         f"{_safety_line(experiment, summary)}"
         f"{_told(summary['optimum'])}"
         f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
@@ -70,7 +71,7 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
         path.unlink(missing_ok=True)
         return {"not_compared": str(reason)}
     episodes, _ = fly_cases(experiment.mission, controller, solved.scenarios, experiment.monte_carlo.workers)
-    columns = beside_optimum(episodes, solved.cases)
+    columns = beside_optimum(episodes, solved.cases, solved.harder)
     tables.write_parquet(path, columns)
     points = int(solved.summary["points_asked"])
     return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
@@ -83,7 +84,20 @@ def _told(beside: dict[str, Any]) -> str:
     times = beside["times_optimum"]
     return (
         f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
-        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful\n"
+        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
+        f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
+    )
+
+
+def _inspectable_line(summary: Mapping[str, Any]) -> str:
+    """Say what the rate is of the points that can be inspected, where some cannot be."""
+    rate = summary["inspectable_rate_percent"]
+    if rate["mean"] == summary["inspection_rate_percent"]["mean"]:
+        return ""
+    return (
+        f"  of the {summary['inspectable_count']['mean']:.1f} points a flight that can be inspected, for the "
+        f"Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success refers to "
+        "these\n"
     )
 
 

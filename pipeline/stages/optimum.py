@@ -71,9 +71,11 @@ def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
     for place, case in enumerate(columns["case"].tolist()):
         row = {name: column[place].item() for name, column in columns.items()}
         if case < len(scenarios) and plan_path(folder, case).exists():
-            start = [row[f"position_{axis}_m"] for axis in "xyz"] + [row["sun_angle_rad"]]
+            start = [row[f"position_{axis}_m"] for axis in "xyz"]
+            start += [row["sun_angle_rad"], row.get("sun_elevation_rad", 0.0)]
             scenario = scenarios[case]
-            if start == [*scenario.position_m.tolist(), scenario.sun_angle_rad]:
+            suns = [scenario.sun_angle_rad, scenario.sun_elevation_rad]
+            if start == [*scenario.position_m.tolist(), *suns]:
                 rows[case] = row
     return rows
 
@@ -91,7 +93,7 @@ def _keep(experiment: Experiment, folder: Path, case: int, scenario: Scenario, p
     table = [[k * period, *force] for k, force in enumerate(forces[: last + 1].tolist())]
     tables.write_csv(plan_path(folder, case), COLUMNS, table)
     num_points = len(inspection_points(experiment.mission))
-    return case_row(case, scenario, plan, experiment.optimum.points, num_points)
+    return case_row(case, scenario, plan, num_points)
 
 
 def write_cases(folder: Path, rows: Mapping[int, CaseRow]) -> None:
@@ -126,7 +128,7 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -
         "sun": experiment.sun.mode,
         "seed": experiment.seed,
         "attitude": experiment.mission.attitude.mode,
-        "points_asked": experiment.optimum.points,
+        "points_asked": max(row["points_asked"] for row in rows.values()),
         "mission": terms_of(experiment.mission),
         **summarise([rows[case] for case in sorted(rows)]),
     }

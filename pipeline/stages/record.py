@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
-from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.log import FlightLog, Scenario, points_in_words
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import evaluation_scenarios, given_start, training_scenarios
 from pipeline.recording.recorder import FlightRecorder
@@ -104,9 +104,14 @@ def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToR
 def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> FlightToRecord:
     """Return the flight of a row of an evaluation, once it is sure that this run's case started there."""
     case = int(episodes["case"][row])
-    start = [float(episodes[column][row]) for column in (*_POSITION, "sun_angle_rad")]
+    # earlier versions knew no elevation
+    start = [float(episodes[column][row]) if column in episodes else 0.0 for column in _START]
     drawn = scenarios[case] if case < len(scenarios) else None
-    if drawn is None or start != [*drawn.position_m.tolist(), drawn.sun_angle_rad]:
+    if drawn is None or start != [
+        *drawn.position_m.tolist(),
+        drawn.sun_angle_rad,
+        drawn.sun_elevation_rad,
+    ]:
         raise artifacts.ArtifactError(
             f"case {case} of {artifacts.EPISODES} did not start where this configuration's does; repeat the "
             "stage evaluate"
@@ -115,7 +120,7 @@ def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Sc
     return FlightToRecord(f"{name}-case-{case}", f"case-{case}", drawn, expected)
 
 
-_POSITION = ("position_x_m", "position_y_m", "position_z_m")
+_START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")
 
 
 def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:
@@ -136,9 +141,8 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
             recorder.record(path, flight.scenario, log, flight.scenario_id)
         except RecordingError as error:
             raise artifacts.ArtifactError(str(error)) from error
-        count, num_points = int(log.is_inspected[-1].sum()), log.is_inspected.shape[1]
         sys.stderr.write(
-            f"  {path.relative_to(folder).as_posix()}: {count} of {num_points} points, "
+            f"  {path.relative_to(folder).as_posix()}: {points_in_words(log)}, "
             f"{log.delta_v_m_s[-1]:.3f} m/s\n"
         )
     # the last: of an evaluation the best

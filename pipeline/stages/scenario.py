@@ -15,6 +15,7 @@ COLUMNS = (
     *(f"position_{axis}_m" for axis in "xyz"),
     *(f"velocity_{axis}_m_s" for axis in "xyz"),
     "sun_angle_rad",
+    "sun_elevation_rad",
 )
 
 
@@ -35,6 +36,13 @@ def run(experiment: Experiment, folder: Path) -> None:
     for name, scenarios in sets.items():
         for case, start in enumerate(scenarios):
             writer.writerow(
-                [name, case, *start.position_m.tolist(), *start.velocity_m_s.tolist(), start.sun_angle_rad]
+                [
+                    name,
+                    case,
+                    *start.position_m.tolist(),
+                    *start.velocity_m_s.tolist(),
+                    start.sun_angle_rad,
+                    start.sun_elevation_rad,
+                ]
             )
     artifacts.write_atomically(folder / artifacts.SCENARIOS, text.getvalue())

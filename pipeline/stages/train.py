@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import ControllerError, law_of
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import cases_of, fly_population, is_by_the_reference
+from pipeline.flight.simulation import fly_population, is_by_the_reference
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.world import inspection_points, pack_world
 from pipeline.run import artifacts, maker, tables
@@ -131,8 +132,8 @@ def _fitness_from(
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
     world, law = pack_world(mission), law_of(genome.template, mission)
-    cases = cases_of(scenarios)
-    weighed = (penalty, _limits(mission), world.num_points, mission.inspection_threshold_percent)
+    cases = cases_of(mission, scenarios)
+    weighed = (penalty, _limits(mission), mission.inspection_threshold_percent)
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
         outcomes = fly_population(world, law, genome.pack(genomes), cases, optimizer.workers)
@@ -151,10 +152,10 @@ def _costs(
     mission, optimizer = experiment.mission, experiment.optimizer
     world, law = pack_world(mission), law_of(genome.template, mission)
     numbers = genome.pack(champion[np.newaxis])
-    outcomes = fly_population(world, law, numbers, cases_of(scenarios), optimizer.workers)
+    outcomes = fly_population(world, law, numbers, cases_of(mission, scenarios), optimizer.workers)
     penalty = optimizer.penalty.of_round(round_index)
     limits, threshold = _limits(mission), mission.inspection_threshold_percent
-    return costs(outcomes, penalty, limits, world.num_points, threshold).reshape(-1)
+    return costs(outcomes, penalty, limits, threshold).reshape(-1)
 
 
 def _limits(mission: Mission) -> tuple[float, float]:

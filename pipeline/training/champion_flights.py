@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import law_of
-from pipeline.flight.simulation import cases_of, fly_population
+from pipeline.flight.simulation import fly_population
 from pipeline.flight.starts import given_start
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment
@@ -30,7 +31,7 @@ class ChampionFlights:
         mission = experiment.mission
         self._world, self._law = pack_world(mission), law_of(genome.template, mission)
         self._genome = genome
-        self._start = cases_of([given_start(mission.deputy, experiment.sun, experiment.seed)])
+        self._start = cases_of(mission, [given_start(mission.deputy, experiment.sun, experiment.seed)])
         self._num_seen = 0
         self._last: Floats | None = None
         self._moments: list[tuple[int, int]] = []

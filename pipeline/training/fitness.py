@@ -4,8 +4,9 @@ Pure functions of outcomes. The fitness of a controller is the mean over its fli
 
 ``zeta = c_d [outside] (1 + metres outside) + c_95 max(0, needed - points) + c_99 (all - points)``
 
-with c_d, c_95 and c_99 the settings ``outside_m_s``, ``short_point_m_s`` and ``missed_point_m_s`` and
-`needed` the points that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the distance
+with c_d, c_95 and c_99 the settings ``outside_m_s``, ``short_point_m_s`` and ``missed_point_m_s``, `all` the
+points that can be inspected, because they are lit at some sample of the flight, and `needed` those of them
+that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the distance
 limits drawn in by the penalty's margins, so that a champion keeps clear of them; at most `outside_most_m` of
 its metres are paid for, so that a search for few exits is not led by how far the worst of them goes
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
@@ -28,7 +29,6 @@ def fitness_parts(
     outcomes: Outcomes,
     penalty: Penalty,
     limits_m: tuple[float, float],
-    num_points: int,
     threshold_percent: float,
 ) -> dict[str, Floats]:
     """Compute the fitness of a population, in parts.
@@ -40,8 +40,6 @@ def fitness_parts(
     penalty : Penalty
     limits_m : (float, float)
         Least and greatest distance.
-    num_points : int
-        All points.
     threshold_percent : float
 
     Returns
@@ -50,15 +48,14 @@ def fitness_parts(
         ``fitness``, and what it is made of: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
         left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
     """
-    needed = points_needed(num_points, threshold_percent)
     points = outcomes.inspected_count
     return {
-        "fitness": costs(outcomes, penalty, limits_m, num_points, threshold_percent).mean(axis=-1),
+        "fitness": costs(outcomes, penalty, limits_m, threshold_percent).mean(axis=-1),
         "delta_v_m_s": outcomes.delta_v_m_s.mean(axis=-1),
         "points": points.mean(axis=-1),
         "outside": outcomes.is_violated.sum(axis=-1).astype(np.float64),
         "outside_m": outcomes.outside_m.mean(axis=-1),
-        "short": (points < needed).sum(axis=-1).astype(np.float64),
+        "short": (~outcomes.is_success(threshold_percent)).sum(axis=-1).astype(np.float64),
     }
 
 
@@ -66,11 +63,10 @@ def costs(
     outcomes: Outcomes,
     penalty: Penalty,
     limits_m: tuple[float, float],
-    num_points: int,
     threshold_percent: float,
 ) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
-    outside, short, missed = _prices(outcomes, penalty, limits_m, num_points, threshold_percent)
+    outside, short, missed = _prices(outcomes, penalty, limits_m, threshold_percent)
     return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
 
 
@@ -78,7 +74,6 @@ def objectives(
     outcomes: Outcomes,
     penalty: Penalty,
     limits_m: tuple[float, float],
-    num_points: int,
     threshold_percent: float,
 ) -> dict[str, Floats]:
     """Split the fitness of a population into two objectives; see `fitness_parts`.
@@ -89,7 +84,7 @@ def objectives(
         ``spent``, delta-v and half the price of faults, and ``missed``, the price of all points missed and
         the other half; means over the flights, m/s.
     """
-    outside, short, missed = _prices(outcomes, penalty, limits_m, num_points, threshold_percent)
+    outside, short, missed = _prices(outcomes, penalty, limits_m, threshold_percent)
     faults = 0.5 * (outside + short)
     return {
         "spent": (outcomes.delta_v_m_s + faults).mean(axis=-1),
@@ -101,7 +96,6 @@ def _prices(
     outcomes: Outcomes,
     penalty: Penalty,
     limits_m: tuple[float, float],
-    num_points: int,
     threshold_percent: float,
 ) -> tuple[Floats, Floats, Floats]:
     """Return what each flight pays for being outside, for falling short and for missing points, m/s."""
@@ -112,9 +106,10 @@ def _prices(
         too_far = outcomes.max_distance_m - (limits_m[1] - penalty.far_margin_m)
         outside_m = np.maximum(outside_m, np.maximum(too_near, too_far))
     paid_m = outside_m if penalty.outside_most_m is None else np.minimum(outside_m, penalty.outside_most_m)
-    short = np.maximum(0, points_needed(num_points, threshold_percent) - points)
+    inspectable = outcomes.inspectable_count
+    short = np.maximum(0, points_needed(inspectable, threshold_percent) - points)
     return (
         penalty.outside_m_s * (outside_m > 0.0) * (1.0 + paid_m),
         penalty.short_point_m_s * short,
-        np.asarray(penalty.missed_point_m_s * (num_points - points)),
+        np.asarray(penalty.missed_point_m_s * (inspectable - points)),
     )

@@ -200,6 +200,7 @@ _DECODERS: Final[Mapping[str, Callable[[Sequence[bytes]], Columns]]] = {
             inspection_pb2.DeputyState,
             inspection_pb2.Control,
             inspection_pb2.Guidance,
+            inspection_pb2.Navigation,
             inspection_pb2.FisActivation,
             inspection_pb2.MissionStatus,
         )

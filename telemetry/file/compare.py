@@ -24,6 +24,7 @@ _DATA_FLOW: Final = (
     topics.TRANSFORMS,
     topics.CHIEF_POINTS,
     topics.MISSION,
+    topics.NAVIGATION,
     topics.GUIDANCE,
     topics.FIS_PREFIX,
     topics.DEPUTY_CONTROL,

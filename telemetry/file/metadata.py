@@ -50,10 +50,12 @@ class EpisodeDescription:
     scenario_id, product_version, config_hash : str
         The start, the version of the product, and the hash of the configuration.
     seed : int
+    noise : tuple of 3 ints
+        Seed, stage and case that errors of navigation and thrusters are drawn from.
     position_m, velocity_m_s : tuple of 3 floats
         The start, Hill axes.
-    sun_angle_rad : float
-        At the start.
+    sun_angle_rad, sun_elevation_rad : float
+        Of the Sun in the orbit plane and over it, at the start.
     min_distance_m, max_distance_m : float
         Limits of the deputy's distance to the chief.
     max_force_n, max_torque_n_m : float
@@ -68,9 +70,11 @@ class EpisodeDescription:
 
     scenario_id: str | None = None
     seed: int | None = None
+    noise: tuple[float, ...] | None = None
     position_m: tuple[float, ...] | None = None
     velocity_m_s: tuple[float, ...] | None = None
     sun_angle_rad: float | None = None
+    sun_elevation_rad: float | None = None
     product_version: str | None = None
     config_hash: str | None = None
     min_distance_m: float | None = None

@@ -50,6 +50,7 @@ def _outcome(recording: Recording) -> dict[str, float]:
     return {
         "inspected_count": int(mission["inspected_count"][-1]),
         "num_points": mission["inspected_mask"].shape[1],
+        "inspectable_count": int(mission["inspectable_count"][-1]),
         "inspection_rate_percent": float(mission["inspection_rate_percent"][-1]),
         "delta_v_m_s": float(mission["delta_v_m_s"][-1]),
         "min_distance_m": float(distance.min()),
@@ -96,8 +97,10 @@ def in_words(summary: Mapping[str, Any]) -> list[str]:
 def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
     if not outcome:
         return {}
+    counted = outcome["inspectable_count"]
+    inspectable = f", of which {counted} can be" if 0 < counted < outcome["num_points"] else ""
     return {
-        "points inspected": f"{outcome['inspected_count']} of {outcome['num_points']}",
+        "points inspected": f"{outcome['inspected_count']} of {outcome['num_points']}" + inspectable,
         "inspection rate": f"{outcome['inspection_rate_percent']:.2f} %",
         "delta-v": f"{outcome['delta_v_m_s']:.4f} m/s",
         "distance": f"{outcome['min_distance_m']:.1f} to {outcome['max_distance_m']:.1f} m",

@@ -12,6 +12,8 @@ DEPUTY_STATE: Final = "/deputy/state"
 DEPUTY_ATTITUDE: Final = "/deputy/attitude"
 DEPUTY_CONTROL: Final = "/deputy/control"
 GUIDANCE: Final = "/guidance"
+#: only where the deputy navigates by fixes
+NAVIGATION: Final = "/navigation"
 MISSION: Final = "/mission"
 LOG: Final = "/log"
 #: topics of every recording; each fuzzy system adds one
@@ -37,6 +39,8 @@ CHIEF_FRAME: Final = "chief"
 EPISODE_METADATA: Final = "episode"
 FIS_METADATA_PREFIX: Final = "fis."
 CONSTANTS_METADATA: Final = "constants"
+#: the chief's triangles, where it is no sphere: an STL file in its axes, m
+CHIEF_ATTACHMENT: Final = "chief.stl"
 RECOVERY_METADATA: Final = "recovery"
 
 

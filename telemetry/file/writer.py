@@ -28,6 +28,7 @@ from telemetry.file.schema.inspection_pb2 import (
     FisActivation,
     Guidance,
     MissionStatus,
+    Navigation,
 )
 
 #: a process that is killed loses at most this many samples
@@ -41,6 +42,7 @@ _SCHEMA_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
     topics.DEPUTY_ATTITUDE: AttitudeHistory,
     topics.DEPUTY_CONTROL: Control,
     topics.GUIDANCE: Guidance,
+    topics.NAVIGATION: Navigation,
     topics.MISSION: MissionStatus,
     topics.LOG: Log,
 }
@@ -289,6 +291,33 @@ class EpisodeWriter:
         )
         self._write(topics.GUIDANCE, time_s, message)
 
+    def navigation(
+        self, time_s: float, estimate: ArrayLike, deviation: ArrayLike, fix_m: ArrayLike, fix_age_s: float
+    ) -> None:
+        """Record what the deputy knows of its place.
+
+        Parameters
+        ----------
+        time_s : float
+            Simulation time.
+        estimate, deviation : (6,)
+            Position (m) and velocity (m/s), Hill axes, and the standard deviations of both.
+        fix_m : (3,)
+            The fix that comes into use, Hill axes; NaN where none does.
+        fix_age_s : float
+            How long ago it was measured.
+        """
+        known, doubt = row(estimate, 6, "estimate"), row(deviation, 6, "deviation")
+        message = Navigation(
+            position_m=known[:3],
+            velocity_m_s=known[3:],
+            position_deviation_m=doubt[:3],
+            velocity_deviation_m_s=doubt[3:],
+            fix_m=row(fix_m, 3, "fix_m"),
+            fix_age_s=fix_age_s,
+        )
+        self._write(topics.NAVIGATION, time_s, message)
+
     def fis(
         self,
         time_s: float,
@@ -331,6 +360,9 @@ class EpisodeWriter:
         distance_m: float,
         inspected_mask: ArrayLike,
         delta_v_m_s: float,
+        sun_elevation_rad: float = 0.0,
+        sun_hidden_share: float = 0.0,
+        inspectable_count: int = 0,
     ) -> None:
         """Record the progress of the inspection; the count and the rate follow from the mask.
 
@@ -346,6 +378,12 @@ class EpisodeWriter:
             In point order, including this sample.
         delta_v_m_s : float
             Total before this sample.
+        sun_elevation_rad : float
+            Of the Sun over the i-j plane towards the k axis, Hill frame.
+        sun_hidden_share : float
+            Of the Sun's disc, that the Earth hides from the chief.
+        inspectable_count : int
+            Points that are lit at some sample of the flight; 0 where that is not known.
         """
         mask = np.asarray(inspected_mask, dtype=np.bool_).ravel()
         inspected_count = int(mask.sum())
@@ -356,6 +394,9 @@ class EpisodeWriter:
             inspection_rate_percent=100.0 * inspected_count / max(mask.size, 1),
             delta_v_m_s=delta_v_m_s,
             inspected_mask=mask.tobytes(),
+            sun_elevation_rad=sun_elevation_rad,
+            sun_hidden_share=sun_hidden_share,
+            inspectable_count=inspectable_count,
         )
         self._write(topics.MISSION, time_s, message)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
-from telemetry.file.reader import Recording
+from telemetry.file.reader import Recording, TopicColumns
 from telemetry.scene.lettering import drawable
 
 Floats = NDArray[np.float64]
@@ -20,6 +20,9 @@ MAP_HEIGHT: Final = 640
 #: space for the names of the systems, left of the map, and of their leading rules, right of it
 MAP_NAME_WIDTH: Final = 260
 MAP_GAP: Final = 14
+
+#: cones of wider fields of view are not drawn
+WIDEST_CONE_RAD: Final = np.radians(75.0)
 
 COLOURS_IN_WORDS: Final = "Grey dark, yellow lit, pink in view but dark, green inspected"
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
@@ -240,18 +243,29 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
     mission = recording[topics.MISSION]
-    distance = mission["distance_m"].astype(np.float64)
+    distance, num_points = mission["distance_m"].astype(np.float64), mission["inspected_mask"].shape[1]
     facts = [
-        ("inspected", f"{mission['inspected_count'][-1]} of {mission['inspected_mask'].shape[1]} points"),
+        ("inspected", f"{mission['inspected_count'][-1]} of {num_points} points"),
         ("delta-v", f"{mission['delta_v_m_s'][-1]:.3f} m/s"),
         ("distance", f"{distance.min():.1f} to {distance.max():.1f} m"),
         ("duration", f"{mission.time_s[-1]:.0f} s"),
     ]
+    inspectable = int(mission["inspectable_count"][-1])
+    if 0 < inspectable < num_points:
+        facts.insert(1, ("can be inspected", f"{inspectable} points: the Sun shines on them"))
     if recording.episode.scenario_id:
         facts.append(("scenario", drawable(recording.episode.scenario_id)))
     if topics.RECOVERY_METADATA in recording.metadata:
         facts.append(("rescued", "the file was truncated; this is what was recovered"))
     return facts
+
+
+def sun_directions(mission: TopicColumns) -> Floats:
+    """Return the unit vectors towards the Sun at the samples of a flight, shape (N, 3), Hill axes."""
+    angle = mission["sun_angle_rad"].astype(np.float64)
+    elevation = mission["sun_elevation_rad"].astype(np.float64)
+    level = np.cos(elevation)
+    return np.column_stack((level * np.cos(angle), level * np.sin(angle), np.sin(elevation)))
 
 
 def view_cone(boresight: Sequence[float], half_angle_rad: float, num_rays: int = 24) -> list[Floats]:

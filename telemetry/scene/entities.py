@@ -45,6 +45,12 @@ def send_chief(stream: rr.RecordingStream, radius_m: float | None) -> None:
     stream.log(f"{blueprint.SCENE}/chief/body", body, static=True)
 
 
+def send_mesh(stream: rr.RecordingStream, stl: bytes) -> None:
+    """Send the chief's body as the triangles of an STL file in its axes, m."""
+    body = rr.Asset3D(contents=stl, media_type="model/stl", albedo_factor=BODY_COLOUR)
+    stream.log(f"{blueprint.SCENE}/chief/body", body, static=True)
+
+
 def send_limits(
     stream: rr.RecordingStream, min_distance_m: float | None, max_distance_m: float | None
 ) -> None:

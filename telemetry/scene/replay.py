@@ -123,7 +123,10 @@ def _send_points(stream: rr.RecordingStream, recording: Recording) -> None:
     positions = cloud["position_m"].astype(np.float32)
     rgba = cloud["colour_rgba"].astype(np.uint32)
     radius = float(np.linalg.norm(positions[0], axis=1).mean())
-    entities.send_chief(stream, radius)
+    if topics.CHIEF_ATTACHMENT in recording.attachments:
+        entities.send_mesh(stream, recording.attachments[topics.CHIEF_ATTACHMENT])
+    else:
+        entities.send_chief(stream, radius)
     packed = (rgba[..., 0] << 24) | (rgba[..., 1] << 16) | (rgba[..., 2] << 8) | rgba[..., 3]
     entity = f"{blueprint.SCENE}/chief/points"
     stream.log(entity, rr.Points3D.from_fields(radii=[0.075 * radius]), static=True)
@@ -150,6 +153,8 @@ def _send_camera(stream: rr.RecordingStream, recording: Recording) -> None:
     episode = recording.episode
     if episode.half_angle_rad is None or episode.boresight is None:
         return
+    if episode.half_angle_rad > drawing.WIDEST_CONE_RAD:
+        return
     camera = f"{blueprint.SCENE}/deputy/camera"
     cone = rr.LineStrips3D(
         drawing.view_cone(episode.boresight, episode.half_angle_rad),
@@ -164,9 +169,10 @@ def _send_camera(stream: rr.RecordingStream, recording: Recording) -> None:
 
 def _send_arrows(stream: rr.RecordingStream, recording: Recording) -> None:
     mission = recording[topics.MISSION]
-    angle = mission["sun_angle_rad"].astype(np.float64)
-    sun = np.column_stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)))
-    _send_arrow(stream, "Sun", mission.time_s, origins=16.0 * sun, vectors=60.0 * sun, colour=SUN_COLOUR)
+    sun = drawing.sun_directions(mission)
+    # the shorter, the more of the Sun the Earth hides
+    length = 60.0 - 48.0 * mission["sun_hidden_share"].astype(np.float64)[:, None]
+    _send_arrow(stream, "Sun", mission.time_s, origins=16.0 * sun, vectors=length * sun, colour=SUN_COLOUR)
     guidance = recording[topics.GUIDANCE]
     target = guidance["target_direction"].astype(np.float64)
     _send_arrow(

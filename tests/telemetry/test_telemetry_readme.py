@@ -17,6 +17,7 @@ MESSAGE_OF_TOPIC = {
     topics.DEPUTY_ATTITUDE: "AttitudeHistory",
     topics.DEPUTY_CONTROL: "Control",
     topics.GUIDANCE: "Guidance",
+    topics.NAVIGATION: "Navigation",
     "/fis/<name>": "FisActivation",
     topics.MISSION: "MissionStatus",
 }

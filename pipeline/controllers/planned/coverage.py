@@ -1,55 +1,26 @@
 """What a camera that looks at the chief's centre inspects along a path, told without a flight."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from pipeline.flight.cases import starts_of
+from pipeline.flight.kernel.arrays import World
+from pipeline.flight.kernel.optics import note_seen_along
 from pipeline.flight.log import Scenario
-from pipeline.flight.world import pack_world
+from pipeline.flight.simulation import make_workspace, optics_in_use
 from pipeline.physics.sight import Sight, is_facing, is_in_cone, is_lit
-from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Coverage:
-    """The points of a mission and the camera.
-
-    Parameters
-    ----------
-    points : (K+1 or 1, 3, P)
-        m, Hill axes; one sample where the chief does not turn.
-    mean_motion, period : float
-        rad/s; between two samples, s.
-    sight : Sight
-    """
-
-    points: Floats
-    mean_motion: float
-    period: float
-    sight: Sight
-
-
-def coverage_of(mission: Mission) -> Coverage:
-    """Return what is to be seen in a mission."""
-    world = pack_world(mission)
-    return Coverage(
-        points=np.ascontiguousarray(world.points[:, :, : world.num_points]),
-        mean_motion=world.mean_motion,
-        period=world.control_period,
-        sight=world.sight,
-    )
-
-
-def count_seen(coverage: Coverage, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:
+def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:
     """Count the points that are lit and in view at some sample of each path.
 
     Parameters
     ----------
-    coverage : Coverage
+    world : World
+        Of the mission.
     scenario : Scenario
         Whose Sun shines.
     paths : (n, samples, 3)
@@ -61,15 +32,19 @@ def count_seen(coverage: Coverage, scenario: Scenario, paths: Floats, stride: in
     -------
     (n,) array of int
     """
-    times = np.arange(paths.shape[1]) * (stride * coverage.period)
-    angles = scenario.sun_angle_rad - coverage.mean_motion * times
+    starts = starts_of([scenario])
     counts = np.zeros(len(paths), dtype=np.int64)
+    if optics_in_use(world, starts):
+        note_seen_along(world, make_workspace(world), starts, np.ascontiguousarray(paths), stride, counts)
+        return counts
+    times = np.arange(paths.shape[1]) * (stride * world.control_period)
+    angles = scenario.sun_angle_rad - world.mean_motion * times
     _count(
         np.ascontiguousarray(paths),
-        np.ascontiguousarray(coverage.points[::stride]),
+        np.ascontiguousarray(world.points[::stride, :, : world.num_points]),
         np.cos(angles),
         np.sin(angles),
-        coverage.sight,
+        world.sight,
         counts,
     )
     return counts

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.controllers.planned.coverage import Coverage, count_seen, coverage_of
+from pipeline.controllers.planned.coverage import count_seen
 from pipeline.controllers.planned.free_motion import (
     CENTRE_ALONG_TRACK,
     CENTRE_RADIAL,
@@ -42,7 +42,6 @@ class NaturalMotionPlanner:
     def __init__(self, settings: NaturalMotion, mission: Mission) -> None:
         self.settings = settings
         self.world = pack_world(mission)
-        self.coverage: Coverage = coverage_of(mission)
         deputy = mission.deputy
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
         self.max_force = deputy.max_force_n
@@ -109,7 +108,7 @@ class NaturalMotionPlanner:
         order = np.lexsort((spent, outside))
         order = order[outside[order] <= outside[order[0]]]
         flown = paths[order, : self.world.num_controls // stride + 1, :3]
-        counts = np.minimum(count_seen(self.coverage, scenario, flown, stride), self.settings.points)
+        counts = np.minimum(count_seen(self.world, scenario, flown, stride), self.settings.points)
         best: Floats = tried[order[np.lexsort((spent[order], -counts))[0]]]
         return best
 

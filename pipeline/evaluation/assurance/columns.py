@@ -57,8 +57,8 @@ def of_boxes(found: Sequence[Found]) -> Columns:
 
 def _starts(scenarios: Sequence[Scenario]) -> Columns:
     positions = np.array([one.position_m for one in scenarios])
-    angles = np.array([one.sun_angle_rad for one in scenarios])
     return {
         **{f"position_{axis}_m": positions[:, n] for n, axis in enumerate("xyz")},
-        "sun_angle_rad": angles,
+        "sun_angle_rad": np.array([one.sun_angle_rad for one in scenarios]),
+        "sun_elevation_rad": np.array([one.sun_elevation_rad for one in scenarios]),
     }

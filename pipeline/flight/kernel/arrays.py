@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
-from pipeline.physics.sight import Sight
+from pipeline.physics.sight import Optics, Sight
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -60,6 +60,8 @@ class World(NamedTuple):
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
     num_points: int
     sight: Sight
+    has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
+    optics: Optics
     boresight: Floats  # (3,) body axes
     is_spherical: bool
     inertia: Floats  # (3, 3)
@@ -94,7 +96,13 @@ class Law(NamedTuple):
 
 #: A start: what is a flight's own before it begins. Hill axes, SI units.
 CASE = np.dtype(
-    [("position", np.float64, 3), ("velocity", np.float64, 3), ("sun_angle", np.float64)], align=True
+    [
+        ("position", np.float64, 3),
+        ("velocity", np.float64, 3),
+        ("sun_angle", np.float64),
+        ("sun_elevation", np.float64),
+    ],
+    align=True,
 )
 
 #: What flights carry, a column a lane. Positions, velocities, forces and directions in Hill axes, SI units.
@@ -109,8 +117,10 @@ CARRIED = np.dtype(
         ("coasts", np.float64, LANES),  # 1 where nothing is fired
         ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
         ("sun", np.float64, (2, LANES)),  # the same now
+        ("sun_height", np.float64, (2, LANES)),  # cosine and sine of its elevation
         ("boresight", np.float64, (3, LANES)),
         ("target", np.float64, (3, LANES)),  # zero where there are no candidates
+        ("num_counted", np.float64, LANES),  # points that the flight is about
         ("num_unseen", np.float64, LANES),
         ("num_candidates", np.float64, LANES),
         ("spent", np.float64, LANES),  # delta-v
@@ -135,8 +145,10 @@ class Workspace(NamedTuple):
     lanes: Any  # a record of `CARRIED`
     aims: Floats  # (4 S, LANES) desired attitudes at the instants of a control period
     passed: Floats  # (7 S, LANES) attitudes and rates at them
-    unseen: Floats  # (LANES, P padded) 1 where a point is not inspected
+    unseen: Floats  # (LANES, P padded) 1 where a point counts and is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
+    lit: Floats  # (P padded,) 1 where a point that is asked for is lit, of `kernel.optics`
+    seen: Floats  # (P padded,) 1 where one of these is seen
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
     deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
     looks: Floats  # (5, P padded) of the cheapest look at each point: cost, how short it falls, slopes

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
+from pipeline.flight.kernel.actuators import Firing, fire
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
     INSPECTED,
@@ -35,10 +36,11 @@ from pipeline.flight.kernel.arrays import (
 from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import one, three, write_four, write_three
+from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
-from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.sight import sense, sense_again
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import REHEARSED, FlightLog
@@ -56,6 +58,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
 
 LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
@@ -95,7 +98,9 @@ def open_with(
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angle: float) -> None:
+def write_sample(
+    world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
+) -> None:
     """Log what is known at a sample before the force is, of lane 0."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
@@ -109,33 +114,42 @@ def write_sample(world: World, work: Workspace, log: FlightLog, k: int, sun_angl
         for component in range(3):
             log.angular_velocity_b_rad_s[k, component] = lanes.rate[component, 0] - n * dcm[component, 2]
     log.num_candidates[k] = int(lanes.num_candidates[0])
-    log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
     log.sun_angle_rad[k] = sun_angle - n * world.control_period * k
     for j in range(world.num_points):
-        log.is_inspected[k, j] = work.unseen[0, j] == 0.0
+        log.is_inspected[k, j] = work.unseen[0, j] == 0.0 and counts[j] > 0
     log.delta_v_m_s[k] = lanes.spent[0]
 
 
 @compiled(error_model="numpy")
-def start_lanes(world: World, work: Workspace, cases: Any, first: int, num_lanes: int) -> None:
+def start_lanes(
+    world: World, work: Workspace, cases: Any, counted: Bytes, first: int, num_lanes: int
+) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
     lanes, nothing = work.lanes, splat(0.0, LANES)
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
     work.clustered[:] = 0.0
     for lane in range(LANES):
-        case = cases[first + min(lane, num_lanes - 1)]
+        row = first + min(lane, num_lanes - 1)
+        case = cases[row]
         for component in range(3):
             lanes.position[component, lane] = case.position[component]
             lanes.velocity[component, lane] = case.velocity[component]
         lanes.sun_at_start[0, lane], lanes.sun_at_start[1, lane] = cos(case.sun_angle), sin(case.sun_angle)
-        work.unseen[lane, : world.num_points] = 1.0
+        lanes.sun_height[0, lane], lanes.sun_height[1, lane] = (
+            cos(case.sun_elevation),
+            sin(case.sun_elevation),
+        )
+        counts, num_counted = counted[row if len(counted) > 1 else 0], 0
+        for j in range(world.num_points):
+            work.unseen[lane, j] = counts[j]
+            num_counted += counts[j]
+        lanes.num_counted[lane], lanes.num_unseen[lane] = num_counted, num_counted
     write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
     # inertial: n relative to Hill, and Hill's own
     write_three(lanes.rate, 0, nothing, nothing, splat(2.0 * world.mean_motion, LANES))
     write_three(lanes.force, 0, nothing, nothing, nothing)
     write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
-    store(lanes.num_unseen, 0, splat(world.num_points, LANES))
     store(lanes.nearest, 0, splat(np.inf, LANES))
     for total in (
         lanes.coasts,
@@ -162,7 +176,7 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
         for component in range(4):
             if not np.isfinite(lanes.attitude[component, lane]):
                 row[DELTA_V] = np.nan
-        row[INSPECTED] = world.num_points - lanes.num_unseen[lane]
+        row[INSPECTED] = lanes.num_counted[lane] - lanes.num_unseen[lane]
         row[MEAN_DISTANCE] = lanes.travelled[lane] / (world.num_controls + 1)
         row[MIN_DISTANCE] = lanes.nearest[lane]
         row[MAX_DISTANCE] = lanes.farthest[lane]
@@ -172,7 +186,7 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
 
 
 @compiled(error_model="numpy", inline="always")
-def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
     """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
     for component in range(3):
         row[component] = lanes.position[component, lane]
@@ -180,20 +194,24 @@ def write_track(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
         for component in range(3):
             row[3 + component] = lanes.velocity[component, lane]
         row[6] = lanes.spent[lane]
-        row[7] = lanes.num_unseen[lane]
+        row[7] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
-def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
+def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
+    optics: bool | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
+    fixes: Fixes | None,
+    firing: Firing | None,
     law: Law,
     values: Floats,
     rules: Integers,
     cases: Any,
+    counted: Bytes,
     openings: Floats | None,
     first: int,
     num_lanes: int,
@@ -208,9 +226,10 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     Parameters
     ----------
     world, law : what is flown
-    guard, clusters, pushes : as in `fly_many`
+    optics, guard, clusters, pushes, fixes, firing : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
+    counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
     openings : (m, 3) forces of the first control period, N, Hill axes; None where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
@@ -222,9 +241,9 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
     is_logged = len(log.position_m) > 0
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
-    start_lanes(world, work, cases, first, num_lanes)
+    start_lanes(world, work, cases, counted, first, num_lanes)
     if law.needs & (URGENCY | SETTING):
-        note_deadlines(world, work, num_lanes)
+        note_deadlines(world, optics, work, num_lanes)
     lanes = work.lanes
     for k in range(world.num_controls + 1):
         decides = is_decision(law, k)
@@ -234,23 +253,30 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
                 aim_plainly(world, work, lane, 0, 1, k == 0)
                 for component in range(4):
                     lanes.attitude[component, lane] = work.aims[component, lane]
-        sense(world, clusters, work, num_lanes, k, needs_angles)
+        sense(world, optics, clusters, work, num_lanes, k, needs_angles)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            write_track(world, lanes, lane, tracks[flight + lane, k])
+        if is_logged:
+            write_sample(
+                world, work, counted[first if len(counted) > 1 else 0], log, k, cases[first].sun_angle
+            )
+        if fixes is not None:
+            believe(world, fixes, work, first, num_lanes, k, log)
+            sense_again(work, needs_angles)
+        if is_logged:
+            log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
         if decides and law.needs & ORBIT:
             sense_orbit(world, law, values, work)
         if decides and law.needs & APPROACH:
             sense_approach(world, work)
         if decides and needs_preview:
-            preview(world, work, num_lanes, k)
+            preview(world, optics, work, num_lanes, k)
         if decides and not law.has_plan:
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
-            sense_urgency(world, law, values, work, num_lanes, k, is_logged)
+            sense_urgency(world, optics, law, values, work, num_lanes, k, is_logged)
         if pushes is not None and decides:
-            sense_push(world, law, values, work, num_lanes, k, is_logged)
-        for lane in range(num_lanes if len(tracks) > 0 else 0):
-            write_track(lanes, lane, tracks[flight + lane, k])
-        if is_logged:
-            write_sample(world, work, log, k, cases[first].sun_angle)
+            sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, log, k)
@@ -261,6 +287,11 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
         if is_logged:
             write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
         aim_deputies(world, work, num_lanes, k)
+        if fixes is not None:
+            note_command(fixes, firing, work, k, world.num_controls)
+            recover_truth(fixes, work)
+        if firing is not None:
+            fire(world, firing, work, first, num_lanes, k, log)
         if not world.is_attitude_ideal:
             turn_deputies(world, work, num_lanes)
         if is_logged:
@@ -273,13 +304,17 @@ def fly(  # noqa: PLR0912 - one for each thing that may be sensed or logged
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def fly_many(
     world: World,
+    optics: bool | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
+    fixes: Fixes | None,
+    firing: Firing | None,
     law: Law,
     values: Floats,
     rules: Integers,
     cases: Any,
+    counted: Bytes,
     openings: Floats | None,
     work: Workspace,
     log: FlightLog,
@@ -290,12 +325,14 @@ def fly_many(
 ) -> None:
     """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
 
-    Without the safety layer `guard` is None, without guidance by clusters `clusters`, where no controller
-    senses a push that shows what sets `pushes`, and without rehearsal `openings`: numba leaves out what
-    depends on them, and nobody waits for the compilation of what is not flown.
+    Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
+    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, where
+    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, and without
+    rehearsal `openings`: numba leaves out what depends on them, and nobody waits for the compilation of what
+    is not flown.
     """
     # not what may be None: what is left out then hangs on the argument itself
-    world, law, values, rules, cases = borrowed((world, law, values, rules, cases))
+    world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
     work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))
     num_starts = len(cases)
     flight = first
@@ -304,13 +341,17 @@ def fly_many(
         num_lanes = min(LANES, num_starts - start, last - flight)
         fly(
             world,
+            optics,
             guard,
             clusters,
             pushes,
+            fixes,
+            firing,
             law,
             values[row],
             rules[row],
             cases,
+            counted,
             openings,
             start,
             num_lanes,

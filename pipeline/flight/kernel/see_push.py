@@ -13,10 +13,11 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, splat, store, total
 from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
+from pipeline.flight.kernel.optics import light_at, note_lit, note_seen
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import Place, drifted_place, place_of, slopes
-from pipeline.physics.sight import is_lit
+from pipeline.physics.sight import HEIGHT, NORMAL, is_lit
 
 Floats = NDArray[np.float64]
 
@@ -88,6 +89,70 @@ def look_from(
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
+def look_through_from(
+    world: World,
+    work: Workspace,
+    lane: int,
+    k: int,
+    place: Place,
+    rx: float,
+    ry: float,
+    rz: float,
+    sun_x: float,
+    sun_y: float,
+) -> None:
+    """Do what `look_from` does where light or camera are not the paper's.
+
+    What a look falls short by is what it lacks most: height over the least that the incidence asks for at
+    its distance, or nearness. It is linear in the place about the one foreseen.
+    """
+    points, ahead, looks, optics = world.points, work.ahead, work.looks, world.optics
+    sample, cosine, reach = (
+        (k if len(points) > 1 else 0),
+        sqrt(optics.incidence_squared),
+        sqrt(optics.range_squared),
+    )
+    lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
+    if not note_lit(world, work, k, ahead, lx, ly, lz):
+        return
+    per_distance = -1.0 / sqrt(rx * rx + ry * ry + rz * rz)
+    bx, by, bz = rx * per_distance, ry * per_distance, rz * per_distance
+    note_seen(world, work, k, rx, ry, rz, bx, by, bz, lx, ly, lz)
+    for j in range(0, len(ahead), POINTS):
+        lit = load(work.lit, j, POINTS) > 0.0
+        if not some(lit):
+            continue
+        seen = load(work.seen, j, POINTS) > 0.0
+        nx, ny = (
+            load(optics.surface, (sample, NORMAL, j), POINTS),
+            load(optics.surface, (sample, NORMAL + 1, j), POINTS),
+        )
+        nz = load(optics.surface, (sample, NORMAL + 2, j), POINTS)
+        dx, dy = rx - load(points, (sample, 0, j), POINTS), ry - load(points, (sample, 1, j), POINTS)
+        dz = rz - load(points, (sample, 2, j), POINTS)
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        per = 1.0 / distance
+        above = nx * rx + ny * ry + nz * rz - load(optics.surface, (sample, HEIGHT, j), POINTS)
+        short, far = cosine * distance - above, distance - reach
+        is_far, lean = far > short, cosine * per
+        wx = select(is_far, -dx * per, nx - lean * dx)
+        wy = select(is_far, -dy * per, ny - lean * dy)
+        wz = select(is_far, -dz * per, nz - lean * dz)
+        short = select(is_far, far, short)
+        short = select(short > LEAST_SHORT_M, short, LEAST_SHORT_M)
+        _, _, _, gx, gy, gz = slopes(place, wx, wy, wz)
+        cost = short * short / (gx * gx + gy * gy + gz * gz)
+        cheapest = load(looks, (COST, j), POINTS)
+        is_better = lit & (cost < cheapest)
+        store(ahead, j, select(seen, 0.0, load(ahead, j, POINTS)))
+        store(looks, (COST, j), select(is_better, cost, cheapest))
+        store(looks, (SHORT, j), select(is_better, short, load(looks, (SHORT, j), POINTS)))
+        store(looks, (SLOPE, j), select(is_better, gx, load(looks, (SLOPE, j), POINTS)))
+        store(looks, (SLOPE + 1, j), select(is_better, gy, load(looks, (SLOPE + 1, j), POINTS)))
+        store(looks, (SLOPE + 2, j), select(is_better, gz, load(looks, (SLOPE + 2, j), POINTS)))
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
 def fitted_push(
     work: Workspace, lane: int, now: float, rate: float, damping: float
 ) -> tuple[float, float, float]:
@@ -128,7 +193,14 @@ def fitted_push(
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def sense_push(
-    world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
+    world: World,
+    optics: bool | None,
+    law: Law,
+    values: Floats,
+    work: Workspace,
+    num_lanes: int,
+    k: int,
+    is_logged: bool,
 ) -> None:
     """Write the push that shows what sets, and the aim, of lanes that may fire; of all where it is logged."""
     lanes, signals, now = work.lanes, work.signals, world.control_period * k
@@ -150,7 +222,11 @@ def sense_push(
                 sun_x, sun_y = sun_x * look_cos + sun_y * look_sin, sun_y * look_cos - sun_x * look_sin
                 place = place_of(world.looks, look)
                 px, py, pz = drifted_place(place, rx, ry, rz, vx, vy, vz)
-                sample = k + look * world.look_stride if len(world.points) > 1 else 0
+                then = k + look * world.look_stride
+                if optics is not None:
+                    look_through_from(world, work, lane, then, place, px, py, pz, sun_x, sun_y)
+                    continue
+                sample = then if len(world.points) > 1 else 0
                 look_from(world, work, sample, place, px, py, pz, sun_x, sun_y)
             dx, dy, dz = fitted_push(work, lane, now, rate, damping)
             distance = sqrt(rx * rx + ry * ry + rz * rz)

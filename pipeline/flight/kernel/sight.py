@@ -14,6 +14,7 @@ from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_
 from pipeline.flight.kernel.arrays import POINTS, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent
 from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
+from pipeline.flight.kernel.optics import light_at, note_lit, note_seen
 from pipeline.flight.signals import slot
 from pipeline.physics.sight import is_facing, is_in_cone, is_lit
 
@@ -70,6 +71,37 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
         cx += select(left, px, nothing)
         cy += select(left, py, nothing)
         cz += select(left, pz, nothing)
+    lanes.num_unseen[lane] -= num_seen
+    lanes.num_candidates[lane] = num_left
+    divisor = max(num_left, 1)
+    lanes.target[0, lane] = total(cx) / divisor
+    lanes.target[1, lane] = total(cy) / divisor
+    lanes.target[2, lane] = total(cz) / divisor
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def look_through(world: World, work: Workspace, lane: int, k: int) -> None:
+    """Do what `look` does where light or camera are not the paper's."""
+    lanes, points = work.lanes, world.points
+    sample = k if len(points) > 1 else 0
+    rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
+    bx, by, bz = lanes.boresight[0, lane], lanes.boresight[1, lane], lanes.boresight[2, lane]
+    lx, ly, lz = light_at(world, work, lane, lanes.sun[0, lane], lanes.sun[1, lane])
+    note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
+    note_seen(world, work, k, rx, ry, rz, bx, by, bz, lx, ly, lz)
+    num_seen, num_left = 0, 0
+    nothing = splat(0.0, POINTS)
+    cx, cy, cz = nothing, nothing, nothing
+    for j in range(0, points.shape[2], POINTS):
+        seen = load(work.seen, j, POINTS) > 0.0
+        left = (load(work.lit, j, POINTS) > 0.0) ^ seen
+        store(work.unseen, (lane, j), select(seen, nothing, load(work.unseen, (lane, j), POINTS)))
+        store(work.candidate, j, select(left, 1.0, nothing))
+        num_seen += count(seen)
+        num_left += count(left)
+        cx += select(left, load(points, (sample, 0, j), POINTS), nothing)
+        cy += select(left, load(points, (sample, 1, j), POINTS), nothing)
+        cz += select(left, load(points, (sample, 2, j), POINTS), nothing)
     lanes.num_unseen[lane] -= num_seen
     lanes.num_candidates[lane] = num_left
     divisor = max(num_left, 1)
@@ -138,40 +170,35 @@ def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> Non
 
 
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
-def sense(
-    world: World, clusters: bool | None, work: Workspace, num_lanes: int, k: int, needs_angles: bool
-) -> None:
-    """Inspect, choose the target and write the signals of every lane."""
-    lanes, signals = work.lanes, work.signals
-    turn_suns(world, work, k)
-    rx, ry, rz = three(lanes.position)
-    vx, vy, vz = three(lanes.velocity)
-    q1, q2, q3, q4 = four(lanes.attitude, 0)
-    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
-    store(lanes.travelled, 0, one(lanes.travelled) + distance)
-    store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
-    store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
-    if k > 0:
-        beyond = most(world.min_distance - distance, distance - world.max_distance)
-        store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
-
-    c11, c12, c13 = q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)
-    c21, c22, c23 = 2 * (q1 * q2 - q3 * q4), -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4, 2 * (q2 * q3 + q1 * q4)
-    c31, c32, c33 = 2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4
-    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
-    write_three(
-        lanes.boresight,
-        0,
-        c11 * b1 + c21 * b2 + c31 * b3,
-        c12 * b1 + c22 * b2 + c32 * b3,
-        c13 * b1 + c23 * b2 + c33 * b3,
+def dcm_of(q1: Vector, q2: Vector, q3: Vector, q4: Vector) -> tuple[Vector, ...]:
+    """Return the direction cosines of attitudes, Hill to body, by rows."""
+    return (
+        q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4,
+        2 * (q1 * q2 + q3 * q4),
+        2 * (q1 * q3 - q2 * q4),
+        2 * (q1 * q2 - q3 * q4),
+        -q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4,
+        2 * (q2 * q3 + q1 * q4),
+        2 * (q1 * q3 + q2 * q4),
+        2 * (q2 * q3 - q1 * q4),
+        -q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4,
     )
-    sample = k if len(world.points) > 1 else 0
-    for lane in range(num_lanes):
-        look(world, work, lane, sample)
-        if clusters is not None:
-            choose_cluster(world, work, lane, sample)
 
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def write_signals(
+    work: Workspace,
+    place: tuple[Vector, Vector, Vector],
+    velocity: tuple[Vector, Vector, Vector],
+    distance: Vector,
+    dcm: tuple[Vector, ...],
+    needs_angles: bool,
+) -> None:
+    """Write the signals of position and velocity of every lane."""
+    lanes, signals = work.lanes, work.signals
+    rx, ry, rz = place
+    vx, vy, vz = velocity
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm
     store(signals, DISTANCE, distance)
     write_three(signals, POSITION_HILL, rx, ry, rz)
     write_three(signals, VELOCITY_HILL, vx, vy, vz)
@@ -186,3 +213,58 @@ def sense(
         tx, ty, tz = three(lanes.target)
         store(signals, LAMBDA_U, relative_angle(tx, ty, rx, ry))
         store(signals, ETA_U, relative_angle(tx, tz, rx, rz))
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def sense_again(work: Workspace, needs_angles: bool) -> None:
+    """Write the signals of position and velocity anew, of what stands in the place of the truth."""
+    place, velocity = three(work.lanes.position), three(work.lanes.velocity)
+    rx, ry, rz = place
+    q1, q2, q3, q4 = four(work.lanes.attitude, 0)
+    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
+    write_signals(work, place, velocity, distance, dcm_of(q1, q2, q3, q4), needs_angles)
+
+
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def sense(
+    world: World,
+    optics: bool | None,
+    clusters: bool | None,
+    work: Workspace,
+    num_lanes: int,
+    k: int,
+    needs_angles: bool,
+) -> None:
+    """Inspect, choose the target and write the signals of every lane."""
+    lanes = work.lanes
+    turn_suns(world, work, k)
+    rx, ry, rz = three(lanes.position)
+    vx, vy, vz = three(lanes.velocity)
+    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    distance = np.sqrt(rx * rx + ry * ry + rz * rz)
+    store(lanes.travelled, 0, one(lanes.travelled) + distance)
+    store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
+    store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
+    if k > 0:
+        beyond = most(world.min_distance - distance, distance - world.max_distance)
+        store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
+
+    dcm = dcm_of(q1, q2, q3, q4)
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm
+    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
+    write_three(
+        lanes.boresight,
+        0,
+        c11 * b1 + c21 * b2 + c31 * b3,
+        c12 * b1 + c22 * b2 + c32 * b3,
+        c13 * b1 + c23 * b2 + c33 * b3,
+    )
+    sample = k if len(world.points) > 1 else 0
+    for lane in range(num_lanes):
+        if optics is None:
+            look(world, work, lane, sample)
+        else:
+            look_through(world, work, lane, k)
+        if clusters is not None:
+            choose_cluster(world, work, lane, sample)
+    write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)

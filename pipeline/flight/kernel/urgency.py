@@ -14,8 +14,8 @@ from fis_tools.engines.vectors import load, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
+from pipeline.flight.kernel.optics import light_at, lit_points, note_lit
 from pipeline.flight.signals import constant, slot
-from pipeline.physics.sight import is_lit
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_dista
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def note_deadlines(world: World, work: Workspace, num_lanes: int) -> None:
+def note_deadlines(world: World, optics: bool | None, work: Workspace, num_lanes: int) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
     At the start, when nothing is inspected.
@@ -44,13 +44,16 @@ def note_deadlines(world: World, work: Workspace, num_lanes: int) -> None:
                 start_y * turned_cos - start_x * turned_sin,
             )
             sample = k if len(points) > 1 else 0
+            if optics is not None:
+                lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
+                note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
             is_missing_some = False
             for j in range(0, points.shape[2], POINTS):
                 latest = load(deadlines, (lane, j), POINTS)
                 missing = (latest == 0.0) & (load(work.unseen, (lane, j), POINTS) > 0.0)
                 if some(missing):
                     px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
-                    lit = missing & is_lit(world.sight, px, py, sun_x, sun_y)
+                    lit = missing & lit_points(world, optics, work, j, px, py, sun_x, sun_y)
                     store(deadlines, (lane, j), select(lit, now, latest))
                     is_missing_some |= some(missing ^ lit)
             k -= 1
@@ -58,7 +61,14 @@ def note_deadlines(world: World, work: Workspace, num_lanes: int) -> None:
 
 @compiled(error_model="numpy", fastmath={"contract"})
 def sense_urgency(
-    world: World, law: Law, values: Floats, work: Workspace, num_lanes: int, k: int, is_logged: bool
+    world: World,
+    optics: bool | None,
+    law: Law,
+    values: Floats,
+    work: Workspace,
+    num_lanes: int,
+    k: int,
+    is_logged: bool,
 ) -> None:
     """Write the urgent direction of every lane that may fire; of all where it is logged."""
     lanes, signals, points, now = work.lanes, work.signals, world.points, world.control_period * k
@@ -71,12 +81,15 @@ def sense_urgency(
         if lanes.coasts[lane] > 0.0 and not is_logged:
             continue
         sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
+        if optics is not None:
+            lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
+            note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
         nothing = splat(0.0, POINTS)
         weights, sum_x, sum_y, sum_z = nothing, nothing, nothing, nothing
         for j in range(0, points.shape[2], POINTS):
             px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
             counts = load(work.unseen, (lane, j), POINTS) > 0.0
-            counts &= is_lit(world.sight, px, py, sun_x, sun_y)
+            counts &= lit_points(world, optics, work, j, px, py, sun_x, sun_y)
             if some(counts):
                 time_left = now - load(work.deadlines, (lane, j), POINTS)
                 weight = select(counts, exponential(time_left * rate), 0.0)

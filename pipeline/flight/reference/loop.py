@@ -16,6 +16,7 @@ from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
 from pipeline.flight.log import REHEARSED, FlightLog, Scenario, empty_log
 from pipeline.flight.reference import thrust
+from pipeline.flight.reference.actuators import PlainThrusters
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
 from pipeline.flight.reference.guidance import (
     ChooseTarget,
@@ -25,19 +26,20 @@ from pipeline.flight.reference.guidance import (
     cluster_memory,
     relative_angle,
 )
+from pipeline.flight.reference.navigation import Navigator
 from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.see_push import cheapest_looks, push_of
-from pipeline.flight.reference.urgency import around_the_chief, deadlines, urgent_direction
+from pipeline.flight.reference.sight import lit_points, seen_points, times_lit
+from pipeline.flight.reference.urgency import around_the_chief, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
 from pipeline.flight.signals import PREVIEW, SETTING, URGENCY, constant
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
-from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
+from pipeline.physics.illumination import sun_angle, sun_direction_h, visible_share
 from pipeline.physics.motion import propagate
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 from pipeline.physics.rigid_body import relative_attitude_step
 from pipeline.physics.vectors import times, transposed_times
-from pipeline.physics.visibility import is_in_view
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -55,33 +57,6 @@ Infer = Callable[[int, Floats], float]
 def turned_points(points_c: Floats, quaternion_c_from_h: Floats) -> Floats:
     """Return points given in chief axes in Hill axes, shape (P, 3)."""
     return points_c @ dcm_b_from_h(quaternion_c_from_h)
-
-
-@compiled
-def lit_points(points_h: Floats, sun_h: Floats) -> Booleans:
-    """Tell which points the Sun lights, shape (P,)."""
-    is_lit = np.zeros(len(points_h), dtype=np.bool_)
-    for i in range(len(points_h)):
-        is_lit[i] = is_illuminated(points_h[i], sun_h)
-    return is_lit
-
-
-@compiled
-def inspect(
-    world: PlainWorld,
-    points_h: Floats,
-    position_h: Floats,
-    dcm: Floats,
-    is_lit: Booleans,
-    is_inspected: Booleans,
-) -> None:
-    """Mark the points that are lit and in view, in place; none is ever unmarked."""
-    boresight_h = transposed_times(dcm, world.boresight_b)
-    for i in range(len(points_h)):
-        if is_lit[i] and not is_inspected[i]:
-            is_inspected[i] = is_in_view(
-                points_h[i], position_h, boresight_h, world.cos_half_angle, world.points_radius
-            )
 
 
 @compiled
@@ -226,7 +201,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     choose_target = choose_target or guidance_of(mission)
     memory = cluster_memory(num_points)
     log = empty_log(world.num_controls, world.num_ticks, num_points, len(channels.axes))
-    initial_sun_angle = float(scenario.sun_angle_rad)
+    sun_at_start = np.array([scenario.sun_angle_rad, scenario.sun_elevation_rad], dtype=np.float64)
     state = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
     quaternion = np.array([0.0, 0.0, 0.0, 1.0])
     rate = np.array([0.0, 0.0, world.mean_motion])
@@ -238,23 +213,28 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     is_inspected = np.zeros(num_points, dtype=np.bool_)
     candidates = np.zeros((3, num_points))
     delta_v = 0.0
+    navigator = Navigator(mission, scenario) if mission.navigation.mode == "fixes" else None
+    thrusters = PlainThrusters(mission, scenario) if mission.actuators.kind == "real" else None
     has_plan, constants = len(channels.plan_h) > 0, channels.constants
-    senses_dark = channels.needs & (URGENCY | SETTING)
-    last_lit = deadlines(world, initial_sun_angle) if senses_dark else np.zeros(num_points)
+    last_lit, is_inspectable = times_lit(world, sun_at_start)
+    is_papers = world.is_papers_sight and scenario.sun_elevation_rad == 0.0
+    is_idle = np.zeros(num_points, dtype=np.bool_) if is_papers else ~is_inspectable
+    log.is_inspectable[:] = is_inspectable
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
         velocity = state[3:].copy()
-        y = next_y(world, position, y)
+        y_before, y = y, next_y(world, position, y)
         if world.is_pointing_ideal:
             quaternion = from_dcm(desired_dcm(position, y))
             rate = np.zeros(3)
         dcm = dcm_b_from_h(quaternion)
-        angle = sun_angle(initial_sun_angle, world.mean_motion, k * world.control_period)
+        angle = sun_angle(sun_at_start[0], world.mean_motion, k * world.control_period)
+        sun_h = sun_direction_h(angle, sun_at_start[1])
         points_h = turned_points(world.points_c, quaternion_c)
-        is_lit = lit_points(points_h, sun_direction_h(angle))
-
-        inspect(world, points_h, position, dcm, is_lit, is_inspected)
+        is_lit = lit_points(world, quaternion_c, sun_h)
+        boresight_h = transposed_times(dcm, world.boresight_b)
+        is_inspected |= seen_points(world, quaternion_c, position, boresight_h, sun_h, is_lit & ~is_inspected)
 
         num_candidates = gather_candidates(points_h, is_lit, is_inspected, candidates)
         target = np.zeros(3)
@@ -262,11 +242,17 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             target = choose_target(candidates, num_candidates, position, memory)
         else:
             memory.num_centres[0] = 0
+        log.position_m[k] = position
+        log.velocity_m_s[k] = velocity
+        truth = state
+        if navigator is not None:  # from here to the thrusters the estimate is what counts
+            state, log.estimate_covariance[k] = navigator.estimate(k, position)
+            log.estimate[k] = state
+            position, velocity = state[:3].copy(), state[3:].copy()
+            y = next_y(world, position, y_before)
         lambda_u = relative_angle(target[0], target[1], position[0], position[1])
         eta_u = relative_angle(target[0], target[2], position[0], position[2])
 
-        log.position_m[k] = position
-        log.velocity_m_s[k] = velocity
         log.quaternion_b_from_h[k] = quaternion
         log.angular_velocity_b_rad_s[k] = rate
         log.quaternion_c_from_h[k] = quaternion_c
@@ -274,18 +260,20 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         log.target_m[k] = target
         log.lambda_u_rad[k] = lambda_u
         log.eta_u_rad[k] = eta_u
-        log.sun_angle_rad[k] = angle
+        log.sun_angle_rad[k], log.sun_elevation_rad[k] = angle, sun_at_start[1]
+        log.visible_sun_share[k] = visible_share(sun_h, world.orbit_radius) if world.has_shadow else 1.0
         log.is_inspected[k] = is_inspected
         log.delta_v_m_s[k] = delta_v
         if k == world.num_controls:
             break
 
-        is_complete = bool(is_inspected.all()) and world.coasts_when_complete
+        is_done = is_inspected | is_idle
+        is_complete = bool(is_done.all()) and world.coasts_when_complete
         decides = thrust.is_decision(channels, world, k)
         asked, foreseen, coasts = np.zeros(3), np.zeros(3), False
         if decides and not is_complete and not has_plan:
             if channels.needs & PREVIEW:
-                foreseen = preview(world, state, k, initial_sun_angle, quaternion_c, rate_c, is_inspected)
+                foreseen = preview(world, state, k, sun_at_start, quaternion_c, rate_c, is_done)
             if thrust.may_coast(channels):
                 log.foreseen[k] = foreseen
                 coasts = thrust.is_coasting_enough(channels, world, foreseen)
@@ -305,7 +293,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 horizon = constants[SEE_HORIZON]
                 is_setting = ~is_inspected & (last_lit > time) & (last_lit <= time + horizon)
                 looks = cheapest_looks(
-                    world, state, k, initial_sun_angle, quaternion_c, rate_c, is_setting, horizon
+                    world, state, k, sun_at_start, quaternion_c, rate_c, is_setting, horizon
                 )
                 push = push_of(looks, last_lit, time, constants[URGENCY_TIME], constants[SEE_DAMPING])
                 push = around_the_chief(push, position, constants[SKIRT_DISTANCE], world.min_distance)
@@ -341,7 +329,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             log.safety_force_hill_n[k] = force_h - asked_h
         log.is_decided[k] = resting is None and not has_plan
         log.force_body_n[k] = times(dcm, wanted_h)
-        log.force_hill_n[k] = force_h
         log.force_asked_n[k] = asked
         log.reason[k] = thrust.reasons(
             resting,
@@ -352,6 +339,11 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             channels.is_force_hill or has_plan,
         )
 
+        if navigator is not None:
+            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.in_impulses(force_h))
+            navigator.note(k, *told)
+        fired_h = force_h if thrusters is None else thrusters.fired(force_h)
+        log.force_hill_n[k] = fired_h
         quaternion, rate, y = turn_deputy(
             world,
             state,
@@ -362,6 +354,6 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
-        state = propagate(world.motion, state, force_h)
-        delta_v += np.abs(force_h).sum() * world.control_period / world.mass
+        state = propagate(world.motion, truth, fired_h)
+        delta_v += np.abs(fired_h).sum() * world.control_period / world.mass
     return log

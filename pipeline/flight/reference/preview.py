@@ -4,12 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from pipeline.flight.reference.sight import lit_points, seen_points, sun_at
 from pipeline.flight.reference.world import PlainWorld, turn_chief
-from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.motion import propagate
-from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import norm
-from pipeline.physics.visibility import is_in_view
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -20,7 +18,7 @@ def preview(
     world: PlainWorld,
     state: Floats,
     k: int,
-    initial_sun_angle: float,
+    sun_at_start: Floats,
     quaternion_c_from_h: Floats,
     chief_rate_c: Floats,
     is_inspected: Booleans,
@@ -33,12 +31,12 @@ def preview(
     state : array, shape (6,)
         At sample k, m and m/s, Hill axes.
     k : int
-    initial_sun_angle : float
-        At k = 0, rad.
+    sun_at_start : array, shape (2,)
+        Angle and elevation at k = 0, rad.
     quaternion_c_from_h, chief_rate_c : array, shape (4,), (3,)
         Of the chief at sample k.
     is_inspected : array of bool, shape (P,)
-        By then.
+        By then, or of no interest.
 
     Returns
     -------
@@ -56,14 +54,8 @@ def preview(
             continue
         position = state[:3].copy()
         nearest, farthest = min(nearest, norm(position)), max(farthest, norm(position))
-        points_h = world.points_c @ dcm_b_from_h(quaternion_c_from_h)
-        sun_h = sun_direction_h(
-            sun_angle(initial_sun_angle, world.mean_motion, sample * world.control_period)
-        )
+        sun_h = sun_at(world, sun_at_start, sample)
+        is_sought = lit_points(world, quaternion_c_from_h, sun_h) & ~is_seen
         boresight_h = -position / norm(position)
-        for i in range(len(points_h)):
-            if not is_seen[i] and is_illuminated(points_h[i], sun_h):
-                is_seen[i] = is_in_view(
-                    points_h[i], position, boresight_h, world.cos_half_angle, world.points_radius
-                )
+        is_seen |= seen_points(world, quaternion_c_from_h, position, boresight_h, sun_h, is_sought)
     return np.array([float(len(is_seen) - is_seen.sum()), nearest, farthest])

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
+from pipeline.flight.reference.sight import lit_points, seen_points, sun_at
 from pipeline.flight.reference.world import PlainWorld, turn_chief
-from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
 from pipeline.physics.motion import place_of, propagate, slopes
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.vectors import dot
+from pipeline.physics.vectors import dot, norm
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -21,11 +21,28 @@ KS2 = 1e6
 
 
 @compiled
+def lacking(world: PlainWorld, point_h: Floats, normal_h: Floats, position_h: Floats) -> tuple[float, Floats]:
+    """Return by how much a look falls short of what it lacks most, m, and in which direction that shrinks.
+
+    That is height above the point's tangent plane, of which the incidence asks for a share of the distance,
+    or nearness; where neither is lacking, something that no push along a line mends, for which stands
+    `LEAST_SHORT_M`.
+    """
+    apart = position_h - point_h
+    distance = norm(apart)
+    short = world.cos_max_incidence * distance - dot(normal_h, apart)
+    towards = normal_h - world.cos_max_incidence * apart / distance
+    if distance - world.max_range > short:
+        short, towards = distance - world.max_range, -apart / distance
+    return max(short, LEAST_SHORT_M), towards
+
+
+@compiled
 def cheapest_looks(
     world: PlainWorld,
     state: Floats,
     k: int,
-    initial_sun_angle: float,
+    sun_at_start: Floats,
     quaternion_c_from_h: Floats,
     chief_rate_c: Floats,
     is_sought: Booleans,
@@ -43,8 +60,8 @@ def cheapest_looks(
     state : array, shape (6,)
         At sample k, m and m/s, Hill axes.
     k : int
-    initial_sun_angle : float
-        At k = 0, rad.
+    sun_at_start : array, shape (2,)
+        Angle and elevation at k = 0, rad.
     quaternion_c_from_h, chief_rate_c : array, shape (4,), (3,)
         Of the chief at sample k.
     is_sought : array of bool, shape (P,)
@@ -58,6 +75,7 @@ def cheapest_looks(
         Shortfall, m, and slopes along the Hill axes, m per m/s; zeros for points that need no push, because
         they are not sought or free motion shows them, and for those that are lit at no look.
     """
+    knows_optics = not world.is_papers_sight or sun_at_start[1] != 0.0
     looks = np.zeros((len(is_sought), 4))
     cost = np.full(len(is_sought), np.inf)
     is_shown = ~is_sought
@@ -71,19 +89,28 @@ def cheapest_looks(
             continue
         position = state[:3].copy()
         points_h = world.points_c @ dcm_b_from_h(quaternion_c_from_h)
-        angle = sun_angle(initial_sun_angle, world.mean_motion, sample * world.control_period)
-        sun_h = sun_direction_h(angle)
+        sun_h = sun_at(world, sun_at_start, sample)
+        is_lit = lit_points(world, quaternion_c_from_h, sun_h)
+        is_sure = is_lit & ~is_shown
+        if knows_optics:
+            boresight_h = -position / norm(position)
+            is_sure = seen_points(world, quaternion_c_from_h, position, boresight_h, sun_h, is_sure)
+        normals_h = world.normals_c @ dcm_b_from_h(quaternion_c_from_h)
         place = place_of(world.looks, (sample - k) // world.look_stride)
         is_near = dot(position, position) < SQUARED_NEAR_M2
         for i in range(len(points_h)):
-            if is_shown[i] or not is_illuminated(points_h[i], sun_h):
+            if is_shown[i] or not is_lit[i]:
                 continue
-            towards = points_h[i] / radius
-            short = radius - dot(towards, position)
-            if is_near:
-                short = max(short, LEAST_SHORT_M)
-            if short <= 0.0:
-                is_shown[i] = True
+            if knows_optics:
+                is_shown[i] = is_sure[i]
+                short, towards = lacking(world, points_h[i], normals_h[i], position)
+            else:
+                towards = points_h[i] / radius
+                short = radius - dot(towards, position)
+                if is_near:
+                    short = max(short, LEAST_SHORT_M)
+                is_shown[i] = short <= 0.0
+            if is_shown[i]:
                 continue
             _, _, _, gx, gy, gz = slopes(place, towards[0], towards[1], towards[2])
             if short**2 / (gx**2 + gy**2 + gz**2) < cost[i]:

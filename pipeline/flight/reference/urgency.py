@@ -7,38 +7,10 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.reference.world import PlainWorld, turn_chief
-from pipeline.physics.illumination import is_illuminated, sun_angle, sun_direction_h
-from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import dot, norm
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
-
-
-@compiled
-def deadlines(world: PlainWorld, initial_sun_angle: float) -> Floats:
-    """Return when each point is lit for the last time at a sample of the flight, s, shape (P,).
-
-    Points that are never lit after the start have zero.
-
-    Parameters
-    ----------
-    world : PlainWorld
-    initial_sun_angle : float
-        At k = 0, rad.
-    """
-    quaternion_c_from_h, chief_rate_c = np.array([0.0, 0.0, 0.0, 1.0]), world.chief_rate
-    last_lit = np.zeros(len(world.points_c))
-    for k in range(1, world.num_controls + 1):
-        quaternion_c_from_h, chief_rate_c = turn_chief(world, quaternion_c_from_h, chief_rate_c)
-        points_h = world.points_c @ dcm_b_from_h(quaternion_c_from_h)
-        time = k * world.control_period
-        sun_h = sun_direction_h(sun_angle(initial_sun_angle, world.mean_motion, time))
-        for i in range(len(points_h)):
-            if is_illuminated(points_h[i], sun_h):
-                last_lit[i] = time
-    return last_lit
 
 
 @compiled
@@ -57,7 +29,7 @@ def urgent_direction(
     is_wanted : array of bool, shape (P,)
         Lit and not inspected.
     last_lit : array, shape (P,)
-        Of `deadlines`, s.
+        Of `pipeline.flight.reference.sight.times_lit`, s.
     time, urgency_time : float
         s.
 

@@ -1,6 +1,6 @@
 """A mission as plain numbers for the readable reference flight."""
 
-from math import ceil, cos, radians
+from math import ceil, cos, inf, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.chief import num_chief_steps
+from pipeline.flight.light import RIGHT_ANGLE_DEG, sees_as_in_the_paper, shadowing_radius
 from pipeline.flight.preview import look_stride, preview_stride
-from pipeline.physics.inspection_points import fibonacci_placement, regular_placement
+from pipeline.flight.surface import surface_of
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
+from pipeline.physics.occlusion import Occlusion
 from pipeline.physics.rigid_body import tumble
 from pipeline.settings.experiment import Mission
 
@@ -56,7 +58,21 @@ class PlainWorld(NamedTuple):
     num_chief_steps: int
     #: (P, 3), chief axes
     points_c: Floats
+    normals_c: Floats
     points_radius: float
+    #: of a chief that is a mesh, in chief axes
+    is_mesh: bool
+    occlusion: Occlusion
+    #: the Earth's shadow: of the chief's orbit, m, and with how little of the Sun nothing is lit
+    has_shadow: bool
+    orbit_radius: float
+    min_sun_share: float
+    #: whether light and camera are the paper's, but for the Sun's elevation
+    is_papers_sight: bool
+    has_camera_limits: bool
+    cos_max_incidence: float
+    max_range: float
+    cos_min_sun_angle: float
     #: (3,), body axes
     boresight_b: Floats
     cos_half_angle: float
@@ -84,7 +100,8 @@ def world_of(mission: Mission) -> PlainWorld:
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     chief_inertia = np.array(chief.inertia_kg_m2, dtype=np.float64)
     chief_rate = chief.initial_angular_velocity_rad_s
-    place = regular_placement if chief.placement == "deserno" else fibonacci_placement
+    surface, sensor, has_shadow = surface_of(mission), mission.sensor, mission.light.shadow != "none"
+    is_any_incidence = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
     return PlainWorld(
         mean_motion=n,
         num_controls=mission.num_controls,
@@ -109,10 +126,23 @@ def world_of(mission: Mission) -> PlainWorld:
         chief_rate=np.array((0.0, 0.0, n) if chief_rate is None else chief_rate, dtype=np.float64),
         is_chief_tumbling=chief_rate is not None,
         num_chief_steps=num_chief_steps(mission),
-        points_c=place(chief.num_points, chief.inspection_radius_m),
+        points_c=surface.points,
+        normals_c=surface.normals,
         points_radius=chief.inspection_radius_m,
-        boresight_b=np.array(mission.sensor.boresight, dtype=np.float64),
-        cos_half_angle=cos(radians(mission.sensor.half_angle_deg)),
+        is_mesh=chief.shape == "mesh",
+        occlusion=surface.occlusion,
+        has_shadow=has_shadow,
+        orbit_radius=shadowing_radius(mission.orbit, mission.light) if has_shadow else inf,
+        min_sun_share=mission.light.min_fraction,
+        is_papers_sight=sees_as_in_the_paper(mission),
+        has_camera_limits=not is_any_incidence
+        or sensor.max_range_m is not None
+        or sensor.min_sun_angle_deg > 0.0,
+        cos_max_incidence=0.0 if is_any_incidence else cos(radians(sensor.max_incidence_deg)),
+        max_range=inf if sensor.max_range_m is None else sensor.max_range_m,
+        cos_min_sun_angle=cos(radians(sensor.min_sun_angle_deg)),
+        boresight_b=np.array(sensor.boresight, dtype=np.float64),
+        cos_half_angle=cos(radians(sensor.half_angle_deg)),
         coasts_when_complete=mission.coast_when_complete,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,

@@ -66,7 +66,10 @@ def test_the_papers_numbers():
     assert (config["deputy"]["min_distance_m"], config["deputy"]["max_distance_m"]) == (15, 200)
     assert math.hypot(*config["deputy"]["initial_position_m"]) == pytest.approx(75, rel=1e-15)
     assert len(set(config["deputy"]["initial_position_m"])) == 1
-    assert config["sensor"] == {"half_angle_deg": 15, "boresight": [-1, 0, 0]}
+    sensor = {"half_angle_deg": 15, "boresight": [-1, 0, 0]}
+    beyond = {"max_incidence_deg": 90, "max_range_m": None, "min_sun_angle_deg": 0}
+    assert config["sensor"] == sensor | beyond
+    assert config["light"] == {"shadow": "none", "min_fraction": 0.5}
     assert config["chief"]["inspection_radius_m"] == 10
     assert config["inspection_threshold_percent"] == 95
     assert (config["duration_s"], config["control_period_s"]) == (3600, 10)

@@ -17,6 +17,7 @@ def four_cases() -> tuple[list[Scenario], Outcomes]:
     found = Outcomes(
         delta_v_m_s=np.array([1.0, 2.0, 3.0, 6.0]),
         inspected_count=np.array([94, 95, 99, 97]),
+        inspectable_count=np.full(4, 99),
         mean_distance_m=np.array([60.0, 70.0, 80.0, 90.0]),
         min_distance_m=np.array([50.0, 60.0, 70.0, 14.0]),
         max_distance_m=np.array([70.0, 80.0, 90.0, 100.0]),
@@ -33,6 +34,7 @@ def test_a_row_a_case() -> None:
         "case", "position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "delta_v_m_s",
         "inspected_count", "inspection_rate_percent", "mean_distance_m", "min_distance_m", "max_distance_m",
         "success", "violated", "safety_periods", "safety_delta_v_m_s",
+        "sun_elevation_rad", "inspectable_count", "inspectable_rate_percent",
     ]  # fmt: skip
     assert columns["case"].tolist() == [0, 1, 2, 3]
     assert columns["position_x_m"].tolist() == [0.0, 10.0, 20.0, 30.0]

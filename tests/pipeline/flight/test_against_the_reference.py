@@ -39,6 +39,16 @@ TUMBLING = {"initial_angular_velocity_rad_s": (0.01, -0.02, 0.005)}
 IDEAL = {"mode": "ideal"}
 BLENDING = {"pole_blending": True}
 
+FIXES = {
+    "mode": "fixes",
+    "bias_m": 0.5,
+    "outlier_m": 20.0,
+    "process_noise_m_s2": 1e-5,
+    "execution_error": 0.05,
+    "initial_velocity_m_s": 0.001,
+}
+REAL = {"kind": "real", "scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.02}
+
 #: some forces beyond the thruster's, and fewer than the flight has periods
 PLAN = open_loop("plan", np.random.default_rng(1).normal(0.0, [0.02, 0.5, 0.01], (300, 3)))
 
@@ -62,6 +72,16 @@ FLOWN = {
         STARTS,
     ),
     "plan": (mission(), PLAN, STARTS),
+    "late fixes, late thrusters with errors": (
+        mission(
+            navigation=FIXES
+            | {"fix_period_s": 20.0, "delay_s": 10.0, "outlier_share": 0.1, "gate_sigma": 4.0},
+            actuators=REAL | {"delay_s": 10.0, "impulse_step_n_s": 0.01},
+            safety=vars(LAST_MOMENT),
+        ),
+        STEERING,
+        STARTS,
+    ),
     "coast": (mission(), coast(), [*STARTS, *OVER_POLES]),
     "Hill axes, weak thruster, slow clocks, narrow camera": (
         mission(

@@ -8,8 +8,9 @@ import pytest
 from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzyController
+from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import from_fuzzy, law_of
-from pipeline.flight.simulation import cases_of, fly_all, fly_population
+from pipeline.flight.simulation import fly_all, fly_population
 from pipeline.flight.world import pack_world
 from tests.pipeline.flight.cases import COMPLETED, OVER_POLES, STARTS, mission
 from tests.places import PROJECT
@@ -27,7 +28,7 @@ def test_a_genome_its_json_and_its_yaml_fly_the_same_bit_for_bit(workers: int, t
     law = law_of(from_fuzzy(PAPER), MISSION)
     tracks = np.empty((5 * len(FLIGHTS), MISSION.num_controls + 1, 3), dtype=np.float32)
     population = fly_population(
-        pack_world(MISSION), law, encoding.pack(genomes), cases_of(FLIGHTS), workers, tracks
+        pack_world(MISSION), law, encoding.pack(genomes), cases_of(MISSION, FLIGHTS), workers, tracks
     )
     assert population.delta_v_m_s.shape == (5, len(FLIGHTS))
     assert len(np.unique(population.delta_v_m_s)) == population.delta_v_m_s.size

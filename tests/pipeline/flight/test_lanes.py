@@ -90,10 +90,11 @@ def test_logged_or_not(name: str) -> None:
         assert row[0] == log.delta_v_m_s[-1]
         assert row[1] == log.is_inspected[-1].sum()
         distance = np.linalg.norm(log.position_m, axis=1)
-        assert row[6] == np.count_nonzero(log.safety_limit)
+        assert row[2] == log.is_inspectable.sum()
+        assert row[7] == np.count_nonzero(log.safety_limit)
         changed = np.abs(log.safety_force_hill_n).sum() * what.control_period_s / what.deputy.mass_kg
-        np.testing.assert_allclose(row[7], changed, rtol=1e-12)
-        np.testing.assert_allclose(row[2:5], [distance.mean(), distance.min(), distance.max()], rtol=1e-13)
+        np.testing.assert_allclose(row[8], changed, rtol=1e-12)
+        np.testing.assert_allclose(row[3:6], [distance.mean(), distance.min(), distance.max()], rtol=1e-13)
 
 
 def test_the_same_flight_in_every_lane_is_the_same() -> None:
@@ -104,5 +105,5 @@ def test_the_same_flight_in_every_lane_is_the_same() -> None:
 
 
 def test_without_starts_there_are_no_outcomes() -> None:
-    assert fly(*CASES["paper"], [])[0].shape == (0, 8)
-    assert fly(*CASES["paper"], [], workers=3)[0].shape == (0, 8)
+    assert fly(*CASES["paper"], [])[0].shape == (0, 9)
+    assert fly(*CASES["paper"], [], workers=3)[0].shape == (0, 9)

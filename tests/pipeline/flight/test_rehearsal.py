@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -16,7 +17,7 @@ from pipeline.flight.controller import (
 )
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.simulation import cases_of, fly_all, fly_logged, fly_population
+from pipeline.flight.simulation import fly_all, fly_logged, fly_population
 from pipeline.flight.world import pack_world
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
 
@@ -48,7 +49,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     flown = fly_all(MISSION, controller, STARTS)
     world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), packed(SEEING)
     for case, start in enumerate(STARTS):
-        cases = cases_of([start])
+        cases = cases_of(MISSION, [start])
         ends = [fly_population(world, law, numbers, cases, 1, openings=force[np.newaxis]) for force in forces]
         # two points missed cost nothing, as the controller puts up with them
         cost = [

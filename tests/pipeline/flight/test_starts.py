@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from pipeline.flight.log import Scenario
-from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.starts import EVALUATION, draw, evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import MonteCarlo, Starts, Sun
 
 FIXED = Sun(mode="fixed", angle_deg=30.0)
@@ -127,3 +127,21 @@ def test_the_papers_starts_are_the_diagonals_of_the_octants() -> None:
     other_seed = training_scenarios(OCTANTS, RANDOM, 2)
     np.testing.assert_array_equal(positions(other_seed), positions(starts))
     assert len(set(suns(other_seed).tolist())) == 8
+
+
+def test_a_sun_that_is_drawn_has_an_elevation_from_its_range() -> None:
+    """Positions and angles stay those of a Sun in the plane; a fixed Sun has the one elevation given."""
+    plain = Sun(mode="random", angle_deg=0.0)
+    tilted = replace(plain, elevation_range_deg=(-20.0, 60.0))
+    flat, drawn = (
+        [draw(3, EVALUATION, case, (50.0, 100.0), sun) for case in range(400)] for sun in (plain, tilted)
+    )
+    for one, other in zip(flat, drawn, strict=True):
+        np.testing.assert_array_equal(one.position_m, other.position_m)
+        assert one.sun_angle_rad == other.sun_angle_rad
+        assert one.sun_elevation_rad == 0.0
+    degrees = np.degrees([one.sun_elevation_rad for one in drawn])
+    assert stats.kstest(degrees, "uniform", (-20.0, 80.0)).pvalue > 0.01
+    mixed = replace(tilted, mode="mixed", elevation_deg=5.0)
+    assert np.degrees(draw(3, EVALUATION, 2, (50.0, 100.0), mixed).sun_elevation_rad) == 5.0
+    assert draw(3, EVALUATION, 3, (50.0, 100.0), mixed).sun_elevation_rad == drawn[3].sun_elevation_rad

@@ -7,11 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from pipeline.flight.cases import cases_of
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.controller import coast, law_of, packed
 from pipeline.flight.log import Scenario
 from pipeline.flight.reference.world import turn_chief, world_of
-from pipeline.flight.simulation import FlightError, cases_of, fly_all, fly_logged, fly_population
+from pipeline.flight.simulation import FlightError, fly_all, fly_logged, fly_population
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
@@ -73,7 +74,7 @@ def test_an_attitude_that_does_not_stay_finite_is_no_result():
     gain = 1e300 * np.eye(3)
     wild = world._replace(proportional_gain=gain, derivative_gain=gain, max_torque=1e300)
     law, numbers = law_of(coast(), replace(PAPER, duration_s=60.0)), packed(coast())
-    cases = cases_of([Scenario(np.array([40.0, 30.0, 20.0]), np.zeros(3), 0.0)])
+    cases = cases_of(PAPER, [Scenario(np.array([40.0, 30.0, 20.0]), np.zeros(3), 0.0)])
     assert np.isfinite(fly_population(world, law, numbers, cases).delta_v_m_s).all()
     with pytest.raises(FlightError, match="did not stay finite"):
         fly_population(wild, law, numbers, cases)

@@ -1,12 +1,16 @@
 """A case as linear algebra agrees with the simulator."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.optimum.plan import solve
 from pipeline.optimum.polish import _rows
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
 from pipeline.optimum.search import NEVER, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT, price_burns
-from tests.pipeline.optimum.cases import problem, random_forces
+from tests.pipeline.optimum.cases import composed, problem, random_forces
 
 
 @pytest.mark.parametrize("tumbling", [(), ("chief=tumbling",)])
@@ -16,6 +20,40 @@ def test_paths_are_those_of_the_simulator(tumbling):
     log = flown(case, forces)
     assert np.abs(path_of(case, forces) - log.position_m).max() < 1e-8
     assert np.abs(forces).sum() * case.delta_v_per_force == pytest.approx(log.delta_v_m_s[-1], rel=1e-12)
+
+
+#: a Sun out of the plane, the Earth's shadow, a camera of little sight
+STRICT = (
+    "attitude=ideal",
+    "sun=random",
+    "sun.elevation_range_deg=[-40,40]",
+    "light=shadow",
+    "sensor.max_incidence_deg=70",
+    "sensor.max_range_m=100",
+    "sensor.min_sun_angle_deg=20",
+)
+
+
+@pytest.mark.parametrize("chief", ["sphere", "mesh"])
+def test_margins_are_the_sight_of_a_flight_in_a_strict_world(chief):
+    case = problem(1, *STRICT, f"chief.shape={chief}")
+    log = flown(case, random_forces(case.num_controls, 0.05, 2))
+    seen = margins_along(seen_as(case, log), log.position_m).max(axis=0) >= 0.0
+    assert seen.sum() > 10
+    # from so near that the camera does not hold all of the chief a flight may see more
+    assert np.all(log.is_inspected[-1][seen])
+    assert log.is_inspected[-1].sum() <= seen.sum() + 3
+    assert case.is_lit.any(axis=0).sum() == log.is_inspectable.sum()
+
+
+def test_a_plan_for_a_strict_world_holds_in_flight():
+    """Its demands are met by tangents, the flight judges by what they are tangents of."""
+    run = composed(*STRICT, "optimum.points=30", "optimum.restarts=2", "optimum.kicks=0", "optimum.burns=2")
+    experiment = run.experiment
+    (_, scenario) = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    plan = solve(experiment.mission, scenario, experiment.optimum, np.random.SeedSequence(5))
+    assert plan.flight.is_feasible(30)
+    assert 0.0 <= plan.bound <= plan.flight.delta_v < 0.5
 
 
 @pytest.mark.parametrize("attitude", ["ideal", "flown"])
@@ -51,8 +89,10 @@ def test_a_camera_that_looks_away_sees_nothing():
     assert margins_along(case, case.free)[0].max() == -np.inf
 
 
-def test_the_search_pays_for_what_is_spent_short_and_outside():
-    case = problem(0)
+@pytest.mark.parametrize("world", [(), STRICT])
+def test_the_search_pays_for_what_is_spent_short_and_outside(world):
+    # what blinds the camera is left to the polishing
+    case = replace(problem(0, *world), most_sunward=np.inf)
     burns = np.array([[0.2, -0.1, 0.05], [0.0, 0.3, -0.2]])
     forces = np.zeros((case.num_controls, 3))
     forces[0], forces[40] = burns
@@ -74,7 +114,10 @@ def test_the_search_pays_for_what_is_spent_short_and_outside():
         case.normals,
         case.is_lit,
         case.sight,
-        case.radius,
+        case.heights,
+        case.points,
+        case.cos_incidence,
+        case.max_range,
         (60.0, 120.0),
         case.delta_v_per_force,
         costs,

@@ -8,14 +8,20 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_all
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
-from pipeline.optimum.solved import SHIPPED_FOLDERS
+from pipeline.optimum.solved import HARDER_FOLDERS, SHIPPED_FOLDERS
 from pipeline.run import artifacts, tables
 from tests.pipeline.optimum.cases import composed
 
+FOLDERS = [(folder, 95) for folder in SHIPPED_FOLDERS.values()]
+FOLDERS += [
+    (folder, points)
+    for harder in HARDER_FOLDERS.values()
+    for folder, points in zip(harder, (98, 99), strict=True)
+]
 
-@pytest.mark.parametrize("sun", ["fixed", "random"])
-def test_every_plan_flies_as_its_table_says(sun):
-    folder = SHIPPED_FOLDERS[sun]
+
+@pytest.mark.parametrize(("folder", "asked"), FOLDERS, ids=lambda value: getattr(value, "name", value))
+def test_every_plan_flies_as_its_table_says(folder, asked):
     mission = composed().experiment.mission
     assert mission.attitude.mode == "flown"
     cases = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
@@ -28,7 +34,7 @@ def test_every_plan_flies_as_its_table_says(sun):
         start = Scenario(position, np.zeros(3), float(cases["sun_angle_rad"][row]))
         outcome = fly_all(mission, open_loop("plan", forces), [start], workers=1)
         assert outcome.delta_v_m_s[0] == pytest.approx(cases["delta_v_m_s"][row], rel=1e-9)
-        assert outcome.inspected_count[0] == cases["inspected_count"][row] >= 95
+        assert outcome.inspected_count[0] == cases["inspected_count"][row] >= asked
         assert not outcome.is_violated[0]
     assert cases["is_feasible"].all()
     assert len(cases["case"]) == 50

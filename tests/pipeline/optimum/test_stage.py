@@ -95,7 +95,14 @@ def test_cases_of_other_starts_are_not_kept(folder, tmp_path, capsys):
 
 
 def test_where_time_is_too_short_the_best_there_is_is_kept_and_not_called_a_plan(tmp_path, capsys):
-    solved(tmp_path, "duration_s=300.0", "optimum.restarts=1", "optimum.kicks=0", "optimum.cases=start")
+    solved(
+        tmp_path,
+        "duration_s=300.0",
+        "optimum.points=95",
+        "optimum.restarts=1",
+        "optimum.kicks=0",
+        "optimum.cases=start",
+    )
     cases = tables.read_parquet(tmp_path, artifacts.OPTIMUM_CASES)
     start = given_start(composed().experiment.mission.deputy, composed().experiment.sun, 1)
     assert cases["position_x_m"].tolist() == [start.position_m[0]]

@@ -52,6 +52,18 @@ def test_a_plan_flown_as_a_controller_burns_the_optimum_once():
         assert columns["optimum_bound_m_s"][0] <= columns["optimum_delta_v_m_s"][0]
 
 
+def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
+    solved = solved_for(evaluation("sun=random"))
+    seen = np.array([98, 99, 95, *np.full(47, 60)])
+    spent = np.full(50, 0.5)
+    columns = beside_optimum({"delta_v_m_s": spent, "inspected_count": seen}, solved.cases, solved.harder)
+    plans = [solved.cases, *solved.harder]
+    for row, count in enumerate(seen.tolist()):
+        enough = [p["delta_v_m_s"][row] for p in plans if p["inspected_count"][row] >= count]
+        assert columns["times_optimum_as_seen"][row] == pytest.approx(0.5 / min(enough), rel=1e-12)
+    assert [p["points_asked"][0] for p in plans] == [95, 98, 99]
+
+
 @pytest.fixture(scope="module")
 def evaluated(tmp_path_factory):
     """Two cases of another seed: the solved ones are flown besides."""

@@ -18,6 +18,7 @@ def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
     return cases.flown(*SHORT)._replace(
         position_m=position,
         is_inspected=inspected,
+        is_inspectable=np.ones(99, dtype=bool),
         delta_v_m_s=0.1 * np.arange(11.0),
         force_hill_n=np.ones((10, 3)),
     )

@@ -210,6 +210,7 @@ def test_metadata_tells_what_the_episode_was(full: Contents):
         "position_m": [43.30127018922194] * 3,
         "velocity_m_s": [0.0, 0.0, 0.0],
         "sun_angle_rad": 0.0,
+        "sun_elevation_rad": 0.0,
         "min_distance_m": 15.0,
         "max_distance_m": 200.0,
         "max_force_n": 1.0,

@@ -268,7 +268,9 @@ def test_one_flight_is_reported_alone(tmp_path):
     told = contents.gather(experiment, tmp_path)
     (flight,) = told.shown
     log = fly_logged(experiment.mission, told.controller, flight.scenario)
-    assert f"inspects {log.is_inspected[-1].sum()} of 99 points for 0.000 m/s" in page.text["summary"]
+    seen, most = log.is_inspected[-1].sum(), log.is_inspectable.sum()
+    told_of = f"inspects {seen} of the {most} points that can be inspected (99 in all) for 0.000 m/s"
+    assert told_of in page.text["summary"]
     assert "The controller coast has no fuzzy systems." in page.text["controller"]
     assert {figure["id"] for figure in page.all("figure")} == {
         "figure-control-start",

@@ -52,7 +52,7 @@ CASES = [
     ("chief.num_points", 99.5, "chief.num_points is 99.5; it must be a whole number"),
     ("chief.placement", "deserto", "it must be one of deserno, fibonacci; did you mean deserno?"),
     ("sensor.half_angle_deg", 0.0, "sensor.half_angle_deg is 0.0; it must be greater than 0 (deg)"),
-    ("sensor.half_angle_deg", 90.0, "sensor.half_angle_deg is 90.0; it must be from 0 to 89.9 (deg)"),
+    ("sensor.half_angle_deg", 181.0, "sensor.half_angle_deg is 181.0; it must be from 0 to 180 (deg)"),
     ("sensor.boresight", [-1.0, 1.0, 0.0], "has length 1.41421; it must be a unit vector: divide it by its"),
     (
         "sun.mode",
@@ -208,7 +208,7 @@ def test_impossible_values(key, value, message):
     [
         ("attitude_period_s", 0.1),
         ("attitude_period_s", 10.0 / 3.0),
-        ("sensor.half_angle_deg", 89.9),
+        ("sensor.half_angle_deg", 180.0),
         ("attitude_period_s", 5.0),
         ("attitude.derivative_gain", 1.99),
         ("deputy.inertia_kg_m2", [[2.0, 0.1, 0.0], [0.1, 3.0, -0.2], [0.0, -0.2, 4.0]]),

@@ -51,6 +51,9 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated: tuple[Co
         "violated": pa.bool_(),
         "safety_periods": pa.int64(),
         "safety_delta_v_m_s": number,
+        "sun_elevation_rad": number,
+        "inspectable_count": pa.int64(),
+        "inspectable_rate_percent": number,
     }
     assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
     assert all(column.null_count == 0 for column in table.columns)
@@ -96,6 +99,7 @@ def test_the_summary_tells_what_flew_and_how_well(
     assert list(summary) == [
         "controller", "sun", "num_cases", "seed", "confidence_percent",
         "delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_periods", "safety_delta_v_m_s",
+        "inspectable_count", "inspectable_rate_percent",
         "success", "violated", "success_and_within_limits", "safety_acted", "optimum",
     ]  # fmt: skip
     assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)

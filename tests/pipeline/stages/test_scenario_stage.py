@@ -13,7 +13,7 @@ from tests.pipeline.stages.cases import prepared
 
 COLUMNS = [
     "set", "case", "position_x_m", "position_y_m", "position_z_m",
-    "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "sun_angle_rad",
+    "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "sun_angle_rad", "sun_elevation_rad",
 ]  # fmt: skip
 
 
@@ -29,7 +29,10 @@ def assert_written(found: list[dict[str, str]], name: str, expected: list[Scenar
     written = [row for row in found if row["set"] == name]
     assert [int(row["case"]) for row in written] == list(range(len(expected)))
     numbers = np.array([[float(row[column]) for column in COLUMNS[2:]] for row in written])
-    starts = [[*start.position_m, *start.velocity_m_s, start.sun_angle_rad] for start in expected]
+    starts = [
+        [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
+        for start in expected
+    ]
     np.testing.assert_array_equal(numbers, starts)
 
 

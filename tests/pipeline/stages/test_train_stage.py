@@ -267,7 +267,7 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
     outcomes = fly_all(run.mission, template, candidates)
     limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
-    each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), limits, 99, 95.0))
+    each = np.sort(costs(outcomes, run.optimizer.penalty.of_round(1), limits, 95.0))
     expected = (4 * plain["fitness"][0] + each[-3:].sum()) / 7
     assert mined["fitness"][0] == pytest.approx(expected, rel=1e-9)
     assert expected > plain["fitness"][0]
@@ -300,7 +300,7 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path: Path) ->
     assert not flown & {tuple(s.position_m) for s in starts}
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
     limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)
-    found = costs(outcomes, run.optimizer.penalty.of_round(2), limits, 99, 95.0).mean()
+    found = costs(outcomes, run.optimizer.penalty.of_round(2), limits, 95.0).mean()
     assert found == pytest.approx(best["validation"], rel=1e-9)
 
 

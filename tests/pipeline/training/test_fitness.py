@@ -19,6 +19,7 @@ def outcomes(delta_v: list[float], points: list[int], outside: list[float]) -> O
     return Outcomes(
         delta_v_m_s=np.array([delta_v]),
         inspected_count=np.array([points], dtype=np.int64),
+        inspectable_count=np.full((1, len(points)), 99),
         mean_distance_m=distances,
         min_distance_m=distances,
         max_distance_m=distances,
@@ -59,14 +60,14 @@ def test_the_least_number_of_points_that_reaches_the_threshold(
     ],
 )
 def test_the_fitness_of_a_flight(delta_v: float, points: int, outside_m: float, fitness: float) -> None:
-    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, LIMITS_M, 99, 95.0)
+    parts = fitness_parts(outcomes([delta_v], [points], [outside_m]), PENALTY, LIMITS_M, 95.0)
     assert parts["fitness"].tolist() == [pytest.approx(fitness, rel=1e-14)]
 
 
 def test_at_most_so_many_metres_outside_are_paid_for() -> None:
     capped = replace(PENALTY, outside_most_m=2.0)
     for outside_m, fitness in ((0.0, 0.0), (1.0, 2000.0), (2.0, 3000.0), (40.0, 3000.0)):
-        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, LIMITS_M, 99, 95.0)
+        parts = fitness_parts(outcomes([0.0], [99], [outside_m]), capped, LIMITS_M, 95.0)
         assert parts["fitness"].tolist() == [fitness]
         assert parts["outside_m"].tolist() == [outside_m]
 
@@ -85,15 +86,15 @@ def test_the_objectives_share_the_price_of_faults(
 ) -> None:
     # beside it a flight without fault
     flights = outcomes([delta_v, 0.0], [points, 99], [outside_m, 0.0])
-    found = objectives(flights, PENALTY, LIMITS_M, 99, 95.0)
+    found = objectives(flights, PENALTY, LIMITS_M, 95.0)
     assert found["spent"] == pytest.approx([spent / 2])
     assert found["missed"] == pytest.approx([missed / 2])
-    fitness = fitness_parts(flights, PENALTY, LIMITS_M, 99, 95.0)["fitness"]
+    fitness = fitness_parts(flights, PENALTY, LIMITS_M, 95.0)["fitness"]
     assert fitness == pytest.approx(found["spent"] + found["missed"])
 
 
 def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_add_up() -> None:
-    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, LIMITS_M, 99, 95.0)
+    parts = fitness_parts(outcomes([1.0, 3.0], [99, 94], [0.0, 2.0]), PENALTY, LIMITS_M, 95.0)
     assert {name: values.tolist() for name, values in parts.items()} == {
         "fitness": [(1.0 + 3.0 + 3000.0 + 10.0 + 2.5) / 2],
         "delta_v_m_s": [2.0],
@@ -110,9 +111,9 @@ def test_each_controller_of_a_population_is_judged_for_itself() -> None:
     both = Outcomes(
         **{name: np.concatenate([getattr(one, name) for one in alone]) for name in vars(alone[0])}
     )
-    together = fitness_parts(both, PENALTY, LIMITS_M, 99, 95.0)
+    together = fitness_parts(both, PENALTY, LIMITS_M, 95.0)
     for index, one in enumerate(alone):
-        for name, values in fitness_parts(one, PENALTY, LIMITS_M, 99, 95.0).items():
+        for name, values in fitness_parts(one, PENALTY, LIMITS_M, 95.0).items():
             assert together[name][index] == values[0]
 
 
@@ -125,7 +126,7 @@ def test_with_the_papers_weights_no_controller_that_breaks_a_limit_beats_one_tha
     short = outcomes([0.0] * 8, [99] * 7 + [94], [0.0] * 8)
     dear = outcomes([most] * 8, [95] * 8, [0.0] * 8)
     fitness = [
-        fitness_parts(one, paper, LIMITS_M, 99, 95.0)["fitness"][0] for one in (dear, short, inside, outside)
+        fitness_parts(one, paper, LIMITS_M, 95.0)["fitness"][0] for one in (dear, short, inside, outside)
     ]
     assert fitness == sorted(fitness)
     assert len(set(fitness)) == 4

@@ -37,6 +37,14 @@ CONTRACT = {
         ("coasting_nearest_m", DOUBLE, False),
         ("coasting_farthest_m", DOUBLE, False),
     ],
+    "Navigation": [
+        ("position_m", DOUBLE, True),
+        ("velocity_m_s", DOUBLE, True),
+        ("position_deviation_m", DOUBLE, True),
+        ("velocity_deviation_m_s", DOUBLE, True),
+        ("fix_m", DOUBLE, True),
+        ("fix_age_s", DOUBLE, False),
+    ],
     "Guidance": [
         ("num_candidates", UINT32, False),
         ("target_direction", DOUBLE, True),
@@ -56,6 +64,9 @@ CONTRACT = {
         ("inspection_rate_percent", DOUBLE, False),
         ("delta_v_m_s", DOUBLE, False),
         ("inspected_mask", BYTES, False),
+        ("sun_elevation_rad", DOUBLE, False),
+        ("sun_hidden_share", DOUBLE, False),
+        ("inspectable_count", UINT32, False),
     ],
 }
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.controllers.planned.coverage import count_seen, coverage_of
+from pipeline.controllers.planned.coverage import count_seen
 from pipeline.flight.controller import open_loop
 from pipeline.flight.simulation import fly_all
+from pipeline.flight.world import pack_world
 from tests.pipeline.controllers.planned.cases import (
     MASS,
     MEAN_MOTION,
@@ -43,11 +44,11 @@ def test_after_one_burn_the_ellipse_closes_around_the_chief_within_the_limits(pl
 
 
 def test_no_closed_burn_nearby_does_as_well_for_less(plans):
-    coverage = coverage_of(MISSION)
+    world = pack_world(MISSION)
     generator = np.random.default_rng(4)
     for start, plan in zip(STARTS[:3], plans[:3], strict=True):
         spent = np.abs(plan).sum()
-        asked = min(97, count_seen(coverage, start, flown(start, plan)[np.newaxis, :, :3])[0])
+        asked = min(97, count_seen(world, start, flown(start, plan)[np.newaxis, :, :3])[0])
         better = 0
         for _ in range(60):
             burn = plan[0] + generator.normal(0.0, 0.02, 3)
@@ -59,7 +60,7 @@ def test_no_closed_burn_nearby_does_as_well_for_less(plans):
             path = flown(start, burn[np.newaxis], 569)[:, :3]
             distances = np.linalg.norm(path[1:], axis=1)
             if np.abs(burn).sum() < spent - 1e-3 and distances.min() > 20.0 and distances.max() < 195.0:
-                better += count_seen(coverage, start, path[np.newaxis, :361])[0] >= asked
+                better += count_seen(world, start, path[np.newaxis, :361])[0] >= asked
         assert better == 0
 
 
@@ -67,18 +68,25 @@ def test_no_closed_burn_nearby_does_as_well_for_less(plans):
 def test_what_is_foretold_is_what_a_camera_on_the_chief_inspects(sun):
     mission, scenarios = starts("natural_motion", f"sun={sun}", "attitude=ideal")
     plan_for = planner("natural_motion", f"sun={sun}")
-    coverage = coverage_of(mission)
+    world = pack_world(mission)
     for start in scenarios[:4]:
         plan = plan_for(start)
-        told = count_seen(coverage, start, flown(start, plan)[np.newaxis, :, :3])[0]
+        told = count_seen(world, start, flown(start, plan)[np.newaxis, :, :3])[0]
         assert fly_all(mission, open_loop("plan", plan), [start], workers=1).inspected_count[0] == told
 
 
-def test_what_is_foretold_for_a_chief_that_tumbles():
-    mission, scenarios = starts("natural_motion", "chief=tumbling", "attitude=ideal")
-    coverage = coverage_of(mission)
+@pytest.mark.parametrize(
+    "light_and_camera",
+    [
+        (),
+        ("light=shadow", "sensor.max_incidence_deg=70", "sensor.max_range_m=120", "chief.shape=mesh"),
+    ],
+)
+def test_what_is_foretold_for_a_chief_that_tumbles(light_and_camera):
+    mission, scenarios = starts("natural_motion", "chief=tumbling", "attitude=ideal", *light_and_camera)
+    world = pack_world(mission)
     for start in scenarios[:2]:
-        told = count_seen(coverage, start, flown(start, np.zeros((0, 3)))[np.newaxis, :, :3])[0]
+        told = count_seen(world, start, flown(start, np.zeros((0, 3)))[np.newaxis, :, :3])[0]
         outcome = fly_all(mission, open_loop("plan", np.zeros((0, 3))), [start], workers=1)
         assert outcome.inspected_count[0] == told
 

@@ -1,0 +1,104 @@
+"""Starts as compiled flights read them, with the errors of navigation and thrusters that are theirs."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES
+from pipeline.flight.actuators import Thrusters, thrust_errors, thrusters_of
+from pipeline.flight.kernel.actuators import Firing
+from pipeline.flight.kernel.arrays import CASE
+from pipeline.flight.kernel.navigation import Fixes
+from pipeline.flight.log import Scenario
+from pipeline.flight.navigation import Errors, Filter, errors_of, filter_of
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+#: an array of `CASE`
+Starts = np.recarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Some starts in a mission.
+
+    Parameters
+    ----------
+    starts : (m,) array of `CASE`
+    num_controls : int
+        Control periods of a flight.
+    navigation : (Filter, Errors), optional
+        None where the deputy knows its place.
+    thrusters : (Thrusters, (m, 3, 3) array), optional
+        None where they fire what they are told.
+    """
+
+    starts: Starts
+    num_controls: int
+    navigation: tuple[Filter, Errors] | None
+    thrusters: tuple[Thrusters, Floats] | None
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.starts)
+
+    def repeated(self, times: int) -> "Cases":
+        """Return every start so many times in a row, with the same errors."""
+
+        def each(values: NDArray[Any]) -> NDArray[Any]:
+            return np.repeat(values, times, axis=0)
+
+        navigation, thrusters = self.navigation, self.thrusters
+        return replace(
+            self,
+            starts=each(self.starts).view(np.recarray),
+            navigation=navigation and (navigation[0], Errors(*map(each, navigation[1]))),
+            thrusters=thrusters and (thrusters[0], each(thrusters[1])),
+        )
+
+    def fixes(self) -> Fixes | None:
+        """Return navigation as one thread flies it."""
+        if self.navigation is None:
+            return None
+        law, errors = self.navigation
+        return Fixes(
+            *law,
+            *errors,
+            filtered=np.zeros((6, LANES)),
+            covariance=np.zeros((6, 6, LANES)),
+            known=np.zeros((6, LANES)),
+            now=np.zeros((6, 6, LANES)),
+            half=np.zeros((6, 6, LANES)),
+            truth=np.zeros((6, LANES)),
+            fixes=np.zeros((errors.of_fixes.shape[1], 3, LANES)),
+            acting=np.zeros((self.num_controls, 3, LANES)),
+        )
+
+    def firing(self) -> Firing | None:
+        """Return the thrusters as one thread flies them."""
+        if self.thrusters is None:
+            return None
+        law, matrices = self.thrusters
+        return Firing(*law, matrices, np.zeros((self.num_controls, 3, LANES)), np.zeros((9, LANES)))
+
+
+def starts_of(scenarios: list[Scenario]) -> Starts:
+    """Return some starts as an array, shape (m,)."""
+    starts = np.empty(len(scenarios), CASE).view(np.recarray)
+    for case, scenario in zip(starts, scenarios, strict=True):
+        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
+        case.sun_angle, case.sun_elevation = scenario.sun_angle_rad, scenario.sun_elevation_rad
+    return starts
+
+
+def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
+    """Prepare some starts to be flown in a mission."""
+    navigation, thrusters = None, None
+    if mission.navigation.mode == "fixes":
+        law = filter_of(mission)
+        navigation = law, errors_of(mission.navigation, scenarios, mission.num_controls // law.stride + 1)
+    if mission.actuators.kind == "real":
+        thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
+    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters)

@@ -1,0 +1,63 @@
+"""Thrusters with errors on lanes, by the law of `pipeline.flight.actuators`."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import Vector, load, select, splat, store
+from pipeline.flight.kernel.arrays import Workspace, World
+from pipeline.flight.kernel.attitude import clip
+from pipeline.flight.log import FlightLog
+
+Floats = NDArray[np.float64]
+
+
+class Firing(NamedTuple):
+    """Thrusters of some flights: see `pipeline.flight.actuators.Thrusters` and `thrust_errors`."""
+
+    delay: int
+    step: float
+    least: float
+    matrices: Floats
+    commands: Floats  # (K, 3, LANES) so far
+    errors: Floats  # (9, LANES) of the flights that are flown, by rows
+
+
+@compiled(error_model="numpy", forceinline=True)
+def in_impulses(force: Vector, step: float, least: float) -> Vector:
+    """Round a force to multiples of a step, and leave out what is less than the least."""
+    rounded = np.rint(force / step) * step if step > 0.0 else force
+    return select(abs(rounded) >= least, rounded, 0.0)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def fire(
+    world: World, firing: Firing, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
+) -> None:
+    """Turn the commands of all lanes into what they fire."""
+    force = work.lanes.force
+    if k == 0:
+        for lane in range(LANES):
+            case = first + min(lane, num_lanes - 1)
+            for row in range(3):
+                for column in range(3):
+                    firing.errors[3 * row + column, lane] = firing.matrices[case, row, column]
+    for axis in range(3):
+        store(firing.commands, (k, axis, 0), load(force, axis, LANES))
+    fx, fy, fz = splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES)
+    if k >= firing.delay:
+        then = k - firing.delay
+        fx, fy = load(firing.commands, (then, 0, 0), LANES), load(firing.commands, (then, 1, 0), LANES)
+        fz = load(firing.commands, (then, 2, 0), LANES)
+    for axis in range(3):
+        turned = load(firing.errors, 3 * axis, LANES) * fx
+        turned += (
+            load(firing.errors, 3 * axis + 1, LANES) * fy + load(firing.errors, 3 * axis + 2, LANES) * fz
+        )
+        store(force, axis, clip(in_impulses(turned, firing.step, firing.least), world.max_force))
+    if len(log.position_m) > 0:
+        for axis in range(3):
+            log.force_hill_n[k, axis] = force[axis, 0]

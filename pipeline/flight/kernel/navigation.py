@@ -1,0 +1,210 @@
+"""Navigation by fixes on lanes: what the deputies believe takes the place of the truth while they decide.
+
+`pipeline.flight.navigation` has the filter's law. While a deputy senses, decides and aims, `lanes.position`
+and `lanes.velocity` are its estimate; while it is seen, judged and moved, they are the truth.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import Vector, load, select, splat, store
+from pipeline.flight.kernel.actuators import Firing, in_impulses
+from pipeline.flight.kernel.arrays import Workspace, World
+from pipeline.flight.kernel.lanes import three, write_three
+from pipeline.flight.log import FlightLog
+from pipeline.physics.motion import place_after, step_of, velocity_after
+
+Floats = NDArray[np.float64]
+
+
+class Fixes(NamedTuple):
+    """Navigation of some flights: see `pipeline.flight.navigation.Filter` and `Errors`."""
+
+    stride: int
+    delay: int
+    start_covariance: Floats
+    process: Floats
+    process_per_force: Floats
+    fix: float
+    gate: float
+    at_start: Floats
+    of_fixes: Floats
+    filtered: Floats  # (6, LANES) what the filter made of the fixes up to `delay` periods ago
+    covariance: Floats  # (6, 6, LANES) of that
+    known: Floats  # (6, LANES) that, brought to now
+    now: Floats  # (6, 6, LANES) its covariance, where a flight is logged
+    half: Floats  # (6, 6, LANES) scratch
+    truth: Floats  # (6, LANES) while the estimate stands in its place
+    fixes: Floats  # (F, 3, LANES) measured so far
+    acting: Floats  # (K, 3, LANES) commanded forces, in the periods in which they act
+
+
+@compiled(error_model="numpy")
+def entry(matrix: Floats, row: int, column: int) -> Vector:
+    """Return an entry of the matrices of all lanes."""
+    return load(matrix, (row, column, 0), LANES)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> None:
+    """Move covariances through a control period: ``P <- Phi P Phi' + Q``."""
+    phi, half = world.motion.transition, fixes.half
+    f = load(fixes.acting, (period, 0, 0), LANES)
+    g = load(fixes.acting, (period, 1, 0), LANES)
+    h = load(fixes.acting, (period, 2, 0), LANES)
+    square = f * f + g * g + h * h
+    for row in range(6):
+        for column in range(6):
+            entries = splat(0.0, LANES)
+            for i in range(6):
+                entries += phi[0, row, i] * entry(covariance, i, column)
+            store(half, (row, column, 0), entries)
+    for row in range(6):
+        for column in range(row, 6):
+            entries = fixes.process[row, column] + fixes.process_per_force[row, column] * square
+            for i in range(6):
+                entries += entry(half, row, i) * phi[0, column, i]
+            store(covariance, (row, column, 0), entries)
+            store(covariance, (column, row, 0), entries)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
+    """Move an estimate through a control period under what was commanded."""
+    step = step_of(world.motion, 0)
+    x, y, z = three(state)
+    u, v, w = load(state, 3, LANES), load(state, 4, LANES), load(state, 5, LANES)
+    f = load(fixes.acting, (period, 0, 0), LANES)
+    g = load(fixes.acting, (period, 1, 0), LANES)
+    h = load(fixes.acting, (period, 2, 0), LANES)
+    px, py, pz = place_after(step, x, y, z, u, v, w, f, g, h)
+    vx, vy, vz = velocity_after(step, x, z, u, v, w, f, g, h)
+    write_three(state, 0, px, py, pz)
+    write_three(state, 3, vx, vy, vz)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def correct(fixes: Fixes, which: int) -> None:
+    """Correct the filtered state by a fix, unless it lies beyond the gate: ``K = P H' S^-1``."""
+    state, p = fixes.filtered, fixes.covariance
+    x, y, z = three(state)
+    dx = load(fixes.fixes, (which, 0, 0), LANES) - x
+    dy = load(fixes.fixes, (which, 1, 0), LANES) - y
+    dz = load(fixes.fixes, (which, 2, 0), LANES) - z
+    # the inverse of S, which is symmetric, by cofactors
+    a, b, c = entry(p, 0, 0) + fixes.fix, entry(p, 0, 1), entry(p, 0, 2)
+    d, e, f = entry(p, 1, 1) + fixes.fix, entry(p, 1, 2), entry(p, 2, 2) + fixes.fix
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+    scale = 1.0 / (a * aa + b * ab + c * ac)
+    # S^-1 times the difference
+    wx = (aa * dx + ab * dy + ac * dz) * scale
+    wy = (ab * dx + bb * dy + bc * dz) * scale
+    wz = (ac * dx + bc * dy + cc * dz) * scale
+    is_believed = wx * dx + wy * dy + wz * dz <= fixes.gate
+    for row in range(6):
+        px, py, pz = entry(p, row, 0), entry(p, row, 1), entry(p, row, 2)
+        before = load(state, row, LANES)
+        store(state, row, select(is_believed, before + (px * wx + py * wy + pz * wz), before))
+        write_three(
+            fixes.half[row],
+            0,
+            (px * aa + py * ab + pz * ac) * scale,
+            (px * ab + py * bb + pz * bc) * scale,
+            (px * ac + py * bc + pz * cc) * scale,
+        )
+    # P <- P - K H P, below the diagonal from what is above it
+    for row in range(5, -1, -1):
+        kx, ky, kz = three(fixes.half[row])
+        for column in range(row + 1):
+            before = entry(p, column, row)
+            less = kx * entry(p, 0, column) + ky * entry(p, min(1, column), max(1, column))
+            less += kz * entry(p, min(2, column), max(2, column))
+            store(p, (row, column, 0), select(is_believed, before - less, before))
+    for row in range(6):
+        for column in range(row):
+            store(p, (column, row, 0), entry(p, row, column))
+
+
+@compiled(error_model="numpy")
+def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+    """Put the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
+    lanes = work.lanes
+    for lane in range(LANES):
+        case = first + min(lane, num_lanes - 1)
+        for axis in range(3):
+            place, speed = lanes.position[axis, lane], lanes.velocity[axis, lane]
+            fixes.truth[axis, lane], fixes.truth[3 + axis, lane] = place, speed
+            if k == 0:
+                fixes.filtered[axis, lane] = place + fixes.at_start[case, axis]
+                fixes.filtered[3 + axis, lane] = speed + fixes.at_start[case, 3 + axis]
+            if k % fixes.stride == 0:
+                which = k // fixes.stride
+                fixes.fixes[which, axis, lane] = place + fixes.of_fixes[case, which, axis]
+    if k == 0:
+        for row in range(6):
+            for column in range(6):
+                store(fixes.covariance, (row, column, 0), splat(fixes.start_covariance[row, column], LANES))
+
+
+@compiled(error_model="numpy")
+def write_estimate(world: World, fixes: Fixes, k: int, log: FlightLog) -> None:
+    """Log what lane 0 knows, and how well."""
+    for row in range(6):
+        for column in range(6):
+            store(fixes.now, (row, column, 0), entry(fixes.covariance, row, column))
+    for period in range(max(k - fixes.delay, 0), k):
+        spread_out(world, fixes, fixes.now, period)
+    for row in range(6):
+        log.estimate[k, row] = fixes.known[row, 0]
+        for column in range(6):
+            log.estimate_covariance[k, row, column] = fixes.now[row, column, 0]
+
+
+@compiled(error_model="numpy")
+def believe(
+    world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
+) -> None:
+    """Measure, filter, and put what is known in the place of the truth, until `recover_truth`."""
+    measure(fixes, work, first, num_lanes, k)
+    filtered_to = k - fixes.delay
+    if filtered_to > 0:
+        advance(world, fixes, fixes.filtered, filtered_to - 1)
+        spread_out(world, fixes, fixes.covariance, filtered_to - 1)
+    if filtered_to >= 0 and filtered_to % fixes.stride == 0:
+        correct(fixes, filtered_to // fixes.stride)
+    for row in range(6):
+        store(fixes.known, row, load(fixes.filtered, row, LANES))
+    for period in range(max(filtered_to, 0), k):
+        advance(world, fixes, fixes.known, period)
+    for row in range(3):
+        store(work.lanes.position, row, load(fixes.known, row, LANES))
+        store(work.lanes.velocity, row, load(fixes.known, 3 + row, LANES))
+    if len(log.position_m) > 0:
+        write_estimate(world, fixes, k, log)
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def recover_truth(fixes: Fixes, work: Workspace) -> None:
+    """Put the truth back."""
+    for row in range(3):
+        store(work.lanes.position, row, load(fixes.truth, row, LANES))
+        store(work.lanes.velocity, row, load(fixes.truth, 3 + row, LANES))
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def note_command(fixes: Fixes, firing: Firing | None, work: Workspace, k: int, num_controls: int) -> None:
+    """Note when the command of a sample acts, and as what force but for errors of the thrusters."""
+    delay = 0 if firing is None else firing.delay
+    for axis in range(3):
+        force = load(work.lanes.force, axis, LANES)
+        if firing is not None:
+            force = in_impulses(force, firing.step, firing.least)
+        if k < delay:
+            store(fixes.acting, (k, axis, 0), splat(0.0, LANES))
+        if k + delay < num_controls:
+            store(fixes.acting, (k + delay, axis, 0), force)

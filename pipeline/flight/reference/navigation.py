@@ -1,0 +1,69 @@
+"""Navigation by fixes in matrices: the readable twin of `pipeline.flight.kernel.navigation`."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.log import Scenario
+from pipeline.flight.navigation import Filter, errors_of, filter_of
+from pipeline.physics.motion import motion_over, propagate
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: a fix tells the position
+SEEN = np.eye(3, 6)
+
+
+class Navigator:
+    """What one deputy knows of its state.
+
+    Parameters
+    ----------
+    mission : Mission
+        In which it navigates by fixes.
+    scenario : Scenario
+        Its start.
+    """
+
+    def __init__(self, mission: Mission, scenario: Scenario):
+        self._law: Filter = filter_of(mission)
+        self._motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
+        errors = errors_of(mission.navigation, [scenario], mission.num_controls // self._law.stride + 1)
+        start = np.concatenate((scenario.position_m, scenario.velocity_m_s))
+        self._of_fixes: Floats = errors.of_fixes[0]
+        self._filtered: tuple[Floats, Floats] = (start + errors.at_start[0], self._law.at_start.copy())
+        self._fixes: list[Floats] = []
+        self._acting = np.zeros((mission.num_controls, 3))
+
+    def estimate(self, k: int, position: Floats) -> tuple[Floats, Floats]:
+        """Return state and covariance as they are known at a sample, once its fix is measured."""
+        law = self._law
+        if k % law.stride == 0:
+            self._fixes.append(position + self._of_fixes[k // law.stride])
+        filtered_to = k - law.delay
+        if filtered_to > 0:
+            self._filtered = self._moved(*self._filtered, filtered_to - 1)
+        if filtered_to >= 0 and filtered_to % law.stride == 0:
+            self._filtered = self._corrected(*self._filtered, self._fixes[filtered_to // law.stride])
+        known = self._filtered
+        for period in range(max(filtered_to, 0), k):
+            known = self._moved(*known, period)
+        return known
+
+    def note(self, k: int, delay: int, force: Floats) -> None:
+        """Note that the command of a sample acts so many control periods later."""
+        if k + delay < len(self._acting):
+            self._acting[k + delay] = force
+
+    def _moved(self, state: Floats, covariance: Floats, period: int) -> tuple[Floats, Floats]:
+        force, phi = self._acting[period], self._motion.transition[0]
+        noise = self._law.process + self._law.process_per_force * (force @ force)
+        return propagate(self._motion, state, force), phi @ covariance @ phi.T + noise
+
+    def _corrected(self, state: Floats, covariance: Floats, fix: Floats) -> tuple[Floats, Floats]:
+        difference = fix - SEEN @ state
+        spread = SEEN @ covariance @ SEEN.T + self._law.fix * np.eye(3)
+        if difference @ np.linalg.solve(spread, difference) > self._law.gate:
+            return state, covariance
+        gain = covariance @ SEEN.T @ np.linalg.inv(spread)
+        return state + gain @ difference, covariance - gain @ SEEN @ covariance

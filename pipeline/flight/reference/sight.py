@@ -1,0 +1,111 @@
+"""What is lit and what a camera sees in the readable reference, law by law."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from pipeline.flight.reference.world import PlainWorld, turn_chief
+from pipeline.physics.illumination import (
+    ASTRONOMICAL_UNIT_M,
+    is_illuminated,
+    sun_angle,
+    sun_direction_h,
+    visible_share,
+)
+from pipeline.physics.occlusion import cell_of
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.vectors import dot, norm, times
+from pipeline.physics.visibility import is_in_view, is_resolved
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+
+@compiled
+def is_free(world: PlainWorld, point: int, dcm_c_from_h: Floats, direction_h: Floats) -> bool:
+    """Tell whether no part of the chief stands between a point and what lies in a direction."""
+    if not world.is_mesh:
+        return True
+    direction = times(dcm_c_from_h, direction_h)
+    cell = cell_of(world.occlusion.edge, direction[0], direction[1], direction[2])
+    return bool(world.occlusion.is_free[cell, point] > 0)
+
+
+@compiled
+def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) -> Booleans:
+    """Tell which points the Sun lights, shape (P,): none while the Earth hides too much of its disc."""
+    is_lit = np.zeros(len(world.points_c), dtype=np.bool_)
+    if world.has_shadow and visible_share(sun_h, world.orbit_radius) < world.min_sun_share:
+        return is_lit
+    dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
+    points_h, normals_h = world.points_c @ dcm_c_from_h, world.normals_c @ dcm_c_from_h
+    for i in range(len(points_h)):
+        if world.is_mesh:
+            is_lit[i] = dot(normals_h[i], points_h[i] - ASTRONOMICAL_UNIT_M * sun_h) < 0.0
+        else:
+            is_lit[i] = is_illuminated(points_h[i], sun_h)
+        is_lit[i] = is_lit[i] and is_free(world, i, dcm_c_from_h, sun_h)
+    return is_lit
+
+
+@compiled
+def seen_points(
+    world: PlainWorld,
+    quaternion_c_from_h: Floats,
+    position_h: Floats,
+    boresight_h: Floats,
+    sun_h: Floats,
+    is_sought: Booleans,
+) -> Booleans:
+    """Tell which of the points sought a camera sees from a place, along a boresight, shape (P,)."""
+    is_seen = np.zeros(len(is_sought), dtype=np.bool_)
+    dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
+    points_h, normals_h = world.points_c @ dcm_c_from_h, world.normals_c @ dcm_c_from_h
+    for i in range(len(is_sought)):
+        if not is_sought[i]:
+            continue
+        if world.is_mesh:
+            sight = points_h[i] - position_h
+            is_facing = dot(normals_h[i], sight) <= 0.0 and is_free(world, i, dcm_c_from_h, -sight)
+            is_seen[i] = is_facing and dot(sight, boresight_h) >= world.cos_half_angle * norm(sight)
+        else:
+            is_seen[i] = is_in_view(
+                points_h[i], position_h, boresight_h, world.cos_half_angle, world.points_radius
+            )
+        if world.has_camera_limits:
+            is_seen[i] = is_seen[i] and is_resolved(
+                points_h[i],
+                normals_h[i],
+                position_h,
+                boresight_h,
+                sun_h,
+                world.cos_max_incidence,
+                world.max_range,
+                world.cos_min_sun_angle,
+            )
+    return is_seen
+
+
+@compiled
+def sun_at(world: PlainWorld, sun_at_start: Floats, sample: int) -> Floats:
+    """Return the unit vector towards the Sun at a sample, from its angle and elevation at the start, rad."""
+    angle = sun_angle(sun_at_start[0], world.mean_motion, sample * world.control_period)
+    return sun_direction_h(angle, sun_at_start[1])
+
+
+@compiled
+def times_lit(world: PlainWorld, sun_at_start: Floats) -> tuple[Floats, Booleans]:
+    """Return when each point is lit for the last time, and whether it ever is, shape (P,).
+
+    The time is in s, zero for points that are never lit after the start.
+    """
+    quaternion_c_from_h, chief_rate_c = np.array([0.0, 0.0, 0.0, 1.0]), world.chief_rate
+    last_lit, is_ever = np.zeros(len(world.points_c)), np.zeros(len(world.points_c), dtype=np.bool_)
+    for k in range(world.num_controls + 1):
+        if k > 0:
+            quaternion_c_from_h, chief_rate_c = turn_chief(world, quaternion_c_from_h, chief_rate_c)
+        is_lit = lit_points(world, quaternion_c_from_h, sun_at(world, sun_at_start, k))
+        for i in range(len(is_lit)):
+            if is_lit[i]:
+                last_lit[i], is_ever[i] = k * world.control_period, True
+    return last_lit, is_ever

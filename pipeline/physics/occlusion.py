@@ -1,0 +1,170 @@
+"""What parts of a body hide of one another, looked up by direction.
+
+From a point on the body a ray to a far place passes the same parts as to infinity if the place lies beyond
+all of them, so that a direction says it all. Directions fall into the cells of a cube about the body, each
+face of it divided into squares of equal angles; a cell has the answer of its centre, which is off by half its
+diagonal at most: 2.1 deg with 32 cells along an edge. Rays and triangles meet as T. Moller and B. Trumbore
+say (Fast, minimum storage ray-triangle intersection, Journal of Graphics Tools 2, 1997).
+"""
+
+from math import atan, pi, tan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+#: cells along an edge of the cube
+EDGE_CELLS = 32
+#: a ray begins so far above its own face, as a share of the body's reach
+LIFT = 1e-6
+
+
+class Occlusion(NamedTuple):
+    """Which points are free to be seen from which directions.
+
+    Attributes
+    ----------
+    is_free : (6 n^2, P) of 0 or 1
+        A row for each cell; no rows where nothing hides anything.
+    edge : int
+        Cells along an edge of the cube, n.
+    """
+
+    is_free: Bytes
+    edge: int
+
+
+def nothing_hidden() -> Occlusion:
+    """Return the occlusion of a convex body."""
+    return Occlusion(np.zeros((0, 0), dtype=np.uint8), 0)
+
+
+@compiled(error_model="numpy")
+def cell_of(edge: int, x: float, y: float, z: float) -> int:
+    """Return the cell that a direction of any length falls into, with so many cells along an edge."""
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if ax >= ay and ax >= az:
+        face, most, u, v = 0 if x > 0.0 else 1, ax, y, z
+    elif ay >= az:
+        face, most, u, v = 2 if y > 0.0 else 3, ay, z, x
+    else:
+        face, most, u, v = 4 if z > 0.0 else 5, az, x, y
+    if most == 0.0:
+        return 0
+    i = min(edge - 1, int((atan(u / most) * (4.0 / pi) + 1.0) * 0.5 * edge))
+    j = min(edge - 1, int((atan(v / most) * (4.0 / pi) + 1.0) * 0.5 * edge))
+    return (face * edge + i) * edge + j
+
+
+@compiled
+def centre_of(edge: int, cell: int) -> Floats:
+    """Return the direction, a unit vector, of the middle of a cell."""
+    face, rest = cell // (edge * edge), cell % (edge * edge)
+    u = tan((2.0 * (rest // edge) + 1.0 - edge) / edge * 0.25 * pi)
+    v = tan((2.0 * (rest % edge) + 1.0 - edge) / edge * 0.25 * pi)
+    sign = 1.0 if face % 2 == 0 else -1.0
+    direction = np.empty(3)
+    axis = face // 2
+    direction[axis], direction[(axis + 1) % 3], direction[(axis + 2) % 3] = sign, u, v
+    unit: Floats = direction / np.sqrt(1.0 + u * u + v * v)
+    return unit
+
+
+@compiled(error_model="numpy", fastmath={"contract"})
+def meets(triangle: Floats, origin: Floats, direction: Floats) -> bool:
+    """Tell whether a ray meets a triangle, given by a corner and two edges, shape (3, 3)."""
+    a, b, c = direction[0], direction[1], direction[2]
+    px = b * triangle[2, 2] - c * triangle[2, 1]
+    py = c * triangle[2, 0] - a * triangle[2, 2]
+    pz = a * triangle[2, 1] - b * triangle[2, 0]
+    volume = triangle[1, 0] * px + triangle[1, 1] * py + triangle[1, 2] * pz
+    if volume == 0.0:
+        return False
+    sx, sy, sz = origin[0] - triangle[0, 0], origin[1] - triangle[0, 1], origin[2] - triangle[0, 2]
+    u = (sx * px + sy * py + sz * pz) / volume
+    if u < 0.0 or u > 1.0:
+        return False
+    qx = sy * triangle[1, 2] - sz * triangle[1, 1]
+    qy = sz * triangle[1, 0] - sx * triangle[1, 2]
+    qz = sx * triangle[1, 1] - sy * triangle[1, 0]
+    v = (a * qx + b * qy + c * qz) / volume
+    if v < 0.0 or u + v > 1.0:
+        return False
+    return bool((triangle[2, 0] * qx + triangle[2, 1] * qy + triangle[2, 2] * qz) / volume > 0.0)
+
+
+@compiled(nogil=True)
+def note_free(
+    points: Floats, normals: Floats, triangles: Floats, lift: float, edge: int, is_free: Bytes
+) -> None:
+    """Write which points each cell's direction sees; `triangles` as in `meets`, shape (T, 3, 3)."""
+    for cell in range(len(is_free)):
+        direction = centre_of(edge, cell)
+        for point in range(len(points)):
+            is_free[cell, point] = 0
+            if np.sum(normals[point] * direction) <= 0.0:
+                continue
+            origin, is_hidden = points[point] + lift * normals[point], False
+            for triangle in range(len(triangles)):
+                if meets(triangles[triangle], origin, direction):
+                    is_hidden = True
+                    break
+            is_free[cell, point] = 0 if is_hidden else 1
+
+
+@compiled(nogil=True, error_model="numpy")
+def note_free_along(
+    occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
+) -> None:
+    """Deny the points that the body hides from the places of a path.
+
+    Parameters
+    ----------
+    occlusion : Occlusion
+    axes : (K+1 or 1, 3, 3)
+        From the path's axes to the body's.
+    path : (K+1, 3), points : (K+1, 3, P)
+        m.
+    is_granted : (K+1, P)
+        Made false where a point is hidden.
+    """
+    for k in range(len(path)):
+        turn = axes[k if len(axes) > 1 else 0]
+        for j in range(points.shape[2]):
+            if is_granted[k, j]:
+                x, y, z = (
+                    path[k, 0] - points[k, 0, j],
+                    path[k, 1] - points[k, 1, j],
+                    path[k, 2] - points[k, 2, j],
+                )
+                cell = cell_of(
+                    occlusion.edge,
+                    turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
+                    turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
+                    turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
+                )
+                is_granted[k, j] = occlusion.is_free[cell, j] > 0
+
+
+def occlusion_of(points: Floats, normals: Floats, corners: Floats) -> Occlusion:
+    """Look from every point in every direction.
+
+    Parameters
+    ----------
+    points, normals : (P, 3)
+        Points on the body, m, and unit vectors out of it, chief axes.
+    corners : (T, 3, 3)
+        Of its triangles, m, chief axes.
+    """
+    is_free = np.zeros((6 * EDGE_CELLS**2, len(points)), dtype=np.uint8)
+    triangles = np.stack(
+        [corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1
+    )
+    lift = LIFT * float(np.linalg.norm(corners, axis=2).max())
+    note_free(points, normals, np.ascontiguousarray(triangles), lift, EDGE_CELLS, is_free)
+    return Occlusion(is_free, EDGE_CELLS)

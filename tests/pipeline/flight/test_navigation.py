@@ -1,0 +1,112 @@
+"""What a deputy knows that navigates by fixes, and what its thrusters make of commands, as laws demand it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from pipeline.flight.actuators import thrust_errors
+from pipeline.flight.controller import open_loop
+from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.navigation import errors_of
+from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.settings.experiment import Actuators, Mission, Navigation
+from tests.pipeline.flight.cases import STARTS, STEERING, mission
+from tests.pipeline.flight.guarded import LAST_MOMENT
+from tests.pipeline.flight.test_against_the_reference import FIXES, REAL
+
+#: thrusters that do as they are told, flown by the code of those that do not
+EXACT = REAL | {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}
+KNOWN = FIXES | {"bias_m": 0.0, "process_noise_m_s2": 0.0, "execution_error": 0.0}
+
+
+def world(navigation: dict[str, object], actuators: dict[str, object]) -> Mission:
+    return mission(navigation=navigation, actuators=actuators, safety=vars(LAST_MOMENT), duration_s=1200.0)
+
+
+def flights(what: Mission, count: int) -> list[FlightLog]:
+    return [fly_logged(what, STEERING, replace(STARTS[0], noise=(7, 0, case))) for case in range(count)]
+
+
+def squared(logs: list[FlightLog], sample: int) -> np.ndarray:
+    """Squares of the estimates' errors in their own standard deviations."""
+    found = []
+    for log in logs:
+        error = log.estimate[sample] - np.concatenate((log.position_m[sample], log.velocity_m_s[sample]))
+        found.append(error @ np.linalg.solve(log.estimate_covariance[sample], error))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 40.0])
+def test_estimates_are_as_good_as_the_filter_says(delay_s: float) -> None:
+    """Sums of squared errors are chi-squared, Bar-Shalom, Li and Kirubarajan, Estimation, 2001, 5.4.2."""
+    logs = flights(world(KNOWN | {"delay_s": delay_s, "fix_period_s": 20.0, "gate_sigma": None}, EXACT), 40)
+    for sample in (0, 7, 40, 120):
+        total = squared(logs, sample).sum()
+        low, high = chi2.ppf([1e-4, 1 - 1e-4], 6 * len(logs))
+        assert low < total < high, sample
+    assert np.sqrt(np.mean([np.diag(log.estimate_covariance[-1])[:3] for log in logs])) < 0.5
+
+
+def test_a_filter_that_allows_for_thrusters_with_errors_does_not_promise_too_much() -> None:
+    real = REAL | {"scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.0}
+    # the errors of a flight stay the same, so that a filter for new ones each time has to allow for more
+    honest = flights(world(KNOWN | {"execution_error": 0.2}, real), 30)
+    blind = flights(world(KNOWN | {"gate_sigma": None}, real), 30)
+    assert np.mean(squared(honest, 60)) < 12.0
+    assert np.mean(squared(blind, 60)) > 100.0
+
+
+def test_fixes_beyond_the_gate_are_not_believed() -> None:
+    wild = KNOWN | {"outlier_share": 0.2, "outlier_m": 50.0}
+    errors = {}
+    for gate in (None, 5.0):
+        logs = flights(world(wild | {"gate_sigma": gate}, EXACT), 10)
+        apart = [np.linalg.norm(log.estimate[30:, :3] - log.position_m[30:], axis=1) for log in logs]
+        errors[gate] = np.sqrt(np.mean(np.square(apart)))
+    assert errors[5.0] < 0.3 * errors[None]
+
+
+def test_errors_are_drawn_as_the_settings_say() -> None:
+    settings = Navigation(**(vars(mission(navigation=FIXES).navigation) | {"outlier_share": 0.25}))
+    starts = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(1, 0, case)) for case in range(400)]
+    drawn = errors_of(settings, starts, 50)
+    means = drawn.of_fixes.mean(axis=1)
+    spread = np.sqrt(0.5**2 + (1.0 + 0.25 * 20.0**2) / 50)
+    np.testing.assert_allclose(means.std(axis=0), spread, rtol=0.15)
+    np.testing.assert_allclose(drawn.at_start.std(axis=0), [1.0] * 3 + [0.001] * 3, rtol=0.15)
+    assert not np.array_equal(drawn.of_fixes[0], drawn.of_fixes[1])
+    np.testing.assert_array_equal(errors_of(settings, starts[5:6], 50).of_fixes[0], drawn.of_fixes[5])
+
+
+def test_thrusters_fire_late_turned_scaled_and_in_whole_impulses() -> None:
+    forces = np.random.default_rng(5).normal(0.0, 0.02, (120, 3))
+    real = REAL | {"delay_s": 20.0, "impulse_step_n_s": 0.03, "least_impulse_n_s": 0.1}
+    what = world(FIXES, real)
+    log = fly_logged(what, open_loop("plan", forces), STARTS[0])
+    matrix = thrust_errors(what.actuators, [STARTS[0]])[0]
+    assert 1e-3 < np.abs(matrix - np.eye(3)).max() < 0.2
+    wanted = np.round(forces[:-2] @ matrix.T / 0.003) * 0.003
+    wanted[np.abs(wanted) < 0.01] = 0.0
+    np.testing.assert_allclose(log.force_hill_n[2:], wanted, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(log.force_hill_n[:2], 0.0)
+    spent = np.abs(log.force_hill_n).sum() * what.control_period_s / what.deputy.mass_kg
+    assert log.delta_v_m_s[-1] == pytest.approx(spent, rel=1e-12)
+
+
+def test_a_flight_has_its_own_errors_in_any_company() -> None:
+    what = world(FIXES, REAL)
+    starts = [replace(STARTS[0], noise=(3, 0, case)) for case in range(20)]
+    together = fly_all(what, STEERING, starts, workers=1).delta_v_m_s
+    alone = [fly_all(what, STEERING, [start], workers=1).delta_v_m_s[0] for start in starts[::7]]
+    np.testing.assert_array_equal(together[::7], alone)
+    assert len(set(together.tolist())) == 20
+
+
+def test_turns_and_scales_have_the_spread_of_the_settings() -> None:
+    settings = Actuators(**(vars(mission(actuators=REAL).actuators)))
+    starts = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(2, 0, case)) for case in range(1000)]
+    matrices = thrust_errors(settings, starts)
+    np.testing.assert_allclose(matrices[:, [0, 1, 2], [0, 1, 2]].std(axis=0), 0.05, rtol=0.1)
+    np.testing.assert_allclose(matrices[:, [0, 1, 2], [1, 2, 0]].std(axis=0), np.radians(2.0), rtol=0.1)
