@@ -124,13 +124,15 @@ class Trapezoidal(MembershipFunction):
     "two_sided_gaussian",
     "two-sided Gaussian, one from {left_mean} to {right_mean}, standard deviations "
     "{left_standard_deviation} and {right_standard_deviation}",
-    ascending=("left_mean", "right_mean"),
     fis=("gauss2mf", "left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
     fll=("GaussianProduct",),
 )
 @dataclass(frozen=True, slots=True)
 class TwoSidedGaussian(MembershipFunction):
-    """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond."""
+    """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond.
+
+    Where the means do not ascend it is the product of both between them.
+    """
 
     left_mean: Place
     left_standard_deviation: Deviation
@@ -142,7 +144,7 @@ class TwoSidedGaussian(MembershipFunction):
         values = np.ones(len(x))
         left, right = x <= self.left_mean, x > self.right_mean
         values[left] = Gaussian(self.left_mean, self.left_standard_deviation).at(x[left])
-        values[right] = Gaussian(self.right_mean, self.right_standard_deviation).at(x[right])
+        values[right] *= Gaussian(self.right_mean, self.right_standard_deviation).at(x[right])
         return values
 
 
