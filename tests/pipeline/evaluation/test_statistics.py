@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.evaluation.statistics import fraction, statistic
+from pipeline.evaluation.statistics import fraction, percentile, rank_correlation, statistic
 
 
 @pytest.mark.parametrize("confidence_percent", [90.0, 95.0, 99.0])
@@ -40,3 +40,39 @@ def test_a_statistic_has_the_spread_of_a_sample() -> None:
 def test_one_case_alone_has_no_spread() -> None:
     found = statistic(np.array([4.0]), 95.0)
     assert (found.mean, found.standard_deviation, found.low, found.high) == (4.0, 0.0, 4.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("percent", "number"), [(50.0, 21), (90.0, 200), (99.0, 200), (99.0, 1000), (1.0, 1000)]
+)
+def test_the_interval_of_a_percentile_holds_it_as_often_as_it_says(percent: float, number: int) -> None:
+    """Of a uniform sample the r-th value is beta distributed, whatever the law of the flights."""
+    share, found = percent / 100.0, percentile(np.arange(1.0, number + 1.0), percent, 90.0)
+    assert found.value == np.ceil(share * number - 1e-9)
+    for end, is_low in ((found.low, True), (found.high, False)):
+        if end is None:
+            continue
+        passed = stats.beta(end, number + 1 - end)
+        # the chance that the end lies on the wrong side of the percentile, and that the next would
+        wrong = passed.sf(share) if is_low else passed.cdf(share)
+        assert wrong <= 0.05
+        nearer = end + 1 if is_low else end - 1
+        law = stats.beta(nearer, number + 1 - nearer)
+        assert (law.sf(share) if is_low else law.cdf(share)) > 0.05
+    assert (found.high is None) == (share**number > 0.05)
+    assert (found.low is None) == ((1.0 - share) ** number > 0.05)
+
+
+def test_rank_correlation_is_scipys() -> None:
+    generator = np.random.default_rng(5)
+    first = generator.normal(size=300)
+    second = np.round(np.exp(0.7 * first + generator.normal(size=300)), 1)
+    found = rank_correlation(first, second, 95.0)
+    assert found.value == pytest.approx(stats.spearmanr(first, second).statistic, rel=1e-12)
+    bootstrap = stats.bootstrap(
+        (first, second), lambda x, y: stats.spearmanr(x, y).statistic, paired=True, vectorized=False,
+        n_resamples=400, method="percentile", random_state=generator,
+    )  # fmt: skip
+    assert found.low == pytest.approx(bootstrap.confidence_interval.low, abs=0.03)
+    assert found.high == pytest.approx(bootstrap.confidence_interval.high, abs=0.03)
+    assert rank_correlation(first, np.ones(300), 95.0).value == 0.0

@@ -1,0 +1,77 @@
+"""Worlds: what they change, and the tables that tell who breaks in which."""
+
+import pytest
+
+from pipeline.command_line.config import compose_experiment
+from pipeline.evaluation.comparison import FLOWN, ComparisonRow
+from pipeline.evaluation.statistics import fraction
+from pipeline.evaluation.worlds import matrices, verdicts, worlds_in_words, worlds_of
+from pipeline.report.comparison_tables import squares_of
+from pipeline.report.figures.by_world import by_world
+from pipeline.settings.experiment import SettingError
+from pipeline.settings.worlds import in_world
+
+
+def row(controller: str, world: str, successes: int, outside: int, spent: float) -> ComparisonRow:
+    summary = {
+        "success": vars(fraction([True] * successes + [False] * (100 - successes), 95.0)),
+        "violated": vars(fraction([True] * outside + [False] * (100 - outside), 95.0)),
+        "delta_v_m_s": {"mean": spent},
+    }
+    return ComparisonRow(controller, FLOWN, "random", "none", 100, None, summary, None, world)
+
+
+ROWS = [
+    row("a", "paper", 98, 0, 0.5), row("b", "paper", 80, 2, 0.4),
+    row("a", "dark", 60, 0, 0.6), row("b", "dark", 78, 3, 0.4),
+    row("a", "all", 97, 20, 1.0), row("b", "all", 75, 4, 0.3),
+]  # fmt: skip
+
+
+def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
+    assert worlds_of(ROWS) == ["paper", "dark", "all"]
+    ((sun, layer, lines),) = matrices(ROWS)
+    assert (sun, layer) == ("random", "none")
+    assert lines == [
+        ["world", "a", "b"],
+        ["paper", "98 / 0.50 / 0", "80 / 0.40 / 2"],
+        ["dark", "60 / 0.60 / 0", "78 / 0.40 / 3"],
+        ["all", "97 / 1.00 / 20", "75 / 0.30 / 4"],
+    ]
+    assert verdicts(ROWS) == [
+        "a, Sun random, layer none: breaks in dark, all; all: +100 % delta-v",
+        "b, Sun random, layer none: holds in all; all: -25 % delta-v",
+    ]
+    assert all(" ".join(line) in " ".join(worlds_in_words(ROWS).split()) for line in lines)
+
+
+def test_the_grid_frames_what_breaks() -> None:
+    ((_, squares),) = panels = squares_of(ROWS)
+    assert [(one.controller, one.world) for one in squares if one.is_broken] == [("a", "dark"), ("a", "all")]
+    (axes,) = by_world(panels).axes
+    assert [text.get_text() for text in axes.texts][2] == "60 %, 0.60"
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["paper", "dark", "all"]
+
+
+def test_a_world_changes_what_it_names_and_nothing_else() -> None:
+    experiment = compose_experiment(["+experiment=robustness"]).experiment
+    there = in_world(experiment, "all, one orbit")
+    leo = compose_experiment(["+experiment=robustness", "world=leo"]).experiment
+    assert there.mission == leo.mission
+    assert there.sun.elevation_range_deg == leo.sun.elevation_range_deg  # compare.suns has the rest
+    same = in_world(experiment, "paper")
+    assert (same.mission, same.sun) == (experiment.mission, experiment.sun)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ("{ligth: {shadow: conical}}", "changes ligth, which is no part of a world; did you mean light?"),
+        ("{light: {shade: conical}}", "there is no key light.shade; did you mean light.shadow?"),
+        ("{light: {shadow: round}}", "light.shadow is 'round'; it must be one of"),
+    ],
+)
+def test_worlds_that_cannot_be(changes: str, message: str) -> None:
+    words = ["+experiment=baselines", f"+compare.worlds={{odd: {changes}}}"]
+    with pytest.raises(SettingError, match=message.replace("?", "[?]")):
+        in_world(compose_experiment(words).experiment, "odd")
