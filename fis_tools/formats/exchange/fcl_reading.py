@@ -85,8 +85,9 @@ def _blocks(text: str) -> tuple[str, list[_Block]]:
         if key == "FUNCTION_BLOCK":
             names.append(rest)
         elif key in _BLOCKS and not is_open:
-            # a block is opened by a line of its own, but what follows may stand in the same statement
-            blocks.append(_Block(key, rest, line))
+            is_list = key.startswith("VAR_")  # its first variable may stand in the same line
+            blocks.append(_Block(key, "" if is_list else rest, line))
+            blocks[-1].listed += [(line, rest)] if is_list and rest else []
             is_open = True
         elif key.startswith("END_"):
             is_open = False
