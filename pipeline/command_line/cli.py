@@ -23,7 +23,7 @@ from pipeline.command_line.overrides import (
     check_sweeps,
     first_line,
     parse,
-    rewrite_controller_paths,
+    rewrite_paths,
     single_runs,
 )
 from pipeline.command_line.runs import MISTAKE, OK
@@ -83,7 +83,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
 def _experiment(asked: Asked) -> int:
     """Check what was asked; then run it, or print its configuration."""
     groups = options(asked.folders)
-    overrides = parse(rewrite_controller_paths(asked.overrides))
+    overrides = parse(rewrite_paths(asked.overrides))
     check_overrides(overrides, groups)
     check_sweeps(overrides, asked.multirun)
     if asked.resume is not None:

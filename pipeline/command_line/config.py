@@ -15,6 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from pipeline.command_line.overrides import EXPERIMENT, ConfigError, first_line, quoted
+from pipeline.settings import start_table
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import FREE
 from pipeline.settings.nearest import did_you_mean
@@ -151,7 +152,31 @@ def _resolved(node: DictConfig, config_dir: Path | None, is_sweep: bool) -> Comp
         folder = Path(sweep.dir, str(sweep.subdir)) if is_sweep else Path(node.hydra.run.dir)
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(_in_words(error, folders)) from error
+    read_starts(config)
     return Composed(config, experiment_from(config), folder, node)
+
+
+def read_starts(config: dict[str, Any]) -> None:
+    """Put the starts of a file into a configuration that names one and does not have them yet.
+
+    Raises
+    ------
+    ConfigError, SettingError
+        If the file cannot be read, or holds no starts.
+    """
+    starts, cases = config.get("starts"), config.get("monte_carlo")
+    if not isinstance(starts, dict) or not isinstance(cases, dict) or starts.get("kind") != "file":
+        return
+    if starts.get("path") is None or starts.get("table") is not None:
+        return
+    path = Path(str(starts["path"]))
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read ({error}); give a CSV file of starts") from error
+    starts["table"], cases["table"] = start_table.split(text, str(path))
+    starts["num_cases"] = start_table.num_rows(starts["table"])
+    cases["num_cases"] = start_table.num_rows(cases["table"])
 
 
 def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection[str]) -> list[str]:

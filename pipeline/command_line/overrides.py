@@ -14,7 +14,8 @@ from pipeline.settings.nearest import choices_of, did_you_mean, nearest
 EXPERIMENT = "experiment"
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
-CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
+#: how the files end that a group takes in place of an option
+SUFFIXES = {CONTROLLER: (".json", ".yaml", ".yml"), "starts": (TABLE_SUFFIX,)}
 #: the keys of Hydra's own that have an effect here
 HYDRA_KEYS = ("hydra.run.dir", "hydra.searchpath", "hydra.sweep.dir", "hydra.sweep.subdir")
 
@@ -43,10 +44,10 @@ def parse(overrides: Sequence[str]) -> list[Override]:
     return parsed
 
 
-def rewrite_controller_paths(overrides: Iterable[str]) -> list[str]:
+def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
 
-    Several paths in a sweep, ``controller=a.json,b.json``, are rewritten together.
+    So ``starts=PATH``. Several paths in a sweep, ``controller=a.json,b.json``, are rewritten together.
 
     Raises
     ------
@@ -56,21 +57,19 @@ def rewrite_controller_paths(overrides: Iterable[str]) -> list[str]:
     rewritten = []
     for text in overrides:
         key, _, value = text.partition("=")
-        paths = _controllers(text, value) if key == CONTROLLER else []
-        are_paths = [path.lower().endswith(CONTROLLER_SUFFIXES) for path in paths]
+        paths = _values(text, value) if key in SUFFIXES else []
+        are_paths = [path.lower().endswith(SUFFIXES[key]) for path in paths]
         if not any(are_paths):
             rewritten.append(text)
         elif all(are_paths):
-            rewritten += ["controller=file", "controller.path=" + ",".join(quoted(path) for path in paths)]
+            rewritten += [f"{key}=file", f"{key}.path=" + ",".join(quoted(path) for path in paths)]
         else:
-            raise ConfigError(
-                f"{text!r} mixes names and paths of controllers; sweep over one kind and then the other"
-            )
+            raise ConfigError(f"{text!r} mixes names and paths; sweep over one kind and then the other")
     return rewritten
 
 
-def _controllers(text: str, value: str) -> list[str]:
-    """Split what ``controller=`` is set to; a path that is not Hydra's grammar stands for itself."""
+def _values(text: str, value: str) -> list[str]:
+    """Split what a group is set to; a path that is not Hydra's grammar stands for itself."""
     try:
         (override,) = parse([text])
     except ConfigError:

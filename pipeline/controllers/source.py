@@ -15,7 +15,7 @@ import yaml
 from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
-from pipeline.controllers.planned.planner import planner_of
+from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -23,7 +23,6 @@ from pipeline.flight.controller import (
     decision_stride,
     from_fuzzy,
     open_loop,
-    planned,
 )
 from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
 from pipeline.settings.experiment import Mission
@@ -66,7 +65,7 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     if source.get("kind") == "coast":
         return coast()
     if source.get("kind") in PLANNED:
-        return planned(source["kind"], planner_of(planned_settings(source), mission))
+        return controller_of_kind(source["kind"], planned_settings(source), mission)
     path = Path(str(source["path"]))
     if source.get("kind") == "open_loop":
         return open_loop(path.stem, read_forces(path, mission))

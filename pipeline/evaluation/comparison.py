@@ -24,6 +24,7 @@ HEADER = (
     *(
         "controller",
         "source",
+        "world",
         "sun",
         "safety",
         "num_cases",
@@ -57,6 +58,8 @@ class ComparisonRow:
         Of `pipeline.evaluation.monte_carlo.summarise`, or what is known of it.
     times : mapping, optional
         Of `pipeline.optimum.account.summarise_times`.
+    world : str
+        Its name in ``compare.worlds``; empty for the experiment's own.
     """
 
     controller: str
@@ -67,6 +70,7 @@ class ComparisonRow:
     rules: int | None
     summary: Mapping[str, Any]
     times: Mapping[str, Any] | None = None
+    world: str = ""
 
 
 def rules_of(controller: Controller) -> int | None:
@@ -111,7 +115,9 @@ def row_of(told: Mapping[str, Any]) -> ComparisonRow:
     KeyError, TypeError
         If it is of something else.
     """
-    return ComparisonRow(**{field.name: told[field.name] for field in fields(ComparisonRow)})
+    # earlier versions knew no worlds
+    known = {"world": "", **told}
+    return ComparisonRow(**{field.name: known[field.name] for field in fields(ComparisonRow)})
 
 
 def as_cells(row: ComparisonRow) -> list[Any]:
@@ -119,6 +125,7 @@ def as_cells(row: ComparisonRow) -> list[Any]:
     cells: dict[str, Any] = {
         "controller": row.controller,
         "source": row.source,
+        "world": row.world,
         "sun": row.sun,
         "safety": row.safety,
         "num_cases": row.num_cases,
@@ -138,7 +145,7 @@ def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[
     names = list(parts[0][1])
     columns: dict[str, Column] = {
         key: np.concatenate([np.full(row.num_cases, getattr(row, key)) for row, _ in parts])
-        for key in ("controller", "sun", "safety")
+        for key in ("controller", "world", "sun", "safety")
     }
     return columns | {name: np.concatenate([episodes[name] for _, episodes in parts]) for name in names}
 

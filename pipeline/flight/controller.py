@@ -3,16 +3,17 @@
 The names of signals, components and constants are those of `pipeline.flight.signals`.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
 from fis_tools.model import FuzzyController, FuzzySystem
-from pipeline.flight.kernel.arrays import Law
+from pipeline.flight.kernel.arrays import Law, Plans
 from pipeline.flight.log import Scenario
 from pipeline.flight.signals import (
     AXES,
@@ -57,9 +58,45 @@ class ControllerError(ValueError):
     """A controller that cannot fly; the text says why and what to do."""
 
 
+class Planner(Protocol):
+    """Who plans the forces of a flight, on what the deputy knows each time."""
+
+    @property
+    def decisions(self) -> Sequence[int]:
+        """Samples at which forces are planned, ascending from 0."""
+
+    def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
+        """Return the forces from a decision on, shape (rows, 3), N, Hill axes; none beyond the last row.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            The start of the flight.
+        decision : int
+            One of `decisions`; what reaches beyond the next one is not flown.
+        state : (6,)
+            As the deputy knows it then, m and m/s, Hill axes.
+        """
+
+
+class Regulator(Protocol):
+    """Who brings the deputy to a path by a force that is linear in how far it is off."""
+
+    @property
+    def gain(self) -> Floats:
+        """K of ``f = -K (state - path)``, shape (3, 6), N/m and N s/m, Hill axes."""
+
+    @property
+    def dead_band_n(self) -> float:
+        """A component smaller than this is not fired, N."""
+
+    def path(self, scenario: Scenario) -> Floats:
+        """Return the wanted states of a flight at each decision, shape (K, 6), m and m/s, Hill axes."""
+
+
 @dataclass(frozen=True)
 class Controller:
-    """What decides the force: fuzzy systems, a plan of forces, or who makes one for each start.
+    """What decides the force: fuzzy systems, a plan of forces, who makes one on the way, or a linear law.
 
     Parameters
     ----------
@@ -70,9 +107,8 @@ class Controller:
         ``body`` or ``hill``, the axes of the systems' outputs.
     plan : (K, 3) array, optional
         Forces in Hill axes, N, one row a control period; periods beyond the last row are flown without force.
-    planner : callable, optional
-        Makes the plan of a start, for laws that depend on position and velocity alone: these move exactly, so
-        that such a law's forces are known beforehand.
+    planner : Planner, optional
+    regulator : Regulator, optional
     fuzzy : FuzzyController, optional
         What the systems came from, for files and reports.
     """
@@ -81,8 +117,14 @@ class Controller:
     systems: tuple[FuzzySystem, ...]
     force_axes: str = "body"
     plan: Floats | None = None
-    planner: Callable[[Scenario], Floats] | None = None
+    planner: Planner | None = None
+    regulator: Regulator | None = None
     fuzzy: FuzzyController | None = None
+
+    @property
+    def is_of_a_kind(self) -> bool:
+        """Whether its name says how it decides: a planner or a regulator."""
+        return self.planner is not None or self.regulator is not None
 
 
 def from_fuzzy(fuzzy: FuzzyController) -> Controller:
@@ -150,20 +192,10 @@ def open_loop(name: str, plan: Floats) -> Controller:
     return Controller(name, (), "hill", plan=np.asarray(plan, dtype=np.float64))
 
 
-def planned(name: str, planner: Callable[[Scenario], Floats]) -> Controller:
-    """Return the controller that plans the forces of each start."""
-    return Controller(name, (), "hill", planner=planner)
-
-
-def planned_for(controller: Controller, scenario: Scenario) -> Controller:
-    """Return the controller that flies a start: one that plays its plan, where the controller plans."""
-    if controller.planner is None:
-        return controller
-    return replace(controller, plan=controller.planner(scenario), planner=None)
-
-
 def law_of(controller: Controller, mission: Mission) -> Law:
     """Return what the compiled episode needs to know of a controller besides its numbers.
+
+    The plans of a planner or a regulator are those of `pipeline.flight.plans`, and none yet.
 
     Raises
     ------
@@ -176,9 +208,9 @@ def law_of(controller: Controller, mission: Mission) -> Law:
             f"the plan of {controller.name!r} has {len(controller.plan)} forces, the flight {num_controls} "
             "control periods; shorten the plan or lengthen duration_s"
         )
-    plan = np.zeros((num_controls if controller.plan is not None else 0, 3))
+    forces = np.zeros((0 if controller.plan is None else 1, num_controls, 3))
     if controller.plan is not None:
-        plan[: len(controller.plan)] = controller.plan
+        forces[0, : len(controller.plan)] = controller.plan
     signals = np.zeros((len(controller.systems), 3), dtype=np.int64)
     for row, system in zip(signals, controller.systems, strict=True):
         slots = [slot(variable.name) for variable in system.inputs]
@@ -192,9 +224,15 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
         decision_stride=decision_stride(controller, mission),
         force_axes=FORCE_AXES[controller.force_axes],
-        has_plan=controller.plan is not None,
-        plan=plan,
+        has_plan=controller.plan is not None or controller.is_of_a_kind,
+        plans=unanswered(forces),
     )
+
+
+def unanswered(forces: Floats) -> Plans:
+    """Return plans of forces, shape (m or 1, K, 3), that are played whatever the deputy knows on the way."""
+    nowhere = np.zeros((0, forces.shape[1], 6))
+    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere)
 
 
 def has_constants(controller: Controller) -> bool:

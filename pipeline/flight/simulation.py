@@ -16,17 +16,26 @@ from pipeline.flight.controller import (
     constants_of,
     law_of,
     packed,
-    planned_for,
     rehearsed_pushes,
 )
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import CARRIED, NUM_OUTCOMES, Guard, Law, Workspace, World
+from pipeline.flight.kernel.arrays import (
+    CARRIED,
+    NUM_OUTCOMES,
+    Beyond,
+    Guard,
+    Law,
+    Plans,
+    Workspace,
+    World,
+)
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.light import sun_shares
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
+from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import Mission
@@ -174,14 +183,16 @@ def fly_population(
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def optics_in_use(world: World, starts: Starts) -> bool | None:
-    """Return whether light or camera are not the paper's, or None."""
-    return True if world.has_optics or np.any(starts.sun_elevation != 0.0) else None
+def optics_in_use(world: World, starts: Starts) -> Beyond | None:
+    """Return in what light or camera are not the paper's; None where they are."""
+    if not (world.has_optics or np.any(starts.sun_elevation != 0.0)):
+        return None
+    return Beyond(hides=True if world.num_edge_cells else None)
 
 
 def _parts_in_use(
     world: World, law: Law, starts: Starts
-) -> tuple[bool | None, Guard | None, bool | None, bool | None]:
+) -> tuple[Beyond | None, Guard | None, bool | None, bool | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
     Light and camera beyond the paper's, the safety layer, clusters, and pushes that show what sets.
@@ -229,10 +240,8 @@ def fly_all(
     """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest."""
     if is_by_the_reference(mission):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
-    if controller.planner is not None:
-        return _fly_planned(mission, controller, scenarios, workers, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
-    law, numbers = law_of(controller, mission), packed(controller)
+    law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
@@ -272,28 +281,23 @@ def rehearsed_openings(
     return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
 
 
-def _fly_planned(
-    mission: Mission,
-    controller: Controller,
-    scenarios: list[Scenario],
-    workers: int | None,
-    tracks: NDArray[np.float32] | None,
-) -> Outcomes:
-    """Plan for every start, and fly its plan from it."""
-    world, numbers = pack_world(mission), packed(controller)
+def law_for(
+    controller: Controller, mission: Mission, scenarios: list[Scenario], workers: int | None = None
+) -> Law:
+    """Return what compiled flights from some starts need to know of a controller, with their plans."""
+    law, num_controls = law_of(controller, mission), mission.num_controls
+    if controller.regulator is not None:
+        return law._replace(plans=regulated(controller.regulator, num_controls, scenarios))
+    if controller.planner is None:
+        return law
+    world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)
 
-    def fly_one(case: int) -> Outcomes:
-        law = law_of(planned_for(controller, scenarios[case]), mission)
-        track = None if tracks is None else tracks[case : case + 1]
-        return fly_population(world, law, numbers, cases_of(mission, [scenarios[case]]), 1, track)
+    def fly(periods: int, plans: Plans) -> None:
+        fly_population(
+            world._replace(num_controls=periods), law._replace(plans=plans), numbers, cases, workers
+        )
 
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        try:
-            flown = list(pool.map(fly_one, range(len(scenarios))))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    return Outcomes(**{name: np.array([vars(one)[name][0, 0] for one in flown]) for name in vars(flown[0])})
+    return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 
 
 def is_by_the_reference(mission: Mission) -> bool:
@@ -303,23 +307,21 @@ def is_by_the_reference(mission: Mission) -> bool:
 
 def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
     from pipeline.flight.reference import loop  # noqa: PLC0415 - plain Python, and only here
-    from pipeline.flight.reference.channels import channels_of  # noqa: PLC0415
+    from pipeline.flight.reference.channels import channels_of, plan_of  # noqa: PLC0415
 
-    controller = planned_for(controller, scenario)
-    numbers = packed(controller)
+    numbers, plans = packed(controller), law_for(controller, mission, [scenario], 1).plans
 
     def infer(system: int, inputs: Floats) -> float:
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
         return float(evaluate(numbers, row, system)[0])
 
-    plan = law_of(controller, mission).plan
     if len(rehearsed_pushes(controller)):
         raise ControllerError(
             f"controller {controller.name!r} rehearses its first push, which guidance.engine=sklearn is too "
             "slow for; choose guidance.engine=compiled, or leave rehearsal_reach_m_s out"
         )
     channels = channels_of(
-        controller.systems, controller.force_axes, plan if len(plan) else None, constants_of(controller)
+        controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
     )
     return loop.fly(mission, scenario, channels, infer)
 
@@ -362,7 +364,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if is_by_the_reference(mission):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
-    law, numbers = law_of(planned_for(controller, scenario), mission), packed(controller)
+    law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
     inspectable = inspectable_points(world, cases.starts)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
 from pipeline.settings.experiment import Deputy, MonteCarlo, Starts, Sun
+from pipeline.settings.start_table import numbers
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
 #: starts are sought, ``HARD + r``; and those on which the champion is chosen
@@ -55,6 +56,8 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
 
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
     """Return the starts of a round of training; without `starts.redraw` all rounds have the first one's."""
+    if starts.table is not None:
+        return _given(starts.table, seed, TRAINING)
     stage = TRAINING + (round_index if starts.redraw else 0)
     shell = (starts.min_distance_m, starts.max_distance_m)
     drawn = [draw(seed, stage, case, shell, sun) for case in range(starts.num_cases)]
@@ -90,8 +93,16 @@ def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
 
 def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
     """Return the starts of an evaluation."""
+    if monte_carlo.table is not None:
+        return _given(monte_carlo.table, seed, EVALUATION)
     shell = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
     return [draw(seed, EVALUATION, case, shell, sun) for case in range(monte_carlo.num_cases)]
+
+
+def _given(table: str, seed: int, stage: int) -> list[Scenario]:
+    """Return the starts of a table, with the errors of a seed and a stage."""
+    starts = enumerate(starts_in(numbers(table, "the table of starts")))
+    return [replace(start, noise=(seed, stage, case)) for case, start in starts]
 
 
 def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:

@@ -30,26 +30,12 @@ def inspection_points(mission: Mission) -> Floats:
     return surface_of(mission).points
 
 
-def optics_of(mission: Mission, surface: Surface, attitudes: Floats) -> Optics:
-    """Return what sight depends on where light or camera are not the paper's.
-
-    Parameters
-    ----------
-    mission : Mission
-    surface : Surface
-        With the chief's points.
-    attitudes : (K+1 or 1, 4)
-        Of the chief, one where it does not turn.
-    """
-    sensor, light, width = mission.sensor, mission.light, padded(len(surface.points), POINTS)
-    rows = np.zeros((len(attitudes), NUM_SURFACE, width))
-    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
-    for k, turned in enumerate(axes):
-        rows[k, NORMAL : NORMAL + 3, : len(surface.points)] = turned.T @ surface.normals.T
-    rows[:, HEIGHT, : len(surface.points)] = np.sum(surface.points * surface.normals, axis=1)
-    rows[:, SQUARE, : len(surface.points)] = np.sum(surface.points**2, axis=1)
+def optics_of(mission: Mission) -> Optics:
+    """Return what sight depends on where light or camera are not the paper's."""
+    sensor, light = mission.sensor, mission.light
     cosine = float(np.cos(np.radians(sensor.half_angle_deg)))
     is_any = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
+    sunward = float(np.cos(np.radians(sensor.min_sun_angle_deg)))
     return Optics(
         least_height=-2.0
         if light.shadow == "none"
@@ -58,13 +44,27 @@ def optics_of(mission: Mission, surface: Surface, attitudes: Floats) -> Optics:
         cos_squared=cosine * abs(cosine) if sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
         incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
         range_squared=np.inf if sensor.max_range_m is None else sensor.max_range_m**2,
-        most_sunward=float(np.cos(np.radians(sensor.min_sun_angle_deg)))
-        if sensor.min_sun_angle_deg
-        else np.inf,
-        surface=rows,
-        occlusion=surface.occlusion,
-        chief_axes=axes,
+        most_sunward=sunward if sensor.min_sun_angle_deg else np.inf,
     )
+
+
+def rows_of(surface: Surface, axes: Floats) -> Floats:
+    """Return what points lie on at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
+
+    Parameters
+    ----------
+    surface : Surface
+        In chief axes.
+    axes : (K+1 or 1, 3, 3)
+        From Hill to chief.
+    """
+    num_points = len(surface.points)
+    rows = np.zeros((len(axes), NUM_SURFACE, padded(num_points, POINTS)))
+    for k, turned in enumerate(axes):
+        rows[k, NORMAL : NORMAL + 3, :num_points] = turned.T @ surface.normals.T
+    rows[:, HEIGHT, :num_points] = np.sum(surface.points * surface.normals, axis=1)
+    rows[:, SQUARE, :num_points] = np.sum(surface.points**2, axis=1)
+    return rows
 
 
 def chief_attitudes(mission: Mission) -> Floats:
@@ -105,6 +105,7 @@ def pack_world(mission: Mission) -> World:
         placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
+    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     stride, look = preview_stride(mission), look_stride(mission)
     return World(
@@ -129,7 +130,11 @@ def pack_world(mission: Mission) -> World:
         num_points=len(points),
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         has_optics=not sees_as_in_the_paper(mission),
-        optics=optics_of(mission, surface, attitudes),
+        optics=optics_of(mission),
+        surface=rows_of(surface, axes),
+        is_free=surface.occlusion.is_free,
+        num_edge_cells=surface.occlusion.edge,
+        chief_axes=axes,
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,

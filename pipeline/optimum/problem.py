@@ -113,7 +113,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     shape, num_points = (num_controls + 1, 3, world.num_points), world.num_points
     points = np.ascontiguousarray(np.broadcast_to(world.points[:, :, :num_points], shape))
     is_sphere, optics = mission.chief.shape == "sphere", world.optics
-    normals = np.broadcast_to(optics.surface[:, NORMAL : NORMAL + 3, :num_points], shape)
+    normals = np.broadcast_to(world.surface[:, NORMAL : NORMAL + 3, :num_points], shape)
     if not is_sphere:
         radius = float(np.linalg.norm(points[0], axis=0).max())
     problem = Problem(
@@ -129,8 +129,8 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
         max_range=float(np.sqrt(optics.range_squared)),
         most_sunward=optics.most_sunward,
         suns=np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles]),
-        occlusion=optics.occlusion,
-        chief_axes=optics.chief_axes,
+        occlusion=Occlusion(world.is_free, world.num_edge_cells),
+        chief_axes=world.chief_axes,
         is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),
         delta_v_per_force=world.control_period * world.acceleration_per_force,

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Mask, Vector
+from fis_tools.engines.vectors import Mask, Vector, most
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
-from pipeline.physics.occlusion import Occlusion
 
 Floats = NDArray[np.float64]
 
-#: rows of `Optics.surface`: the unit normal out of the surface, ``n . p``, and ``|p|^2``
+#: rows of what tells of the surface that points lie on: the unit normal out of it, ``n . p``, ``|p|^2``
 NORMAL, HEIGHT, SQUARE, NUM_SURFACE = 0, 3, 4, 5
 
 
@@ -85,12 +84,6 @@ class Optics(NamedTuple):
         Of the greatest range, m^2; infinite for none.
     most_sunward : float
         Cosine between boresight and Sun beyond which the camera is blind; infinite for none.
-    surface : (K+1 or 1, NUM_SURFACE, P padded)
-        What the points lie on, Hill axes, m; zeros where there is no point.
-    occlusion : Occlusion
-        What parts of the chief hide of one another, in chief axes; empty on a sphere.
-    chief_axes : (K+1 or 1, 3, 3)
-        From Hill to chief.
     """
 
     least_height: float
@@ -98,9 +91,6 @@ class Optics(NamedTuple):
     incidence_squared: float
     range_squared: float
     most_sunward: float
-    surface: Floats
-    occlusion: Occlusion
-    chief_axes: Floats
 
 
 @compiled(inline="always")
@@ -115,8 +105,11 @@ def sunlight(
 
 @compiled(inline="always")
 def is_sunlit(along_sun: Vector, height: Vector) -> Mask:
-    """Tell which points the Sun is above the tangent plane of, by ``n . s`` and ``n . p``."""
-    return along_sun > height * (1.0 / ASTRONOMICAL_UNIT_M)
+    """Tell which points the Sun is above the tangent plane of, by ``n . s`` and ``n . p``.
+
+    Where the plane passes behind the chief's centre, by ``n . s > 0``, which no light does not fulfil either.
+    """
+    return along_sun > most(height, 0.0) * (1.0 / ASTRONOMICAL_UNIT_M)
 
 
 @compiled(inline="always")

@@ -137,7 +137,7 @@ def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[E
 
 def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[Event]:
     """Say when the controller begins and ceases to coast, and what coasting to the end would come to."""
-    num_points, margin = log.is_inspected.shape[1], logic.coast_margin_m
+    num_points, margin = int(log.is_inspectable.sum()), logic.coast_margin_m
     low, high = mission.deputy.min_distance_m + margin, mission.deputy.max_distance_m - margin
     was_coasting = False
     for sample in np.flatnonzero(np.isfinite(log.foreseen[:, 0])).tolist():

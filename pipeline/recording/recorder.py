@@ -279,7 +279,7 @@ def controller_text(controller: Controller) -> str:
     beforehand is only named, ``{"kind": "open_loop", "name": ...}``, for its forces are on the control's
     topic; one without any force is of kind ``coast``, and one that plans of the kind that it is named after.
     """
-    if controller.planner is not None:
+    if controller.is_of_a_kind:
         return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
     if controller.plan is None:
         attributes = (("force_axes", controller.force_axes),)

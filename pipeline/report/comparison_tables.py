@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.evaluation.comparison import COLUMNS, FLOWN, ComparisonRow, in_words, lines_of, row_of
+from pipeline.evaluation.worlds import LEGEND, is_worse, matrices, verdicts, worlds_of
+from pipeline.report.figures.by_world import Square
 from pipeline.report.figures.delta_v_and_rate import Mark
 from pipeline.run import artifacts
 
@@ -32,8 +34,36 @@ def read_comparison(folder: Path) -> list[ComparisonRow]:
 
 
 def tables_of(rows: Sequence[ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
-    """Return the table of each Sun setting: its name and its lines, each of `headings` cells."""
-    return [(sun, lines_of(rows, sun)) for sun in suns_of(rows)]
+    """Return the table of each Sun setting: its name and its lines, each of `headings` cells.
+
+    None where the rows are of several worlds, see `world_tables_of`.
+    """
+    return [] if worlds_of(rows) else [(sun, lines_of(rows, sun)) for sun in suns_of(rows)]
+
+
+def world_tables_of(rows: Sequence[ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
+    """Return the tables of controllers in several worlds: title, then lines of which the first is names."""
+    if not worlds_of(rows):
+        return []
+    return [(f"Sun {sun}, safety layer {layer}: {LEGEND}", lines) for sun, layer, lines in matrices(rows)]
+
+
+def world_verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Say of each controller in which worlds it breaks; nothing where there is but one."""
+    return verdicts(rows) if worlds_of(rows) else []
+
+
+def squares_of(rows: Sequence[ComparisonRow]) -> list[tuple[str, list[Square]]]:
+    """Return the panels of the grid of worlds, one for each Sun setting and layer."""
+    panels: dict[str, list[Square]] = {}
+    first: dict[tuple[str, str], ComparisonRow] = {}
+    for row in (row for row in rows if row.source == FLOWN):
+        title = f"Sun {row.sun}, safety layer {row.safety}"
+        known = first.setdefault((title, row.controller), row)
+        success, spent = row.summary["success"]["fraction"], row.summary["delta_v_m_s"]["mean"]
+        square = Square(row.controller, row.world, float(success), float(spent), is_worse(row, known))
+        panels.setdefault(title, []).append(square)
+    return list(panels.items())
 
 
 def headings() -> list[str]:

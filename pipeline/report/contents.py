@@ -259,7 +259,7 @@ def fly_training(experiment: Experiment, controller: Controller, starts: list[Sc
     """Fly the starts of the training."""
     episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
     confidence = experiment.monte_carlo.confidence_percent
-    counted = {"num_cases": len(starts), "confidence_percent": confidence, "sun": experiment.sun.mode}
+    counted = {"num_cases": len(starts), "confidence_percent": confidence, "sun": experiment.sun_in_words}
     return FlightSet(episodes, tracks, counted | summarise(episodes, confidence))
 
 

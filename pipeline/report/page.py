@@ -14,7 +14,7 @@ from pipeline.evaluation.comparison import FLOWN
 from pipeline.evaluation.published import Reported
 from pipeline.flight.log import Scenario, inspectable_rate, points_in_words, points_needed
 from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, times_tile
-from pipeline.report.comparison_tables import headings, tables_of
+from pipeline.report.comparison_tables import headings, tables_of, world_tables_of, world_verdicts
 from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS
 from pipeline.report.pictures import Illustration
@@ -87,6 +87,8 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         cases=case_rows(contents.training),
         comparison=tables_of(contents.comparison),
         comparison_headings=headings(),
+        worlds=world_tables_of(contents.comparison),
+        world_verdicts=world_verdicts(contents.comparison),
         optimum_words=in_words(contents.beside, experiment.mission.inspection_threshold_percent),
         optimum_reason=contents.beside.reason,
         optimum_pairs=[f"optimum-case-{pair.case}" for pair in contents.pairs],

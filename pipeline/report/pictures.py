@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.evaluation import published
+from pipeline.evaluation.worlds import worlds_of
 from pipeline.flight.log import points_needed
 from pipeline.flight.world import inspection_points
 from pipeline.report.beside_optimum import Pair
-from pipeline.report.comparison_tables import marks_of
+from pipeline.report.comparison_tables import marks_of, squares_of
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
+from pipeline.report.figures.by_world import by_world
 from pipeline.report.figures.control import controls
 from pipeline.report.figures.convergence import convergence
 from pipeline.report.figures.delta_v_and_rate import LINEAR, compared
@@ -126,6 +128,13 @@ def _front_sketch(contents: Contents) -> _Sketch:
 
 
 def _comparison_sketch(contents: Contents, mission: Mission) -> _Sketch:
+    if worlds_of(contents.comparison):
+        caption = (
+            "Share of successful flights and mean delta-v (m/s) of each controller in each world. A red "
+            "frame: it breaks, for its success rate lies below that in the first world, or it leaves the "
+            "limits more often, by more than both intervals."
+        )
+        return _Sketch("comparison", caption, by_world(squares_of(contents.comparison)))
     caption = (
         "Delta-v against inspection rate, without the safety layer: mean and standard deviation of each "
         f"controller. The dotted line is at {mission.inspection_threshold_percent:g} %, which makes a "

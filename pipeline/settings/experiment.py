@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings import checks
+from pipeline.settings import checks, start_table
 from pipeline.settings.checks import (
     Count,
     Cure,
@@ -92,7 +92,7 @@ SHIPPED = "shipped"
 @settings("monte_carlo")
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo:
-    """The evaluation: flights from random starts, isotropic and uniform in distance, at rest."""
+    """The evaluation: flights from starts drawn at rest, isotropic and uniform in distance, or from given."""
 
     num_cases: Annotated[Count, Cure("; without scenarios there is nothing to fly")]
     min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
@@ -101,10 +101,17 @@ class MonteCarlo:
         Number, Field(ge=50, le=99.99, description="of the intervals in the summary, %")
     ]
     workers: Workers
+    table: Annotated[Text | None, Field(description="starts in place of drawn ones, as CSV text")] = None
 
     def __post_init__(self) -> None:
         """Check that the shell is not inside out."""
         checks.shell("monte_carlo", self.min_distance_m, self.max_distance_m)
+        num_given = self.num_cases if self.table is None else start_table.num_rows(self.table)
+        if self.num_cases != num_given:
+            raise SettingError(
+                f"monte_carlo.num_cases is {self.num_cases}, but {num_given} starts are given; leave "
+                "monte_carlo.num_cases out: all starts of a file are flown"
+            )
 
 
 @settings("optimum")
@@ -138,6 +145,10 @@ class Compare:
     controllers: Annotated[tuple[Text, ...], Field(description="names as in controller=NAME, or paths")]
     suns: tuple[Text, ...]
     safety: tuple[Text, ...]
+    worlds: Annotated[
+        dict[str, dict[str, Any]],
+        Field(description="by name, what differs from the experiment's own; none for that alone"),
+    ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         """Check that the table has rows, and that no two are the same."""
@@ -243,6 +254,9 @@ class Experiment:
         check_controller(self.controller)
         self._check_start()
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
+        for table in (self.starts.table, self.monte_carlo.table):
+            if table is not None:
+                start_table.check_within(table, f"the starts of {self.starts.path}", limits)
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
                 value = getattr(shell, key)
@@ -256,6 +270,11 @@ class Experiment:
                 f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "
                 f"training scenarios; choose one from 0 to {self.starts.num_cases - 1}"
             )
+
+    @property
+    def sun_in_words(self) -> str:
+        """The Sun of the evaluation: its mode, or that the starts have their own."""
+        return self.sun.mode if self.monte_carlo.table is None else "of the starts"
 
     def _check_start(self) -> None:
         if "record" not in self.stages or not self.telemetry.record_start:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pipeline.settings import checks
+from pipeline.settings import checks, start_table
 from pipeline.settings.checks import (
     Count,
     Cure,
@@ -20,6 +20,7 @@ from pipeline.settings.checks import (
     PositiveInterval,
     SettingError,
     Share,
+    Text,
     Whole,
     Workers,
 )
@@ -34,9 +35,9 @@ MOST_PRICE = 1e15
 @settings("starts")
 @dataclass(frozen=True, kw_only=True)
 class Starts:
-    """Where training flights start, always at rest: the eight octants' diagonals, or drawn in a shell."""
+    """Where training flights start: at rest on the octants' diagonals, or drawn in a shell, or a table's."""
 
-    kind: Literal["octants", "random"]
+    kind: Literal["octants", "random", "file"]
     num_cases: Annotated[Count, Cure("; without scenarios nothing can be trained")]
     min_distance_m: Annotated[Positive, Field(description="from the chief, m; equal for the octants")]
     max_distance_m: Annotated[Number, Field(description="from the chief, m")]
@@ -46,6 +47,8 @@ class Starts:
         Field(description="more starts, from the second round on: of hard_from, the champion's worst"),
     ]
     hard_from: Natural
+    path: Annotated[Text | None, Field(description="of the CSV file that the table came from")] = None
+    table: Annotated[Text | None, Field(description="the rows of that file, as CSV text")] = None
 
     def __post_init__(self) -> None:
         """Check that the shell is not inside out, the hard starts are some of more, and octants are eight."""
@@ -54,6 +57,17 @@ class Starts:
             raise SettingError(
                 f"starts.num_hard is {self.num_hard} and starts.hard_from {self.hard_from}; the hard starts "
                 "are the worst of so many, which must be more"
+            )
+        if (self.kind == "file") != (self.table is not None):
+            given = "null" if self.table is None else "given"
+            raise SettingError(
+                f"starts.kind is {self.kind} and starts.table is {given}; choose a file by starts=PATH.csv"
+            )
+        num_given = self.num_cases if self.table is None else start_table.num_rows(self.table)
+        if self.num_cases != num_given:
+            raise SettingError(
+                f"starts.num_cases is {self.num_cases}, but the file has {num_given} training starts; leave "
+                "starts.num_cases out"
             )
         if self.kind == "octants" and (self.num_cases != 8 or self.min_distance_m != self.max_distance_m):
             raise SettingError(

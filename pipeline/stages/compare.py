@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,6 +26,7 @@ from pipeline.evaluation.comparison import (
     rules_of,
 )
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
+from pipeline.evaluation.worlds import worlds_in_words
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import Outcomes, Scenario
 from pipeline.flight.simulation import fly_all
@@ -35,6 +37,7 @@ from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import UNGUARDED, Experiment, Mission
+from pipeline.settings.worlds import in_world
 
 #: flights between two looks at the clock
 PART = 100
@@ -46,13 +49,15 @@ def run(experiment: Experiment, folder: Path) -> None:
     reported = published.TEST
     rows = [published_row(name, reported.num_cases, reported.means, reported.standard_deviations)]
     flown: list[tuple[ComparisonRow, dict[str, Column]]] = []
-    for sun in experiment.compare.suns:
-        under = replace(experiment, sun=replace(experiment.sun, mode=cast(Any, sun)))
+    worlds = list(experiment.compare.worlds) or [""]
+    for world, sun in product(worlds, experiment.compare.suns):
+        there = in_world(experiment, world)
+        under = replace(there, sun=replace(there.sun, mode=cast(Any, sun)))
         scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
-        solved = _solved(under)
+        solved = None if world else _solved(under)
         for controller in experiment.compare.controllers:
             for layer in experiment.compare.safety:
-                row, episodes = _row(under, controller, layer, scenarios, solved)
+                row, episodes = _row(under, controller, layer, scenarios, solved, world)
                 flown.append((row, episodes))
                 rows.append(row)
         if solved is not None:
@@ -79,12 +84,17 @@ def _solved(experiment: Experiment) -> Solved | None:
 
 
 def _row(
-    experiment: Experiment, name: str, layer: str, scenarios: list[Scenario], solved: Solved | None
+    experiment: Experiment,
+    name: str,
+    layer: str,
+    scenarios: list[Scenario],
+    solved: Solved | None,
+    world: str,
 ) -> tuple[ComparisonRow, dict[str, Column]]:
     """Fly one controller under one layer."""
     mission, workers = guarded(experiment.mission, layer), experiment.monte_carlo.workers
     controller = named(name, mission)
-    label = f"{name}, Sun {experiment.sun.mode}, safety {layer}"
+    label = f"{name}, {world}{', ' if world else ''}Sun {experiment.sun.mode}, safety {layer}"
     episodes = _fly(mission, controller, scenarios, workers, label)
     times = None
     if solved is not None:
@@ -100,6 +110,7 @@ def _row(
         rules_of(controller),
         summary,
         times,
+        world,
     )
     return row, episodes
 
@@ -151,8 +162,9 @@ def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
     threshold = experiment.mission.inspection_threshold_percent
     confidence = experiment.monte_carlo.confidence_percent
     deputy = experiment.mission.deputy
+    table = worlds_in_words(rows) if experiment.compare.worlds else in_words(rows)
     return (
-        f"\n{in_words(rows)}\n\n"
+        f"\n{table}\n\n"
         f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
         f"shares with {confidence:g} % Wilson intervals; successful: at least {threshold:g} % of the points; "
         f"outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"

@@ -40,7 +40,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     confidence = experiment.monte_carlo.confidence_percent
     summary = {
         "controller": controller.name,
-        "sun": experiment.sun.mode,
+        "sun": experiment.sun_in_words,
         "num_cases": num_cases,
         "seed": experiment.seed,
         "confidence_percent": confidence,
@@ -50,7 +50,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
     delta_v, rate = summary["delta_v_m_s"], summary["inspection_rate_percent"]
     sys.stderr.write(
-        f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun.mode}: "
+        f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
         f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s, "
         f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %, "
         f"success {100 * summary['success']['fraction']:.1f} %, "

@@ -8,15 +8,7 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.starts import evaluation_scenarios, training_scenarios
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
-
-COLUMNS = (
-    "set",
-    "case",
-    *(f"position_{axis}_m" for axis in "xyz"),
-    *(f"velocity_{axis}_m_s" for axis in "xyz"),
-    "sun_angle_rad",
-    "sun_elevation_rad",
-)
+from pipeline.settings.start_table import COLUMNS
 
 
 def run(experiment: Experiment, folder: Path) -> None:

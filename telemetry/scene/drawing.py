@@ -252,7 +252,7 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
     ]
     inspectable = int(mission["inspectable_count"][-1])
     if 0 < inspectable < num_points:
-        facts.insert(1, ("can be inspected", f"{inspectable} points: the Sun shines on them"))
+        facts.insert(1, ("ever lit", f"{inspectable} points"))
     if recording.episode.scenario_id:
         facts.append(("scenario", drawable(recording.episode.scenario_id)))
     if topics.RECOVERY_METADATA in recording.metadata:

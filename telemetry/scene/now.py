@@ -41,7 +41,9 @@ def lines(recording: Recording, sample_time_s: Floats) -> list[str]:
     """
     control, mission = recording[topics.DEPUTY_CONTROL], recording[topics.MISSION]
     places = np.maximum(np.searchsorted(mission.time_s, sample_time_s, side="right") - 1, 0)
-    left = mission["inspected_mask"].shape[1] - mission["inspected_count"].astype(np.int64)[places]
+    # recordings of earlier versions do not say how many can be inspected
+    all_points = int(mission["inspectable_count"][-1]) or mission["inspected_mask"].shape[1]
+    left = all_points - mission["inspected_count"].astype(np.int64)[places]
     names = [name for name in recording.fis_names if len(recording[topics.fis_topic(name)])]
     asked = {float(time) for name in names for time in recording[topics.fis_topic(name)].time_s}
     rows = {float(time): row for row, time in enumerate(control.time_s)}

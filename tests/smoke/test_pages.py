@@ -19,7 +19,7 @@ from docs.shown import PAGES as SHOWN_PAGES
 from fis_tools.formats import serialize
 from pipeline.command_line import cli
 from pipeline.command_line.config import conf_folder, options
-from pipeline.command_line.overrides import check_overrides, parse, rewrite_controller_paths
+from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
 from telemetry import commands as telemetry_commands
 from tests.fis_tools.review.cases import log_flight
 from tests.smoke.command_line import PROJECT
@@ -44,7 +44,7 @@ def test_experiments(words, capsys):
         of_ours = [
             word for word in words if "=" in word and not word.startswith(("resume=", "+experiment=my_"))
         ]
-        check_overrides(parse(rewrite_controller_paths(of_ours)), options([conf_folder()]))
+        check_overrides(parse(rewrite_paths(of_ours)), options([conf_folder()]))
     else:
         asked = [word for word in words if word not in {"--cfg", "job"}]
         assert cli.main([*asked, "--cfg", "job"]) == 0, capsys.readouterr().err

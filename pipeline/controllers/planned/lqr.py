@@ -10,13 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from fis_tools.engines.compiled import compiled
-from pipeline.controllers.planned.free_motion import advance, elements_matrix, start_of
+from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
-from pipeline.flight.kernel.arrays import World
 from pipeline.flight.log import Scenario
-from pipeline.flight.world import pack_world
-from pipeline.physics.motion import propagate
+from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
 from pipeline.settings.controllers import Lqr
 from pipeline.settings.experiment import Mission
@@ -60,48 +57,20 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
     return np.asarray(solved, dtype=np.float64)
 
 
-class LqrPlanner:
-    """Runs the regulator beforehand for each start of a mission."""
+class LqrRegulator:
+    """Brings the deputy of any start of a mission to its ring."""
 
     def __init__(self, settings: Lqr, mission: Mission) -> None:
         check_within_limits(settings, mission)
-        self.settings, self.world = settings, pack_world(mission)
-        motion = self.world.motion
+        self.settings, self.dead_band_n = settings, settings.dead_band_n
+        motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
         self.gain = gain(settings, motion.transition[0], motion.control[0])
-        self.to_states = np.linalg.inv(elements_matrix(self.world.mean_motion))
+        mean_motion = mission.orbit.mean_motion_rad_s
+        times = np.arange(mission.num_controls, dtype=np.float64) * mission.control_period_s
+        self.turned: Floats = mean_motion * times
+        self.to_states = np.linalg.inv(elements_matrix(mean_motion))
 
-    def __call__(self, scenario: Scenario) -> Floats:
-        """Return the forces of a flight, shape (K, 3), N, Hill axes."""
-        elements = ring_elements(self.settings, scenario, np.zeros(1))[0]
-        forces = np.zeros((self.world.num_controls, 3))
-        regulate(
-            start_of(scenario),
-            self.to_states @ elements,
-            self.world,
-            self.gain,
-            self.settings.dead_band_n,
-            forces,
-        )
-        return forces
-
-
-@compiled(nogil=True)
-def regulate(
-    state: Floats,
-    wanted: Floats,
-    world: World,
-    gain: Floats,
-    dead_band: float,
-    forces: Floats,
-) -> None:
-    """Fill the forces, shape (K, 3), N, that bring a state to a wanted one which moves freely."""
-    no_force, max_force = np.zeros(3), world.max_force
-    for k in range(len(forces)):
-        error = state - wanted
-        for axis in range(3):
-            force = 0.0
-            for place in range(6):
-                force -= gain[axis, place] * error[place]
-            forces[k, axis] = min(max(force, -max_force), max_force) if abs(force) >= dead_band else 0.0
-        state = advance(world, state, forces[k])
-        wanted = propagate(world.motion, wanted, no_force)
+    def path(self, scenario: Scenario) -> Floats:
+        """Return the states on the ring at each decision, shape (K, 6), m and m/s, Hill axes."""
+        elements = ring_elements(self.settings, scenario, self.turned)
+        return np.asarray(elements @ self.to_states.T)

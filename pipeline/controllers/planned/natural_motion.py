@@ -20,7 +20,6 @@ from pipeline.controllers.planned.free_motion import (
     RING_ALONG_TRACK,
     RING_RADIAL,
     elements_matrix,
-    start_of,
 )
 from pipeline.flight.log import Scenario
 from pipeline.flight.world import pack_world
@@ -39,6 +38,8 @@ HALVINGS = 5
 class NaturalMotionPlanner:
     """Plans the burn for each start of a mission."""
 
+    decisions = (0,)
+
     def __init__(self, settings: NaturalMotion, mission: Mission) -> None:
         self.settings = settings
         self.world = pack_world(mission)
@@ -49,13 +50,13 @@ class NaturalMotionPlanner:
         revolution = 2.0 * math.pi / (self.world.mean_motion * mission.control_period_s)
         self.num_samples = max(self.world.num_controls, math.ceil(revolution)) + 1
 
-    def __call__(self, scenario: Scenario) -> Floats:
-        """Return the forces of a flight, shape (1, 3), N, Hill axes."""
+    def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
+        """Return the force of the first period, shape (1, 3), N, Hill axes; see `Planner`."""
         # a path is linear in the burn: that of the closing burn alone, and what 1 N along i and k adds
-        start, gained = start_of(scenario), self.world.motion.control[0]
-        coasted = free_path(self.world.motion, start, 2)[1]
+        gained = self.world.motion.control[0]
+        coasted = free_path(self.world.motion, state, 2)[1]
         closed = self._closing(coasted)
-        base = self._path(start, coasted + gained @ closed)
+        base = self._path(state, coasted + gained @ closed)
         directions = np.stack([self._closed_direction(axis) for axis in (0, 2)])
         nothing = np.zeros(6)
         still = self._path(nothing, nothing)

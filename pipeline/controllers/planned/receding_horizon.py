@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from pipeline.controllers.planned.free_motion import advance, elements_matrix, start_of
+from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.log import Scenario
@@ -86,7 +86,7 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
 
 
 class RecedingHorizonPlanner:
-    """Runs the controller beforehand for each start of a mission."""
+    """Solves for the forces of a flight again and again."""
 
     def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
         check_within_limits(settings, mission)
@@ -101,11 +101,11 @@ class RecedingHorizonPlanner:
 
         self.solution_period = periods(settings.solution_period_s)
         first, least = periods(settings.first_horizon_s), periods(settings.horizon_s)
-        self.solved_at = range(0, self.world.num_controls, self.solution_period)
-        self.lengths = [max(first - k, least) for k in self.solved_at]
+        self.decisions = range(0, self.world.num_controls, self.solution_period)
+        self.lengths = {k: max(first - k, least) for k in self.decisions}
         spacing = periods(settings.force_spacing_s)
         self.horizons = {
-            length: horizon_of(self.world, length, spacing) for length in sorted(set(self.lengths))
+            length: horizon_of(self.world, length, spacing) for length in sorted(set(self.lengths.values()))
         }
         centre, ring, height = (
             settings.centre_tolerance_m,
@@ -114,20 +114,15 @@ class RecedingHorizonPlanner:
         )
         self.tolerances = np.array([centre, centre, ring, ring, height, height])
 
-    def __call__(self, scenario: Scenario) -> Floats:
-        """Return the forces of a flight, shape (K, 3), N, Hill axes."""
-        state = start_of(scenario)
-        forces = np.zeros((self.world.num_controls, 3))
-        ends = (np.array(self.solved_at) + self.lengths) * self.turn
-        wanted = ring_elements(self.settings, scenario, ends)
-        for k, length, elements in zip(self.solved_at, self.lengths, wanted, strict=True):
-            horizon = self.horizons[length]
-            solved = self.solve(horizon, state, elements)
-            for period, force in zip(horizon.periods.tolist(), solved, strict=True):
-                if period < self.solution_period and k + period < len(forces):
-                    forces[k + period] = force
-            for force in forces[k : k + self.solution_period]:
-                state = advance(self.world, state, force)
+    def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
+        """Return the forces up to the next solution, shape (rows, 3), N, Hill axes; see `Planner`."""
+        length = self.lengths[decision]
+        end = (decision + length) * self.turn
+        horizon = self.horizons[length]
+        solved = self.solve(horizon, state, ring_elements(self.settings, scenario, np.array([end]))[0])
+        forces = np.zeros((self.solution_period, 3))
+        is_next = horizon.periods < self.solution_period
+        forces[horizon.periods[is_next]] = solved[is_next]
         return forces
 
     def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:

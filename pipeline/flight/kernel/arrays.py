@@ -15,6 +15,7 @@ from pipeline.physics.sight import Optics, Sight
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
 
 #: inspection points that are looked at together
 POINTS = 8
@@ -41,6 +42,18 @@ class Guard(NamedTuple):
     num_kept_in: int  # and in the outer one
 
 
+class Beyond(NamedTuple):
+    """That light or camera are not the paper's.
+
+    Attributes
+    ----------
+    hides : bool or None
+        True where parts of the chief hide one another; None is known to the compiler.
+    """
+
+    hides: bool | None
+
+
 class World(NamedTuple):
     """What all flights of a mission share, as numbers and arrays in SI."""
 
@@ -62,6 +75,10 @@ class World(NamedTuple):
     sight: Sight
     has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
     optics: Optics
+    surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) what the points lie on, Hill axes; zeros beside them
+    is_free: Bytes  # (cells, P) from which directions points are free, of `pipeline.physics.occlusion`
+    num_edge_cells: int  # zero where nothing hides anything
+    chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes
     is_spherical: bool
     inertia: Floats  # (3, 3)
@@ -79,8 +96,18 @@ class World(NamedTuple):
     guard: Guard
 
 
+class Plans(NamedTuple):
+    """Forces made beforehand, and how the deputy answers to being elsewhere than on the path they are for."""
+
+    forces: Floats  # (m or 1, K, 3) of each flight or of all, Hill axes, N; no rows for no plan
+    paths: Floats  # (m, K, 6) states that the answer brings the deputy to; no rows for no answer
+    gain: Floats  # (3, 6) from a deviation to the force that answers it, N/m and N s/m
+    least_answer: float  # a component smaller than this is not fired, N
+    known: Floats  # (m, K, 6) filled with the states as the deputies know them; no rows to leave it
+
+
 class Law(NamedTuple):
-    """What one controller commands, for a controller with fuzzy systems or with a plan of forces."""
+    """What one controller commands, for a controller with fuzzy systems or with plans of forces."""
 
     axes: Integers  # (F,) which component each system drives
     signals: Integers  # (F, 3) slots of the signals it senses
@@ -91,7 +118,7 @@ class Law(NamedTuple):
     decision_stride: int  # control periods from one decision to the next
     force_axes: int
     has_plan: bool
-    plan: Floats  # (K, 3) forces in Hill axes, N; empty without a plan
+    plans: Plans
 
 
 #: A start: what is a flight's own before it begins. Hill axes, SI units.

@@ -28,6 +28,7 @@ from pipeline.flight.kernel.arrays import (
     OUTSIDE,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
+    Beyond,
     Guard,
     Law,
     Workspace,
@@ -201,7 +202,7 @@ def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -
 @compiled(error_model="numpy", inline="always", fastmath={"contract"})
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
@@ -279,7 +280,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
         if k == world.num_controls:
             break
-        command(world, law, values, rules, work, log, k)
+        command(world, law, values, rules, work, first, num_lanes, log, k)
         if openings is not None and k == 0:
             open_with(world, work, openings, first, num_lanes, log)
         if guard is not None:
@@ -304,7 +305,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
 @compiled(nogil=True, error_model="numpy", fastmath={"contract"})
 def fly_many(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,

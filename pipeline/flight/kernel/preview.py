@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, store
-from pipeline.flight.kernel.arrays import POINTS, Workspace, World
-from pipeline.flight.kernel.optics import light_at, note_lit, note_seen_from
+from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
+from pipeline.flight.kernel.optics import beam_at, strike_out_seen
 from pipeline.flight.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
 from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit
@@ -60,27 +60,7 @@ def strike_out(
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def strike_out_through(
-    world: World,
-    work: Workspace,
-    lane: int,
-    sample: int,
-    rx: float,
-    ry: float,
-    rz: float,
-    sun_x: float,
-    sun_y: float,
-    num_left: int,
-) -> int:
-    """Do what `strike_out` does where light or camera are not the paper's, of so many points left."""
-    lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
-    if not note_lit(world, work, sample, work.ahead, lx, ly, lz):
-        return num_left
-    return num_left - note_seen_from(world, work, sample, rx, ry, rz, lx, ly, lz)
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
-def preview(world: World, optics: bool | None, work: Workspace, num_lanes: int, k: int) -> None:
+def preview(world: World, optics: Beyond | None, work: Workspace, num_lanes: int, k: int) -> None:
     """Write how many points every lane would miss by coasting, and between which distances it would be."""
     lanes, signals, ahead = work.lanes, work.signals, work.ahead
     stride = world.preview_stride
@@ -115,7 +95,8 @@ def preview(world: World, optics: bool | None, work: Workspace, num_lanes: int, 
                 continue
             row = sample if len(world.points) > 1 else 0
             if optics is not None:
-                num_left = strike_out_through(world, work, lane, sample, rx, ry, rz, sun_x, sun_y, num_left)
+                beam = beam_at(world, optics.hides, work, lane, sample, sun_x, sun_y)
+                num_left -= strike_out_seen(world, optics.hides, work, sample, beam, rx, ry, rz)
             elif squared >= fits:
                 num_left = strike_out(world, ahead, row, rx, ry, rz, sun_x, sun_y, False)
             else:

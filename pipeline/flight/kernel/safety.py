@@ -304,24 +304,6 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def corrected(world: World, state: Floats, asked: Floats) -> Floats:
-    """Return the force that is applied to one deputy instead of one within the thrust limit.
-
-    Parameters
-    ----------
-    world : World
-        With a guard.
-    state : array, shape (6,)
-        At the sample, m and m/s, Hill axes.
-    asked : array, shape (3,)
-        N, Hill axes.
-    """
-    force = np.empty(3)
-    limit = correct(world, state, asked, np.empty((MOST_CUTS, 4)), force)
-    return asked if limit == SAFE else force
-
-
-@compiled(error_model="numpy", fastmath={"contract"})
 def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
     lanes = work.lanes

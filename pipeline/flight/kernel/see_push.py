@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, splat, store, total
-from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
+from pipeline.flight.kernel.arrays import POINTS, Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
-from pipeline.flight.kernel.optics import light_at, note_lit, note_seen
+from pipeline.flight.kernel.optics import beam_at, eye_on_chief, lit_through, seen_through
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import Place, drifted_place, place_of, slopes
@@ -88,9 +88,10 @@ def look_from(
         store(looks, (SLOPE + 2, j), select(is_better, gz, load(looks, (SLOPE + 2, j), POINTS)))
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def look_through_from(
     world: World,
+    hides: bool | None,
     work: Workspace,
     lane: int,
     k: int,
@@ -106,33 +107,38 @@ def look_through_from(
     What a look falls short by is what it lacks most: height over the least that the incidence asks for at
     its distance, or nearness. It is linear in the place about the one foreseen.
     """
-    points, ahead, looks, optics = world.points, work.ahead, work.looks, world.optics
+    points, surface, ahead, looks, optics = (
+        world.points,
+        world.surface,
+        work.ahead,
+        work.looks,
+        world.optics,
+    )
     sample, cosine, reach = (
         (k if len(points) > 1 else 0),
         sqrt(optics.incidence_squared),
         sqrt(optics.range_squared),
     )
-    lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
-    if not note_lit(world, work, k, ahead, lx, ly, lz):
-        return
-    per_distance = -1.0 / sqrt(rx * rx + ry * ry + rz * rz)
-    bx, by, bz = rx * per_distance, ry * per_distance, rz * per_distance
-    note_seen(world, work, k, rx, ry, rz, bx, by, bz, lx, ly, lz)
-    for j in range(0, len(ahead), POINTS):
-        lit = load(work.lit, j, POINTS) > 0.0
+    beam = beam_at(world, hides, work, lane, k, sun_x, sun_y)
+    eye = eye_on_chief(world, beam, rx, ry, rz)
+    for j in range(0, len(ahead) if beam.shines else 0, POINTS):
+        before = load(ahead, j, POINTS)
+        wanted = before > 0.0
+        if not some(wanted):
+            continue
+        lit = lit_through(world, hides, work, sample, j, wanted, beam)
         if not some(lit):
             continue
-        seen = load(work.seen, j, POINTS) > 0.0
         nx, ny = (
-            load(optics.surface, (sample, NORMAL, j), POINTS),
-            load(optics.surface, (sample, NORMAL + 1, j), POINTS),
+            load(surface, (sample, NORMAL, j), POINTS),
+            load(surface, (sample, NORMAL + 1, j), POINTS),
         )
-        nz = load(optics.surface, (sample, NORMAL + 2, j), POINTS)
+        nz = load(surface, (sample, NORMAL + 2, j), POINTS)
         dx, dy = rx - load(points, (sample, 0, j), POINTS), ry - load(points, (sample, 1, j), POINTS)
         dz = rz - load(points, (sample, 2, j), POINTS)
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         per = 1.0 / distance
-        above = nx * rx + ny * ry + nz * rz - load(optics.surface, (sample, HEIGHT, j), POINTS)
+        above = nx * rx + ny * ry + nz * rz - load(surface, (sample, HEIGHT, j), POINTS)
         short, far = cosine * distance - above, distance - reach
         is_far, lean = far > short, cosine * per
         wx = select(is_far, -dx * per, nx - lean * dx)
@@ -144,7 +150,9 @@ def look_through_from(
         cost = short * short / (gx * gx + gy * gy + gz * gz)
         cheapest = load(looks, (COST, j), POINTS)
         is_better = lit & (cost < cheapest)
-        store(ahead, j, select(seen, 0.0, load(ahead, j, POINTS)))
+        if not eye.is_blind:
+            seen = seen_through(world, hides, work, sample, j, lit, eye)
+            store(ahead, j, select(seen, 0.0, before))
         store(looks, (COST, j), select(is_better, cost, cheapest))
         store(looks, (SHORT, j), select(is_better, short, load(looks, (SHORT, j), POINTS)))
         store(looks, (SLOPE, j), select(is_better, gx, load(looks, (SLOPE, j), POINTS)))
@@ -194,7 +202,7 @@ def fitted_push(
 @compiled(error_model="numpy", fastmath={"contract"})
 def sense_push(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     law: Law,
     values: Floats,
     work: Workspace,
@@ -224,7 +232,7 @@ def sense_push(
                 px, py, pz = drifted_place(place, rx, ry, rz, vx, vy, vz)
                 then = k + look * world.look_stride
                 if optics is not None:
-                    look_through_from(world, work, lane, then, place, px, py, pz, sun_x, sun_y)
+                    look_through_from(world, optics.hides, work, lane, then, place, px, py, pz, sun_x, sun_y)
                     continue
                 sample = then if len(world.points) > 1 else 0
                 look_from(world, work, sample, place, px, py, pz, sun_x, sun_y)

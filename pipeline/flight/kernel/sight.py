@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Vector, count, least, load, most, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_centre
-from pipeline.flight.kernel.arrays import POINTS, Workspace, World
+from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent
 from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
-from pipeline.flight.kernel.optics import light_at, note_lit, note_seen
+from pipeline.flight.kernel.optics import beam_at, eye_at, lit_through, seen_through
 from pipeline.flight.signals import slot
 from pipeline.physics.sight import is_facing, is_in_cone, is_lit
 
@@ -79,25 +79,38 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
     lanes.target[2, lane] = total(cz) / divisor
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
-def look_through(world: World, work: Workspace, lane: int, k: int) -> None:
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+def look_through(world: World, hides: bool | None, work: Workspace, lane: int, k: int) -> None:
     """Do what `look` does where light or camera are not the paper's."""
     lanes, points = work.lanes, world.points
     sample = k if len(points) > 1 else 0
-    rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
-    bx, by, bz = lanes.boresight[0, lane], lanes.boresight[1, lane], lanes.boresight[2, lane]
-    lx, ly, lz = light_at(world, work, lane, lanes.sun[0, lane], lanes.sun[1, lane])
-    note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
-    note_seen(world, work, k, rx, ry, rz, bx, by, bz, lx, ly, lz)
+    beam = beam_at(world, hides, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
+    eye = eye_at(
+        world,
+        beam,
+        lanes.position[0, lane],
+        lanes.position[1, lane],
+        lanes.position[2, lane],
+        lanes.boresight[0, lane],
+        lanes.boresight[1, lane],
+        lanes.boresight[2, lane],
+    )
     num_seen, num_left = 0, 0
     nothing = splat(0.0, POINTS)
     cx, cy, cz = nothing, nothing, nothing
     for j in range(0, points.shape[2], POINTS):
-        seen = load(work.seen, j, POINTS) > 0.0
-        left = (load(work.lit, j, POINTS) > 0.0) ^ seen
-        store(work.unseen, (lane, j), select(seen, nothing, load(work.unseen, (lane, j), POINTS)))
+        before = load(work.unseen, (lane, j), POINTS)
+        wanted = before > 0.0
+        if not (beam.shines and some(wanted)):
+            store(work.candidate, j, nothing)
+            continue
+        left = lit_through(world, hides, work, sample, j, wanted, beam)
+        if not eye.is_blind:
+            seen = seen_through(world, hides, work, sample, j, left, eye)
+            left = left ^ seen
+            store(work.unseen, (lane, j), select(seen, nothing, before))
+            num_seen += count(seen)
         store(work.candidate, j, select(left, 1.0, nothing))
-        num_seen += count(seen)
         num_left += count(left)
         cx += select(left, load(points, (sample, 0, j), POINTS), nothing)
         cy += select(left, load(points, (sample, 1, j), POINTS), nothing)
@@ -228,7 +241,7 @@ def sense_again(work: Workspace, needs_angles: bool) -> None:
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def sense(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     clusters: bool | None,
     work: Workspace,
     num_lanes: int,
@@ -264,7 +277,7 @@ def sense(
         if optics is None:
             look(world, work, lane, sample)
         else:
-            look_through(world, work, lane, k)
+            look_through(world, optics.hides, work, lane, k)
         if clusters is not None:
             choose_cluster(world, work, lane, sample)
     write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)

@@ -12,7 +12,7 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES, infer
 from fis_tools.engines.vectors import load, select, some, splat, store
 from fis_tools.model.thrust import SILENT_N
-from pipeline.flight.kernel.arrays import Law, Workspace, World
+from pipeline.flight.kernel.arrays import Law, Plans, Workspace, World
 from pipeline.flight.kernel.attitude import clip
 from pipeline.flight.kernel.lanes import four, one, three, write_three
 from pipeline.flight.log import (
@@ -63,6 +63,25 @@ def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> 
     store(lanes.coasts, 0, select(coasts, 1.0, 0.0))
 
 
+@compiled(error_model="numpy", fastmath={"contract"})
+def follow_plans(plans: Plans, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+    """Ask for what is planned, and for the answer to being off the path as far as the deputies know."""
+    lanes, state = work.lanes, np.empty(6)
+    for lane in range(LANES):
+        flight = first + min(lane, num_lanes - 1)
+        for axis in range(3):
+            state[axis], state[3 + axis] = lanes.position[axis, lane], lanes.velocity[axis, lane]
+        if len(plans.known) > 0:
+            plans.known[flight, k] = state
+        for axis in range(3):
+            answer = 0.0
+            if len(plans.paths) > 0:
+                for place in range(6):
+                    answer -= plans.gain[axis, place] * (state[place] - plans.paths[flight, k, place])
+            planned = plans.forces[flight if len(plans.forces) > 1 else 0, k, axis]
+            lanes.asked[axis, lane] = planned + (answer if abs(answer) >= plans.least_answer else 0.0)
+
+
 @compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def command(
     world: World,
@@ -70,6 +89,8 @@ def command(
     values: Floats,
     rules: Integers,
     work: Workspace,
+    first: int,
+    num_lanes: int,
     log: FlightLog,
     k: int,
 ) -> None:
@@ -77,7 +98,9 @@ def command(
     lanes, inputs, outputs = work.lanes, work.inputs, work.outputs
     is_logged = len(log.position_m) > 0
     for axis in range(3):
-        store(lanes.asked, axis, splat(law.plan[k, axis] if law.has_plan else 0.0, LANES))
+        store(lanes.asked, axis, splat(0.0, LANES))
+    if law.has_plan:
+        follow_plans(law.plans, work, first, num_lanes, k)
     fires = one(lanes.coasts) == 0.0
     if not law.has_plan and is_decision(law, k) and some(fires):
         for system in range(len(law.axes)):

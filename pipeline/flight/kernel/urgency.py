@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import load, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.kernel.arrays import POINTS, Law, Workspace, World
+from pipeline.flight.kernel.arrays import POINTS, Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
-from pipeline.flight.kernel.optics import light_at, lit_points, note_lit
+from pipeline.flight.kernel.optics import any_beam, lit_points
 from pipeline.flight.signals import constant, slot
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_dista
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
-def note_deadlines(world: World, optics: bool | None, work: Workspace, num_lanes: int) -> None:
+def note_deadlines(world: World, optics: Beyond | None, work: Workspace, num_lanes: int) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
     At the start, when nothing is inspected.
@@ -44,16 +44,14 @@ def note_deadlines(world: World, optics: bool | None, work: Workspace, num_lanes
                 start_y * turned_cos - start_x * turned_sin,
             )
             sample = k if len(points) > 1 else 0
-            if optics is not None:
-                lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
-                note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
+            beam = any_beam(world, optics, work, lane, k, sun_x, sun_y)
             is_missing_some = False
             for j in range(0, points.shape[2], POINTS):
                 latest = load(deadlines, (lane, j), POINTS)
                 missing = (latest == 0.0) & (load(work.unseen, (lane, j), POINTS) > 0.0)
                 if some(missing):
                     px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
-                    lit = missing & lit_points(world, optics, work, j, px, py, sun_x, sun_y)
+                    lit = lit_points(world, optics, work, sample, j, missing, px, py, sun_x, sun_y, beam)
                     store(deadlines, (lane, j), select(lit, now, latest))
                     is_missing_some |= some(missing ^ lit)
             k -= 1
@@ -62,7 +60,7 @@ def note_deadlines(world: World, optics: bool | None, work: Workspace, num_lanes
 @compiled(error_model="numpy", fastmath={"contract"})
 def sense_urgency(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     law: Law,
     values: Floats,
     work: Workspace,
@@ -81,15 +79,13 @@ def sense_urgency(
         if lanes.coasts[lane] > 0.0 and not is_logged:
             continue
         sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
-        if optics is not None:
-            lx, ly, lz = light_at(world, work, lane, sun_x, sun_y)
-            note_lit(world, work, k, work.unseen[lane], lx, ly, lz)
+        beam = any_beam(world, optics, work, lane, k, sun_x, sun_y)
         nothing = splat(0.0, POINTS)
         weights, sum_x, sum_y, sum_z = nothing, nothing, nothing, nothing
         for j in range(0, points.shape[2], POINTS):
             px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
             counts = load(work.unseen, (lane, j), POINTS) > 0.0
-            counts &= lit_points(world, optics, work, j, px, py, sun_x, sun_y)
+            counts = lit_points(world, optics, work, sample, j, counts, px, py, sun_x, sun_y, beam)
             if some(counts):
                 time_left = now - load(work.deadlines, (lane, j), POINTS)
                 weight = select(counts, exponential(time_left * rate), 0.0)

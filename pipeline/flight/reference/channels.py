@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fis_tools.model import FuzzySystem
 from pipeline.flight.guidance import MIN_PROJECTION_M
+from pipeline.flight.kernel.arrays import Plans
 from pipeline.flight.reference.world import PlainWorld
 from pipeline.flight.signals import (
     APPROACH,
@@ -47,6 +48,38 @@ NUM_SIGNALS = len(SIGNALS)
 MAX_INPUTS = 3
 
 
+class Plan(NamedTuple):
+    """Forces made beforehand for one flight, and the answer to being off the path that they are for.
+
+    Parameters
+    ----------
+    forces_h : array, shape (K, 3)
+        N, Hill axes.
+    path_h : array, shape (K, 6), or None
+        Wanted states, m and m/s, Hill axes; None where nothing is answered.
+    gain : array, shape (3, 6)
+        From a deviation to the force against it, N/m and N s/m.
+    least_answer : float
+        A component smaller than this is not fired, N.
+    """
+
+    forces_h: Floats
+    path_h: Floats | None
+    gain: Floats
+    least_answer: float
+
+
+def forced(forces_h: Floats) -> Plan:
+    """Return the plan of forces, shape (K, 3), that are played whatever happens."""
+    return Plan(np.ascontiguousarray(forces_h, dtype=np.float64), None, np.zeros((3, 6)), 0.0)
+
+
+def plan_of(plans: Plans) -> Plan | None:
+    """Return the first of some plans; None where there is none."""
+    path = plans.paths[0] if len(plans.paths) else None
+    return Plan(plans.forces[0], path, plans.gain, plans.least_answer) if len(plans.forces) else None
+
+
 class Channels(NamedTuple):
     """Which axis each of F fuzzy systems drives and what it senses, or a plan of forces made beforehand.
 
@@ -58,8 +91,8 @@ class Channels(NamedTuple):
         Slots of `pipeline.flight.signals`, -1 where there is no further input.
     is_force_hill : bool
         Whether the systems command Hill axes instead of body axes.
-    plan_h : array, shape (K, 3) or (0, 3)
-        Forces to play instead of any inference, N, Hill axes; no rows where there is no plan.
+    plan : Plan or None
+        Flown instead of any inference.
     constants : array
         In the order of `pipeline.flight.signals.CONSTANTS`.
     needs : int
@@ -69,7 +102,7 @@ class Channels(NamedTuple):
     axes: Integers
     signals: Integers
     is_force_hill: bool
-    plan_h: Floats
+    plan: Plan | None
     constants: Floats
     needs: int
 
@@ -77,7 +110,7 @@ class Channels(NamedTuple):
 def channels_of(
     systems: Sequence[FuzzySystem],
     force_axes: str = "body",
-    plan_h: Floats | None = None,
+    plan: Plan | None = None,
     constants: Floats | None = None,
 ) -> Channels:
     """Wire fuzzy systems by the names of their variables.
@@ -88,8 +121,8 @@ def channels_of(
         Inputs are named after signals, the output after the force component that it commands.
     force_axes : str
         ``body`` or ``hill``.
-    plan_h : array, optional
-        Shape (K, 3), N, Hill axes: forces to play instead of any inference.
+    plan : Plan, optional
+        To fly instead of any inference.
     constants : array, optional
         In the order of `pipeline.flight.signals.CONSTANTS`; zero unless given.
     """
@@ -104,7 +137,7 @@ def channels_of(
         axes=np.array([AXES[system.outputs[0].name] for system in systems], dtype=np.int64),
         signals=signals,
         is_force_hill=FORCE_AXES[force_axes] == HILL,
-        plan_h=np.zeros((0, 3)) if plan_h is None else np.ascontiguousarray(plan_h, dtype=np.float64),
+        plan=plan,
         constants=constants,
         needs=needs,
     )

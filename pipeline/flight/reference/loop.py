@@ -215,7 +215,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     delta_v = 0.0
     navigator = Navigator(mission, scenario) if mission.navigation.mode == "fixes" else None
     thrusters = PlainThrusters(mission, scenario) if mission.actuators.kind == "real" else None
-    has_plan, constants = len(channels.plan_h) > 0, channels.constants
+    plan, constants = channels.plan, channels.constants
+    has_plan = plan is not None
     last_lit, is_inspectable = times_lit(world, sun_at_start)
     is_papers = world.is_papers_sight and scenario.sun_elevation_rad == 0.0
     is_idle = np.zeros(num_points, dtype=np.bool_) if is_papers else ~is_inspectable
@@ -280,8 +281,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         resting = None if has_plan else thrust.rest(is_complete, decides, coasts)
         if k == 0 and opening_h is not None:
             asked, resting = opening_h, REHEARSED
-        elif has_plan:
-            asked = channels.plan_h[k]
+        elif plan is not None:
+            asked = thrust.follow(plan, state, k)
         elif resting is None:
             time = k * world.control_period
             urgent, push = np.zeros(3), np.zeros(3)

@@ -18,7 +18,7 @@ from pipeline.flight.log import (
     SILENT,
     WAITING,
 )
-from pipeline.flight.reference.channels import Channels
+from pipeline.flight.reference.channels import Channels, Plan
 from pipeline.flight.reference.world import PlainWorld
 from pipeline.flight.signals import FIRST_DEAD_BAND, constant
 from pipeline.physics.vectors import transposed_times
@@ -34,6 +34,14 @@ def is_decision(channels: Channels, world: PlainWorld, k: int) -> bool:
     """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
     stride = max(1, round(float(channels.constants[DECISION_PERIOD]) / world.control_period))
     return k % stride == 0
+
+
+def follow(plan: Plan, state: Floats, k: int) -> Floats:
+    """Return the planned force of a period, with the answer to being off the path, N, Hill axes, (3,)."""
+    if plan.path_h is None:
+        return np.asarray(plan.forces_h[k])
+    answer = -plan.gain @ (state - plan.path_h[k])
+    return np.asarray(plan.forces_h[k] + np.where(np.abs(answer) >= plan.least_answer, answer, 0.0))
 
 
 def may_coast(channels: Channels) -> bool:

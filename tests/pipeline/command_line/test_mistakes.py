@@ -83,7 +83,7 @@ MISTAKES = [
         "nowhere.json: cannot be read (no such file or directory)",
     ),
     (["+experiment=fly", "controller=nowhere.yaml,other.json", "-m"], "nowhere.yaml: cannot be read"),
-    (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths of controllers"),
+    (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths"),
     (["+experiment=fly", "controller=open_loop", "controller.path=x.csv"], "x.csv cannot be read"),
     (["resume=nowhere"], "nowhere is no folder; give the folder of a run"),
 ]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.flight.controller import Controller, coast, constants_of, law_of, open_loop
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.channels import channels_of, plan_of
 from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.flight.simulation import fly_logged
 from pipeline.settings.experiment import Mission
@@ -138,7 +138,7 @@ POINTED = {
 
 
 def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
-    plan = None if controller.plan is None else law_of(controller, what).plan
+    plan = plan_of(law_of(controller, what).plans)
     channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
     return fly_logged(what, controller, start), fly(what, start, channels, inference_of(controller.systems))
 

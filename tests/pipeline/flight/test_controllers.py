@@ -90,9 +90,9 @@ def test_a_controller_is_wired_by_the_names_of_its_variables() -> None:
 
 def test_a_plan_is_flown_without_force_after_its_last_row() -> None:
     law = law_of(open_loop("plan", np.ones((2, 3))), SHORT)
-    np.testing.assert_array_equal(law.plan, [[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]])
+    np.testing.assert_array_equal(law.plans.forces, [[[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]]])
     assert law.has_plan
-    assert law_of(coast(), SHORT).plan.shape == (4, 3)
+    assert law_of(coast(), SHORT).plans.forces.shape == (1, 4, 3)
     assert packed(coast()).values.shape == (1, 0)
 
 

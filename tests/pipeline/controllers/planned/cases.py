@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from pipeline.command_line.config import Composed, compose_experiment
-from pipeline.controllers.planned.planner import planner_of
+from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.flight.log import Scenario
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.settings.controllers import planned_settings
@@ -42,7 +42,19 @@ def starts(controller: str, *overrides: str) -> tuple[Mission, list[Scenario]]:
 def planner(controller: str, *overrides: str, **changes: Any) -> Any:
     experiment = composed(controller, *overrides).experiment
     settings = planned_settings({**experiment.controller, **changes})
-    return planner_of(replace(settings), experiment.mission)
+    controller = controller_of_kind(controller, replace(settings), experiment.mission)
+    return controller.planner or controller.regulator
+
+
+def planned_ahead(plan_for: Any, start: Scenario, num_periods: int = 360) -> Floats:
+    """The forces of a flight in which everything comes as it is known beforehand, shape (num_periods, 3)."""
+    forces = np.zeros((num_periods, 3))
+    decisions = list(plan_for.decisions)
+    for decision, following in zip(decisions, [*decisions[1:], num_periods], strict=True):
+        known = flown(start, forces, decision + 1)[-1]
+        kept = plan_for(start, decision, known)[: following - decision]
+        forces[decision : decision + len(kept)] = kept
+    return forces
 
 
 def discrete() -> tuple[Floats, Floats]:

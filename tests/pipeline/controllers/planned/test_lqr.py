@@ -5,6 +5,8 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from pipeline.controllers.planned.lqr import gain
+from pipeline.controllers.source import load
+from pipeline.flight.simulation import fly_logged
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, composed, discrete, flown, planner, starts
@@ -46,10 +48,10 @@ def test_the_closed_loop_is_stable():
 
 
 def test_forces_follow_the_law_to_a_ring_in_phase_with_the_sun():
-    plan_for = planner("lqr", "sun=random")
+    controller = load(composed("lqr", "sun=random").experiment.controller, MISSION)
     feedback = gain(SETTINGS, *discrete())
     for start in STARTS:
-        plan = plan_for(start)
+        plan = fly_logged(MISSION, controller, start).force_hill_n
         states = flown(start, plan)
         turned = MEAN_MOTION * 10.0 * np.arange(361)
         phase = start.sun_angle_rad - SETTINGS.ring_lead_rad - turned

@@ -15,6 +15,7 @@ from tests.pipeline.controllers.planned.cases import (
     PERIOD,
     flown,
     integrated,
+    planned_ahead,
     planner,
     starts,
 )
@@ -26,7 +27,7 @@ MISSION, STARTS = starts("natural_motion", "sun=random")
 @pytest.fixture(scope="module")
 def plans():
     plan_for = planner("natural_motion", "sun=random")
-    return [plan_for(start) for start in STARTS]
+    return [planned_ahead(plan_for, start, 1) for start in STARTS]
 
 
 def test_after_one_burn_the_ellipse_closes_around_the_chief_within_the_limits(plans):
@@ -70,7 +71,7 @@ def test_what_is_foretold_is_what_a_camera_on_the_chief_inspects(sun):
     plan_for = planner("natural_motion", f"sun={sun}")
     world = pack_world(mission)
     for start in scenarios[:4]:
-        plan = plan_for(start)
+        plan = planned_ahead(plan_for, start, 1)
         told = count_seen(world, start, flown(start, plan)[np.newaxis, :, :3])[0]
         assert fly_all(mission, open_loop("plan", plan), [start], workers=1).inspected_count[0] == told
 
@@ -93,14 +94,15 @@ def test_what_is_foretold_for_a_chief_that_tumbles(light_and_camera):
 
 def test_fewer_points_asked_for_cost_less():
     few, many = (planner("natural_motion", points=points) for points in (40, 97))
-    spent = np.array([[np.abs(plan(start)).sum() for start in STARTS] for plan in (few, many)])
+    plans = [[planned_ahead(plan_for, start, 1) for start in STARTS] for plan_for in (few, many)]
+    spent = np.abs(np.array(plans)).sum(axis=(2, 3))
     assert (spent[0] <= spent[1] + 1e-9).all()
     assert spent[0].mean() < 0.9 * spent[1].mean()
 
 
 def test_a_start_in_motion_is_closed_too():
     moving = replace(STARTS[0], velocity_m_s=np.array([0.03, -0.02, 0.01]))
-    plan = planner("natural_motion")(moving)
+    plan = planned_ahead(planner("natural_motion"), moving, 1)
     state = flown(moving, plan, 2)[1]
     assert 4.0 * state[0] + 2.0 * state[4] / MEAN_MOTION == pytest.approx(0.0, abs=1e-6)
     assert np.abs(plan).sum() * PERIOD / MASS < 0.5

@@ -1,0 +1,76 @@
+"""The same controllers in several worlds: who holds, who breaks, and what it costs."""
+
+from collections.abc import Sequence
+
+from pipeline.evaluation.comparison import FLOWN, ComparisonRow
+
+#: what a cell of the table tells
+LEGEND = "successful (%) / delta-v (m/s) / outside the limits (%)"
+
+
+def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Return the worlds of some rows, in order; none where all flew in the experiment's own."""
+    return list(dict.fromkeys(row.world for row in rows if row.source == FLOWN and row.world))
+
+
+def cell(row: ComparisonRow) -> str:
+    """Return what a table tells of a controller in a world, see `LEGEND`."""
+    success, outside = (100 * row.summary[name]["fraction"] for name in ("success", "violated"))
+    return f"{success:.0f} / {row.summary['delta_v_m_s']['mean']:.2f} / {outside:.0f}"
+
+
+def matrix(rows: Sequence[ComparisonRow], sun: str, layer: str) -> list[list[str]]:
+    """Return the table of one Sun and layer: a line of names, then a line a world, a column a controller."""
+    flown = [row for row in rows if row.source == FLOWN and (row.sun, row.safety) == (sun, layer)]
+    names = list(dict.fromkeys(row.controller for row in flown))
+    told = {(row.world, row.controller): cell(row) for row in flown}
+    lines = [[world, *(told.get((world, name), "") for name in names)] for world in worlds_of(flown)]
+    return [["world", *names], *lines]
+
+
+def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[str]]]]:
+    """Return the tables of all Suns and layers: Sun, layer, lines."""
+    flown = [row for row in rows if row.source == FLOWN]
+    keys = dict.fromkeys((row.sun, row.safety) for row in flown)
+    return [(sun, layer, matrix(flown, sun, layer)) for sun, layer in keys]
+
+
+def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
+    """Tell whether a controller breaks: the intervals of success or of leaving the limits lie apart."""
+    now, then = row.summary, first.summary
+    return bool(
+        now["success"]["high"] < then["success"]["low"] or now["violated"]["low"] > then["violated"]["high"]
+    )
+
+
+def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Say in a line for each controller, Sun and layer where it breaks, and what the last world costs it."""
+    lines = []
+    flown = [row for row in rows if row.source == FLOWN]
+    for sun, layer, controller in dict.fromkeys((row.sun, row.safety, row.controller) for row in flown):
+        first, *others = [
+            row for row in flown if (row.sun, row.safety, row.controller) == (sun, layer, controller)
+        ]
+        if not others:
+            continue
+        broken = [row.world for row in others if is_worse(row, first)]
+        spent, least = (row.summary["delta_v_m_s"]["mean"] for row in (others[-1], first))
+        cost = f"; {others[-1].world}: {100 * (spent / least - 1):+.0f} % delta-v" if least > 0.0 else ""
+        where = f"breaks in {', '.join(broken)}" if broken else "holds in all"
+        lines.append(f"{controller}, Sun {sun}, layer {layer}: {where}{cost}")
+    return lines
+
+
+def worlds_in_words(rows: Sequence[ComparisonRow]) -> str:
+    """Write the tables as plain text, and who holds."""
+    parts = []
+    for sun, layer, lines in matrices(rows):
+        widths = [max(len(line[place]) for line in lines) for place in range(len(lines[0]))]
+        text = [
+            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) for line in lines
+        ]
+        text.insert(1, "-" * len(text[0]))
+        parts.append(
+            "\n".join([f"Sun {sun}, safety layer {layer}: {LEGEND}", *(line.rstrip() for line in text)])
+        )
+    return "\n\n".join([*parts, "\n".join(verdicts(rows))])

@@ -1,0 +1,65 @@
+"""The forces of flights that are planned: on what the deputy knows at each decision, or by a linear law.
+
+A planner is plain Python, and the state at a decision is known once the flight up to there has been flown. So
+flights are flown up to a decision, its forces are planned for all of them, and they are flown anew up to the
+next one. A flight repeats itself to the last digit, so what is flown in the end is a closed loop.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.controller import Planner, Regulator, unanswered
+from pipeline.flight.kernel.arrays import Plans
+from pipeline.flight.log import Scenario
+
+Floats = NDArray[np.float64]
+
+#: flies by plans, for a number of control periods
+Fly = Callable[[int, Plans], object]
+
+
+def regulated(regulator: Regulator, num_controls: int, scenarios: list[Scenario]) -> Plans:
+    """Return the plans of flights that a linear law flies: no force where the deputy is on its path."""
+    paths = np.array([regulator.path(scenario) for scenario in scenarios], dtype=np.float64)
+    nothing = unanswered(np.zeros((1, num_controls, 3)))
+    return nothing._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
+
+
+def planned(
+    planner: Planner, num_controls: int, scenarios: list[Scenario], fly: Fly, workers: int | None
+) -> Plans:
+    """Return the plans of flights whose forces are planned on the way.
+
+    Parameters
+    ----------
+    planner : Planner
+    num_controls : int
+        Control periods of a flight.
+    scenarios : list of Scenario
+    fly : callable
+        Flies from these starts.
+    workers : int, optional
+        Threads that plan; one for each processor unless given.
+    """
+    plans = unanswered(np.zeros((len(scenarios), num_controls, 3)))
+    noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))
+    decisions = list(planner.decisions)
+    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
+    try:
+        for decision, following in zip(decisions, [*decisions[1:], num_controls], strict=True):
+            fly(decision + 1, noted)
+
+            def plan(case: int, decision: int = decision, following: int = following) -> None:
+                forces = planner(scenarios[case], decision, noted.known[case, decision].copy())
+                kept = forces[: following - decision]
+                plans.forces[case, decision : decision + len(kept)] = kept
+
+            for _ in pool.map(plan, range(len(scenarios))):
+                pass
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return plans

@@ -1,0 +1,135 @@
+"""Starts as a table: CSV text with the columns of ``scenarios.csv``.
+
+A file of starts becomes part of the configuration, so that a run, its recordings and whoever resumes it have
+the same starts whatever becomes of the file.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.settings.checks import SettingError
+from pipeline.settings.nearest import did_you_mean
+
+Floats = NDArray[np.float64]
+
+#: of a row of ``scenarios.csv``: to which flights it belongs, which of them it is, and the start itself
+LABELS = ("set", "case")
+POSITION = tuple(f"position_{axis}_m" for axis in "xyz")
+VELOCITY = tuple(f"velocity_{axis}_m_s" for axis in "xyz")
+COLUMNS = (*LABELS, *POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")
+#: what a table may not leave out: starts are at rest, and the Sun in the orbit plane, unless it says so
+NEEDED = (*POSITION, "sun_angle_rad")
+#: how the sets of training begin, and that of an evaluation
+TRAINING, EVALUATION = "training-", "evaluation"
+
+
+def split(text: str, key: str) -> tuple[str, str]:
+    """Split a table into the starts of training and those of the evaluation, each a table.
+
+    Those are the rows whose ``set`` begins with ``training-`` and ``evaluation``; where there is none for one
+    of the two, it has all rows.
+
+    Raises
+    ------
+    SettingError
+        If the table is none, told under a key.
+    """
+    header, rows = _cells(text, key)
+    _check_header(header, key)
+    labels = [row[header.index("set")] if "set" in header else "" for row in rows]
+    kept = [place for place, name in enumerate(header) if name not in LABELS]
+
+    def table(begin: str) -> str:
+        chosen = [row for row, label in zip(rows, labels, strict=True) if label.startswith(begin)] or rows
+        lines = [",".join(row[place].strip() for place in kept) for row in [header, *chosen]]
+        return "\n".join(lines) + "\n"
+
+    made = table(TRAINING), table(EVALUATION)
+    for one in made:
+        numbers(one, key)
+    return made
+
+
+def numbers(text: str, key: str) -> Mapping[str, Floats]:
+    """Return the numbers of a table without labels by their columns, each of shape (n,).
+
+    Raises
+    ------
+    SettingError
+        If a column is unknown or missing, or a number is none.
+    """
+    header, rows = _cells(text, key)
+    _check_header(header, key)
+    values = np.empty((len(rows), len(header)))
+    for place, row in enumerate(rows):
+        for column, cell in enumerate(row):
+            try:
+                values[place, column] = float(cell)
+            except ValueError:
+                values[place, column] = math.nan
+            if not math.isfinite(values[place, column]):
+                raise SettingError(
+                    f"{key}: row {place + 1} has {header[column]} {cell.strip()!r}; write a finite number"
+                )
+    return {name: values[:, column] for column, name in enumerate(header)}
+
+
+def num_rows(text: str) -> int:
+    """Return how many starts a table has."""
+    return text.strip().count("\n")
+
+
+def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
+    """Refuse a table with a start outside the distance limits.
+
+    Raises
+    ------
+    SettingError
+    """
+    columns = numbers(text, key)
+    distances = np.sqrt(sum(np.square(columns[name]) for name in POSITION))
+    # by a billionth outside is rounding
+    outside = (distances < limits_m[0] * (1 - 1e-9)) | (distances > limits_m[1] * (1 + 1e-9))
+    if outside.any():
+        row = int(np.flatnonzero(outside)[0])
+        raise SettingError(
+            f"{key}: row {row + 1} starts {distances[row]:.6g} m from the chief, outside the limits of the "
+            f"flight; it must be from deputy.min_distance_m={limits_m[0]:g} to "
+            f"deputy.max_distance_m={limits_m[1]:g} (m): move the start, or a limit"
+        )
+
+
+def _cells(text: str, key: str) -> tuple[list[str], list[list[str]]]:
+    """Read the header and the rows of a table."""
+    try:
+        header, *rows = [row for row in csv.reader(io.StringIO(text)) if row]
+    except (ValueError, csv.Error) as error:
+        raise SettingError(f"{key} is no table of starts ({error}); give CSV with a header") from error
+    names = [name.strip() for name in header]
+    for place, row in enumerate(rows):
+        if len(row) != len(names):
+            raise SettingError(
+                f"{key}: row {place + 1} has {len(row)} cells, the header {len(names)}; give as many"
+            )
+    if not rows:
+        raise SettingError(f"{key} has no row below its header; give at least one start")
+    return names, rows
+
+
+def _check_header(header: Sequence[str], key: str) -> None:
+    """Refuse columns that say nothing here, those that are missing, and those that come twice."""
+    for name in header:
+        if name not in COLUMNS:
+            raise SettingError(
+                f"{key} has a column {name!r}{did_you_mean(name, COLUMNS)}; the columns are "
+                f"{', '.join(COLUMNS)}, of which {', '.join(NEEDED)} must be there"
+            )
+    missing = [name for name in NEEDED if name not in header]
+    if missing or len(set(header)) != len(header):
+        wrong = f"lacks {', '.join(missing)}" if missing else "has a column twice"
+        raise SettingError(f"{key} {wrong}; its columns are {', '.join(COLUMNS)}, each once")
