@@ -11,6 +11,8 @@ from fis_tools.model.shape import Deviation, Exponent, Floats, MembershipFunctio
 
 #: Sampled memberships below this are taken as zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
+#: Memberships that rounding may put outside [0, 1].
+ROUNDING = 1e-12
 
 
 def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
@@ -209,12 +211,14 @@ class _TwoSigmoids(MembershipFunction):
 )
 @dataclass(frozen=True, slots=True)
 class SigmoidDifference(_TwoSigmoids):
-    """The first sigmoid less the second, each as in `Sigmoid`; the first must be the higher one."""
+    """The size of the first sigmoid less the second, each as in `Sigmoid`."""
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
         first, second = self._sigmoids
-        return first.at(x) - second.at(x)
+        difference = first.at(x) - second.at(x)
+        # as scikit-fuzzy has it where it is positive, but for what rounding leaves below zero
+        return np.where(difference < -ROUNDING, -difference, difference)
 
 
 @shape(

@@ -1,4 +1,4 @@
-"""Fuzzy Control Language (IEC 61131-7): written only, for programmable controllers and fuzzylite.
+"""Fuzzy Control Language (IEC 61131-7) written, for programmable controllers and fuzzylite.
 
 The language knows straight lines between points and nothing else. Triangles and trapezoids are written by
 their corners; any other shape by its points on the universe, between which this program takes straight lines

@@ -24,6 +24,7 @@ from fis_tools.formats.exchange.fis_sections import (
     whole_number,
 )
 from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.hedges import FRACTIONS, POWERS, with_hedged_terms
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import (
@@ -68,8 +69,14 @@ _FLANKS: foreign.FlankWords = {
     "rampmf": foreign.ramp,
     "binarymf": foreign.step,
 }
-_AND: dict[str, AndOperator] = {**meanings(AND, "fis"), "algebraic_product": "product"}
-_OR: dict[str, OrOperator] = {**meanings(OR, "fis"), "algebraic_sum": "probabilistic_sum", **NORMALIZED_SUMS}
+#: fuzzylite writes nothing where no rule needs an operator.
+_AND: dict[str, AndOperator] = {"": "min", **meanings(AND, "fis"), "algebraic_product": "product"}
+_OR: dict[str, OrOperator] = {
+    "": "max",
+    **meanings(OR, "fis"),
+    "algebraic_sum": "probabilistic_sum",
+    **NORMALIZED_SUMS,
+}
 _AGGREGATIONS: dict[str, Aggregation] = {**meanings(AGGREGATIONS, "fis"), **_OR}
 #: What MATLAB itself knows.
 _MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum", "unbounded_sum"}
@@ -219,12 +226,13 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
             )
     variables = [_variable(section_of(sections, title)) for title in expected]
     inputs, outputs = variables[: counts["NumInputs"]], variables[counts["NumInputs"] :]
-    rules = section_of(sections, "[Rules]").lines
-    if len(rules) != counts["NumRules"]:
+    lines = section_of(sections, "[Rules]").lines
+    if len(lines) != counts["NumRules"]:
         raise ControllerFileError(
-            f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(rules)} lines; correct the "
+            f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(lines)} lines; correct the "
             "number, or get a whole copy of the file"
         )
+    rules = tuple(_rule(line, content, inputs, outputs) for line, content in lines)
     joins = (
         foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
         foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
@@ -233,9 +241,9 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=quoted_word(entries, "Name")[0] if "Name" in entries else "unnamed",
-            inputs=tuple(inputs),
+            inputs=with_hedged_terms(inputs, rules, POWERS),
             outputs=tuple(replace(output, aggregation=aggregation) for output in outputs),
-            rules=tuple(_rule(line, content, inputs, outputs) for line, content in rules),
+            rules=rules,
             and_operator=joins[0],
             or_operator=joins[1],
             defuzzifier=foreign.choice(
@@ -344,15 +352,17 @@ def _term_numbers(words: str, variables: Sequence[Variable], where: str) -> list
         )
     found = []
     for value, variable in zip(values, variables, strict=True):
-        if value != int(value):
+        hedge = FRACTIONS.get(round(abs(value) % 1.0, 9)) if value != int(value) else ""
+        if hedge is None:
             raise ControllerFileError(
-                f"{where}: the term number {value:g} of {variable.name} has a hedge (very, somewhat …) in "
-                "its fraction; define a term for it and name that"
+                f"{where}: the term number {value:g} of {variable.name} has a hedge in its fraction that is "
+                f"none of {', '.join(map(str, FRACTIONS))}; define a term for it and name that"
             )
-        if abs(value) > len(variable.terms):
+        if int(abs(value)) > len(variable.terms):
             raise ControllerFileError(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
         if value:
-            found.append((variable, variable.terms[abs(int(value)) - 1].name, value < 0))
+            name = variable.terms[abs(int(value)) - 1].name
+            found.append((variable, f"{hedge} {name}".strip(), value < 0))
     return found

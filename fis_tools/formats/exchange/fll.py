@@ -13,8 +13,9 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
-from fis_tools.formats.exchange.fll_rules import Operators, read_rule
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
 from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.own.mapping import MOST_POINTS
@@ -46,9 +47,6 @@ DIALECT = Dialect(
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
 END = "end of file"
-
-
-_FLANKS: foreign.FlankWords = {"Ramp": foreign.ramp, "Rectangle": foreign.level, "Binary": foreign.step}
 
 
 def write(controller: FuzzyController) -> Written:
@@ -221,9 +219,9 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=engines[0].name or "unnamed",
-            inputs=inputs,
+            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
             outputs=outputs,
-            rules=tuple(rules),
+            rules=tuple(chained(rules, outputs)),
             and_operator=first[0] or "min",
             or_operator=first[1] or "max",
             implication=_implication(rule_blocks),
@@ -345,4 +343,4 @@ def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunctio
         height = values.pop()
         if height != 1.0:
             raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
-    return name, foreign.shape(shape, values, extent, shapes, _FLANKS, where)
+    return name, foreign.shape(shape, values, extent, shapes, foreign.FLANKS, where)

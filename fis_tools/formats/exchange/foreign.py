@@ -147,6 +147,10 @@ def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
     return Trapezoidal(start, start, end, end)
 
 
+#: fuzzylite's words for straight flanks.
+FLANKS: FlankWords = {"Ramp": ramp, "Rectangle": level, "Binary": step}
+
+
 @dataclass(frozen=True)
 class Extent:
     """The ends of a variable's range."""

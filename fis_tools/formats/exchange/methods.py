@@ -52,6 +52,8 @@ DEFUZZIFIERS: dict[Defuzzifier, Words] = {
 }
 
 
-def meanings(methods: Mapping[_Name, Words], file_format: Literal["fis", "fll", "fml"]) -> dict[str, _Name]:
+def meanings(
+    methods: Mapping[_Name, Words], file_format: Literal["fis", "fll", "fml", "fcl"]
+) -> dict[str, _Name]:
     """Return the words of a format with the methods they stand for."""
     return {getattr(words, file_format): name for name, words in methods.items()}

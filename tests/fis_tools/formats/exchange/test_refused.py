@@ -42,7 +42,7 @@ def line_of(kind: Kind, words: str) -> int:
         ("fis", "'trimf',[0 5 10]", "trimf [0 5 10]", "is not a term"),
         ("fis", "Range=[0 30]", "Range=[0 10 30]", "Range has 3 numbers; expected 2"),
         ("fis", "Range=[0 30]", "Range=0 30", "expected numbers in brackets"),
-        ("fis", "2 0, 2 (1) : 1", "1.2 0, 2 (1) : 1", "has a hedge"),
+        ("fis", "2 0, 2 (1) : 1", "1.25 0, 2 (1) : 1", "has a hedge"),
         ("fis", "2 0, 2 (1) : 1", "4 0, 2 (1) : 1", "service has 3 terms, and none numbered 4"),
         ("fis", "2 0, 2 (1) : 1", "2 0, -2 (1) : 1", "concludes 'not'"),
         ("fis", "2 0, 2 (1) : 1", "0 0, 2 (1) : 1", "asks or concludes nothing"),
@@ -59,7 +59,7 @@ def line_of(kind: Kind, words: str) -> int:
         ("fll", "lock-previous: false", "lock-previous: true", "expected false"),
         ("fll", "default: 0.0", "default: none", "not a finite number"),
         ("fll", "description: share", "deskription: share", "did you mean 'description'?"),
-        ("fll", "presence is not nobody", "presence is very nobody", "the hedge 'very'"),
+        ("fll", "presence is not nobody", "presence is slightly nobody", "must be"),
         ("fll", "then power is off", "then power is not off", "concludes 'not'"),
         ("fll", "then power is off with 0.9", "power is off", "must be"),
         ("fll", "with 0.9", "with 0.9 more", "'more' follows the rule"),
@@ -154,9 +154,9 @@ def test_hostile_xml_is_refused(text: str, words: str) -> None:
 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "latin.fis").write_bytes(TEXTS["fis"].replace("tipper", "tïpper").encode("latin-1"))
-    with pytest.raises(ControllerFileError, match=r"latin.fis: not UTF-8 text"):
-        serialize.load(tmp_path / "latin.fis")
+    (tmp_path / "latin.fml").write_bytes(TEXTS["fml"].replace("balance", "bälance").encode("latin-1"))
+    with pytest.raises(ControllerFileError, match=r"latin.fml: not UTF-8 text"):
+        serialize.load(tmp_path / "latin.fml")
 
 
 @pytest.mark.parametrize(
