@@ -22,6 +22,11 @@ Floats = NDArray[np.float64]
 FIXES = 1
 
 
+#: by which a fix that is not believed widens the covariance: after a few in a row the filter, not the fix, is
+#: taken to be wrong, and fixes are believed again
+WIDER = 4.0
+
+
 class Filter(NamedTuple):
     """What the filter assumes.
 

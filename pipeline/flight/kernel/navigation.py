@@ -16,6 +16,7 @@ from pipeline.flight.kernel.actuators import Firing, in_impulses
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import three, write_three
 from pipeline.flight.log import FlightLog
+from pipeline.flight.navigation import WIDER
 from pipeline.physics.motion import place_after, step_of, velocity_after
 
 Floats = NDArray[np.float64]
@@ -124,7 +125,7 @@ def correct(fixes: Fixes, which: int) -> None:
             before = entry(p, column, row)
             less = kx * entry(p, 0, column) + ky * entry(p, min(1, column), max(1, column))
             less += kz * entry(p, min(2, column), max(2, column))
-            store(p, (row, column, 0), select(is_believed, before - less, before))
+            store(p, (row, column, 0), select(is_believed, before - less, WIDER * before))
     for row in range(6):
         for column in range(row):
             store(p, (column, row, 0), entry(p, row, column))

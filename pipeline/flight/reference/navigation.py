@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.flight.navigation import Filter, errors_of, filter_of
+from pipeline.flight.navigation import WIDER, Filter, errors_of, filter_of
 from pipeline.physics.motion import motion_over, propagate
 from pipeline.settings.experiment import Mission
 
@@ -64,6 +64,6 @@ class Navigator:
         difference = fix - SEEN @ state
         spread = SEEN @ covariance @ SEEN.T + self._law.fix * np.eye(3)
         if difference @ np.linalg.solve(spread, difference) > self._law.gate:
-            return state, covariance
+            return state, WIDER * covariance
         gain = covariance @ SEEN.T @ np.linalg.inv(spread)
         return state + gain @ difference, covariance - gain @ SEEN @ covariance

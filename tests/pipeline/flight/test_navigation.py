@@ -10,6 +10,7 @@ from pipeline.flight.actuators import thrust_errors
 from pipeline.flight.controller import open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of
+from pipeline.flight.reference.navigation import Navigator
 from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.settings.experiment import Actuators, Mission, Navigation
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
@@ -66,6 +67,17 @@ def test_fixes_beyond_the_gate_are_not_believed() -> None:
         apart = [np.linalg.norm(log.estimate[30:, :3] - log.position_m[30:], axis=1) for log in logs]
         errors[gate] = np.sqrt(np.mean(np.square(apart)))
     assert errors[5.0] < 0.3 * errors[None]
+
+
+def test_a_filter_that_is_wrong_itself_comes_to_believe_its_fixes_again() -> None:
+    """Thrown 60 m aside, beyond any gate; without the way back it would stay lost."""
+    what = world(KNOWN | {"gate_sigma": 5.0, "noise_m": 0.1}, EXACT)
+    navigator, off = Navigator(what, STARTS[0]), []
+    for k in range(21):
+        place = STARTS[0].position_m + (60.0 if k > 5 else 0.0)
+        off.append(float(np.linalg.norm(navigator.estimate(k, place)[0][:3] - place)))
+    assert off[6] > 100.0  # not at once: it might be an outlier
+    assert off[-1] < 1.0
 
 
 def test_errors_are_drawn_as_the_settings_say() -> None:
