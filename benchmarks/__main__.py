@@ -12,8 +12,8 @@ import numba
 
 from benchmarks import commands, flights, inference, recording, tools
 
-#: what is attacked rather than timed, each with options of its own
-CAMPAIGNS = ("fuzz", "kills")
+#: what is compared or attacked rather than timed, each with options of its own
+CAMPAIGNS = ("examples", "fuzz", "kills")
 PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
 
 

@@ -69,7 +69,7 @@ def fuzzylite(system: FuzzySystem, inputs: Floats) -> Timed:
 
 def pyfuzzylite(system: FuzzySystem, inputs: Floats) -> Timed:
     """Time pyfuzzylite on arrays, in an environment of its own: it needs an older NumPy."""
-    python = _environment()
+    python = environment()
     with tempfile.TemporaryDirectory() as name:
         folder = _files(Path(name), system)
         np.save(folder / "inputs.npy", inputs)
@@ -90,7 +90,7 @@ def _seconds(command: list[str]) -> float:
     return float(done.stdout)
 
 
-def _environment() -> Path:
+def environment() -> Path:
     """Return the interpreter of a virtual environment with pyfuzzylite, made at the first call and kept."""
     folder = cache_root() / PYFUZZYLITE.replace("==", "-")
     python = folder / "bin" / "python"

@@ -6,11 +6,12 @@ system each; what they do not state is assumed, and told. Reading any file execu
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange import fis, fll, fml
+from fis_tools.formats.exchange import fcl_reading, fis, fll, fml
 from fis_tools.formats.exchange.carried import Reading
 from fis_tools.formats.own import json, yaml
 from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
@@ -33,7 +34,7 @@ __all__ = [
     "to_mapping",
 ]
 
-Kind = Literal["json", "yaml", "fis", "fll", "fml"]
+Kind = Literal["json", "yaml", "fis", "fll", "fml", "fcl"]
 _KINDS: dict[str, Kind] = {
     ".json": "json",
     ".yaml": "yaml",
@@ -42,12 +43,20 @@ _KINDS: dict[str, Kind] = {
     ".fll": "fll",
     ".fml": "fml",
     ".xml": "fml",
+    ".fcl": "fcl",
 }
 #: How the names of the files end that are read.
 ENDINGS = tuple(_KINDS)
 
 _PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": yaml.read}
-_FOREIGN_READERS: dict[Kind, Callable[[str], Reading]] = {"fis": fis.read, "fll": fll.read, "fml": fml.read}
+#: Kinds that say nothing of the letters they are written in.
+_LATIN = ("fis", "fll", "fcl")
+_FOREIGN_READERS: dict[Kind, Callable[[str], Reading]] = {
+    "fis": fis.read,
+    "fll": fll.read,
+    "fml": fml.read,
+    "fcl": fcl_reading.read,
+}
 
 
 def dump_json(controller: FuzzyController) -> str:
@@ -114,11 +123,24 @@ def read(path: Path | str) -> Reading:
     if len(content) > most:
         raise ControllerFileError(f"{path}: larger than {most} bytes; a controller is much smaller")
     try:
-        return reads(content.decode("utf-8-sig"), kind)
+        text, told = _decoded(content, kind)
+        reading = reads(text, kind)
+        return replace(reading, assumptions=(*told, *reading.assumptions))
     except UnicodeDecodeError as error:
         raise ControllerFileError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     except ControllerFileError as error:
         raise ControllerFileError(f"{path}: {error}") from error
+
+
+def _decoded(content: bytes, kind: Kind) -> tuple[str, tuple[str, ...]]:
+    """Return a file's text, and what was assumed of its letters: old programs of others write Latin-1."""
+    try:
+        return content.decode("utf-8-sig"), ()
+    except UnicodeDecodeError as error:
+        if kind not in _LATIN or b"\0" in content:
+            raise
+        byte = f"byte {error.start} is no UTF-8"
+        return content.decode("latin-1"), (f"the file is text in Latin-1: {byte}",)
 
 
 def loads(text: str, kind: Kind) -> FuzzyController:
@@ -128,7 +150,7 @@ def loads(text: str, kind: Kind) -> FuzzyController:
     ----------
     text : str
         The whole file.
-    kind : {"json", "yaml", "fis", "fll", "fml"}
+    kind : {"json", "yaml", "fis", "fll", "fml", "fcl"}
         Which kind of file it is.
 
     Raises

@@ -1,5 +1,6 @@
 """What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
 
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rule_tables import conjunctions, rule_table, table_antecedents, table_cells, table_rules
 from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
@@ -26,7 +27,10 @@ __all__ = [
     "Aggregation",
     "And",
     "AndOperator",
+    "Arc",
+    "Concave",
     "Consequent",
+    "Cosine",
     "Defuzzifier",
     "Expression",
     "FuzzyController",
@@ -42,9 +46,11 @@ __all__ = [
     "Rule",
     "SShape",
     "Sampled",
+    "SemiEllipse",
     "Sigmoid",
     "SigmoidDifference",
     "SigmoidProduct",
+    "Spike",
     "Term",
     "Trapezoidal",
     "Triangular",

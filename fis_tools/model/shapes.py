@@ -11,6 +11,8 @@ from fis_tools.model.shape import Deviation, Exponent, Floats, MembershipFunctio
 
 #: Sampled memberships below this are taken as zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
+#: Memberships that rounding may put outside [0, 1].
+ROUNDING = 1e-12
 
 
 def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
@@ -124,13 +126,15 @@ class Trapezoidal(MembershipFunction):
     "two_sided_gaussian",
     "two-sided Gaussian, one from {left_mean} to {right_mean}, standard deviations "
     "{left_standard_deviation} and {right_standard_deviation}",
-    ascending=("left_mean", "right_mean"),
     fis=("gauss2mf", "left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
     fll=("GaussianProduct",),
 )
 @dataclass(frozen=True, slots=True)
 class TwoSidedGaussian(MembershipFunction):
-    """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond."""
+    """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond.
+
+    Where the means do not ascend it is the product of both between them.
+    """
 
     left_mean: Place
     left_standard_deviation: Deviation
@@ -142,7 +146,7 @@ class TwoSidedGaussian(MembershipFunction):
         values = np.ones(len(x))
         left, right = x <= self.left_mean, x > self.right_mean
         values[left] = Gaussian(self.left_mean, self.left_standard_deviation).at(x[left])
-        values[right] = Gaussian(self.right_mean, self.right_standard_deviation).at(x[right])
+        values[right] *= Gaussian(self.right_mean, self.right_standard_deviation).at(x[right])
         return values
 
 
@@ -207,12 +211,14 @@ class _TwoSigmoids(MembershipFunction):
 )
 @dataclass(frozen=True, slots=True)
 class SigmoidDifference(_TwoSigmoids):
-    """The first sigmoid less the second, each as in `Sigmoid`; the first must be the higher one."""
+    """The size of the first sigmoid less the second, each as in `Sigmoid`."""
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
         first, second = self._sigmoids
-        return first.at(x) - second.at(x)
+        difference = first.at(x) - second.at(x)
+        # as scikit-fuzzy has it where it is positive, but for what rounding leaves below zero
+        return np.where(difference < -ROUNDING, -difference, difference)
 
 
 @shape(

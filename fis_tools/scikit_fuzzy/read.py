@@ -35,9 +35,9 @@ from fis_tools.model import (
     Term,
     Variable,
 )
+from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
-from fis_tools.scikit_fuzzy.chains import Named, NotResolvable, unchained
 from fis_tools.scikit_fuzzy.recognition import recognise
 
 Floats = NDArray[np.float64]

@@ -139,9 +139,12 @@ class Recording:
         Raises
         ------
         RecordingError
-            If the metadata contradicts the recorded messages.
+            If the metadata is missing, or contradicts the recorded messages.
         """
-        description = FisDescription.from_metadata(self.metadata[topics.FIS_METADATA_PREFIX + name])
+        told_as = topics.FIS_METADATA_PREFIX + name
+        if told_as not in self.metadata:
+            raise RecordingError(f"{self.path} has no metadata {told_as}; it does not say what was sensed")
+        description = FisDescription.from_metadata(self.metadata[told_as])
         topic = self.topics.get(topics.fis_topic(name))
         if topic is not None and len(topic):
             told = (len(description.input_names), len(description.rules))

@@ -74,8 +74,8 @@ class Dialect:
         Whether a rule may conclude two things on one output.
     has_rule_operators : bool
         Whether rules may combine statements in ways of their own.
-    has_output_defuzzifiers : bool
-        Whether outputs may be defuzzified in ways of their own.
+    has_output_defuzzifiers, has_output_aggregations : bool
+        Whether outputs may be defuzzified and aggregated in ways of their own.
     has_walls : bool
         Whether triangles and trapezoids may rise or fall at once; otherwise a wall at an end of the range
         becomes a flank outside of it, which changes nothing inside.
@@ -97,6 +97,7 @@ class Dialect:
     repeats_outputs: bool = True
     has_rule_operators: bool = True
     has_output_defuzzifiers: bool = True
+    has_output_aggregations: bool = True
     has_walls: bool = True
     has_unique_names: bool = False
     is_read: bool = True
@@ -159,6 +160,12 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             f"the outputs are defuzzified by {', '.join(own_ways)}, and {dialect.title} knows one way for "
             "all; export as fll or json"
         )
+    aggregations = sorted({output.aggregation for output in system.outputs})
+    if len(aggregations) > 1 and not dialect.has_output_aggregations:
+        raise NotExpressible(
+            f"the outputs are aggregated by {', '.join(aggregations)}, and {dialect.title} knows one way for "
+            "all; export as fll or json"
+        )
     outputs = (_said_variable(variable, names, dialect, is_output=True) for variable in system.outputs)
     said = settle(
         FuzzySystem(
@@ -168,6 +175,7 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             rules=tuple(rule for group in groups for rule in group),
             and_operator=system.and_operator,
             or_operator=system.or_operator,
+            implication=system.implication,
         )
     )
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in said.rules):
@@ -232,6 +240,12 @@ def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -
             f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
             f"{'json' if dialect.is_nested else 'fll or json'}"
         ) from reason
+    adds_up = [c.variable for c in rule.consequents if not system.variable(c.variable).counts_strongest]
+    if len(antecedents) > 1 and adds_up:
+        raise NotExpressible(
+            f"rule {place} would become {len(antecedents)} rules in {dialect.title}, which count together on "
+            f"output {adds_up[0]!r}, where rules add up; rewrite it, or export as fll or json"
+        )
     if not dialect.repeats_inputs:
         inputs = [variable.name for variable in system.inputs]
         antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
@@ -283,6 +297,7 @@ def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_out
         points=points,
         default=default if is_output else None,
         description=one_line(variable.description) if dialect.holds_descriptions else "",
+        aggregation=variable.aggregation,
     )
 
 

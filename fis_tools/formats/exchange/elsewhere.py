@@ -15,6 +15,7 @@ from fis_tools.engines import inference
 from fis_tools.formats.exchange.dialect import Said
 from fis_tools.model import FuzzySystem, Sampled, Variable
 from fis_tools.model.membership import shape_values
+from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
 from fis_tools.words.text import number
 
 Floats = NDArray[np.float64]
@@ -71,21 +72,23 @@ def _points(output: Variable, *, takes_middles: bool) -> Floats:
 
 
 def _heights(system: FuzzySystem, output: Variable, firing: Floats, points: Floats) -> Floats:
-    """Return the highest of the cut terms, (n, points)."""
-    cuts: dict[str, Floats] = {}
+    """Return what the rules conclude together, (n, points)."""
+    strengths: dict[str, list[Floats]] = {}
     for strength, rule in zip(firing.T, system.rules, strict=True):
         for consequent in rule.consequents:
             if consequent.variable == output.name:
-                cut = cuts.setdefault(consequent.term, np.zeros(len(firing)))
-                np.maximum(cut, consequent.weight * strength, out=cut)
+                strengths.setdefault(consequent.term, []).append(consequent.weight * strength)
+    imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[output.aggregation]
     heights = np.zeros((len(firing), len(points)))
-    for term, cut in cuts.items():
+    for term, activations in strengths.items():
         shape = output.terms[output.term_index(term)].membership
         if isinstance(shape, Sampled):
             degrees = np.interp(points, output.universe, shape.values)
         else:
             degrees = shape_values(points, shape)
-        np.maximum(heights, np.minimum(degrees, cut[:, np.newaxis]), out=heights)
+        each = [np.max(activations, axis=0)] if output.counts_strongest else activations
+        for activation in each:
+            heights = aggregate(heights, imply(activation[:, np.newaxis], degrees[np.newaxis]))
     return heights
 
 

@@ -1,4 +1,4 @@
-"""Fuzzy Control Language (IEC 61131-7): written only, for programmable controllers and fuzzylite.
+"""Fuzzy Control Language (IEC 61131-7) written, for programmable controllers and fuzzylite.
 
 The language knows straight lines between points and nothing else. Triangles and trapezoids are written by
 their corners; any other shape by its points on the universe, between which this program takes straight lines
@@ -12,7 +12,7 @@ from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say
 from fis_tools.formats.exchange.foreign import rule_words
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, OR
 from fis_tools.formats.own.mapping import to_mapping
 from fis_tools.model import (
     FuzzyController,
@@ -52,7 +52,8 @@ def write(controller: FuzzyController) -> Written:
     for shown, variable in zip(system.outputs, original.outputs, strict=True):
         lines += [f"DEFUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable)]
         method = DEFUZZIFIERS[system.defuzzifier_of(shown)].fcl
-        lines += [f"  METHOD : {method};", "  ACCU : MAX;", f"  DEFAULT := {shown.default!r};"]
+        accumulation = AGGREGATIONS[shown.aggregation].fcl
+        lines += [f"  METHOD : {method};", f"  ACCU : {accumulation};", f"  DEFAULT := {shown.default!r};"]
         lines += ["END_DEFUZZIFY", ""]
     place = 0
     blocks = groupby(
@@ -64,7 +65,7 @@ def write(controller: FuzzyController) -> Written:
             f"  AND : {AND[operators[0]].fcl};",
             f"  OR : {OR[operators[1]].fcl};",
         ]
-        lines += ["  ACT : MIN;"]
+        lines += [f"  ACT : {AND[system.implication].fcl};"]
         for rule in rules:
             place += 1
             lines.append(f"  RULE {place} : {rule_words(rule)};")
@@ -114,6 +115,8 @@ def _without_walls_at_the_ends(
 def _strangers(system: FuzzySystem) -> Iterator[str]:
     """Tell what the standard does not know."""
     words = {DEFUZZIFIERS[system.defuzzifier_of(output)].fcl for output in system.outputs}
+    words |= {AGGREGATIONS[output.aggregation].fcl for output in system.outputs}
+    words |= {AND[system.implication].fcl}
     for rule in system.rules:
         words |= {AND[system.and_operator_of(rule)].fcl, OR[system.or_operator_of(rule)].fcl}
     for word in sorted(words - _STANDARD):

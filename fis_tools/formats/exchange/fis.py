@@ -1,4 +1,4 @@
-"""MATLAB's `.fis` files: read and written, Mamdani systems with minimum implication and maximum aggregation.
+"""MATLAB's `.fis` files: read and written, Mamdani systems.
 
 The form is that of Fuzzy Logic Toolbox's `writefis`; GNU Octave's `readfis` and fuzzylite read it too. A
 Gaussian's numbers are the standard deviation and the mean, in this order. A rule is a line of term numbers,
@@ -8,6 +8,7 @@ Gaussian's numbers are the standard deviation and the mean, in this order. A rul
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
@@ -23,9 +24,11 @@ from fis_tools.formats.exchange.fis_sections import (
     whole_number,
 )
 from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.hedges import FRACTIONS, POWERS, with_hedged_terms
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR, meanings
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import (
+    Aggregation,
     And,
     AndOperator,
     Consequent,
@@ -55,6 +58,7 @@ DIALECT = Dialect(
     repeats_outputs=False,
     has_rule_operators=False,
     has_output_defuzzifiers=False,
+    has_output_aggregations=False,
     has_walls=False,
 )
 
@@ -62,11 +66,20 @@ _FLANKS: foreign.FlankWords = {
     "linsmf": foreign.rising,
     "linzmf": foreign.falling,
     "rectmf": foreign.level,
+    "rampmf": foreign.ramp,
+    "binarymf": foreign.step,
 }
-_AND: dict[str, AndOperator] = {**meanings(AND, "fis"), "algebraic_product": "product"}
-_OR: dict[str, OrOperator] = {**meanings(OR, "fis"), "algebraic_sum": "probabilistic_sum"}
+#: fuzzylite writes nothing where no rule needs an operator.
+_AND: dict[str, AndOperator] = {"": "min", **meanings(AND, "fis"), "algebraic_product": "product"}
+_OR: dict[str, OrOperator] = {
+    "": "max",
+    **meanings(OR, "fis"),
+    "algebraic_sum": "probabilistic_sum",
+    **NORMALIZED_SUMS,
+}
+_AGGREGATIONS: dict[str, Aggregation] = {**meanings(AGGREGATIONS, "fis"), **_OR}
 #: What MATLAB itself knows.
-_MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum"}
+_MATLAB_OPERATORS = {"min", "product", "max", "probabilistic_sum", "unbounded_sum"}
 
 
 def write(controller: FuzzyController) -> Written:
@@ -100,8 +113,8 @@ def _system_lines(system: FuzzySystem) -> list[str]:
         f"NumRules={len(system.rules)}",
         f"AndMethod='{AND[system.and_operator].fis}'",
         f"OrMethod='{OR[system.or_operator].fis}'",
-        "ImpMethod='min'",
-        "AggMethod='max'",
+        f"ImpMethod='{AND[system.implication].fis}'",
+        f"AggMethod='{AGGREGATIONS[system.outputs[0].aggregation].fis}'",
         f"DefuzzMethod='{system.defuzzifier}'",
     ]
 
@@ -152,6 +165,7 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
         {system.and_operator} if any(isinstance(r.antecedent, And) for r in system.rules) else set()
     )
     used |= {system.or_operator} if any(isinstance(r.antecedent, Or) for r in system.rules) else set()
+    used |= {system.implication, system.outputs[0].aggregation}
     for operator in sorted(used - _MATLAB_OPERATORS):
         yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
 
@@ -196,7 +210,11 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
     for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
         if key not in entries:
             raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
-    _refuse_other_methods(entries)
+    kind, where = quoted_word(entries, "Type")
+    if kind != "mamdani":
+        raise ControllerFileError(
+            f"{where} is {kind[:40]!r}; expected 'mamdani': other systems conclude numbers, not fuzzy sets"
+        )
     counts = {key: whole_number(entries, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
     expected = [f"[Input{place}]" for place in range(1, counts["NumInputs"] + 1)]
     expected += [f"[Output{place}]" for place in range(1, counts["NumOutputs"] + 1)]
@@ -208,40 +226,32 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
             )
     variables = [_variable(section_of(sections, title)) for title in expected]
     inputs, outputs = variables[: counts["NumInputs"]], variables[counts["NumInputs"] :]
-    rules = section_of(sections, "[Rules]").lines
-    if len(rules) != counts["NumRules"]:
+    lines = section_of(sections, "[Rules]").lines
+    if len(lines) != counts["NumRules"]:
         raise ControllerFileError(
-            f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(rules)} lines; correct the "
+            f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(lines)} lines; correct the "
             "number, or get a whole copy of the file"
         )
+    rules = tuple(_rule(line, content, inputs, outputs) for line, content in lines)
     joins = (
         foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
         foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
     )
+    aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"), "")
     return settle(
         FuzzySystem(
             name=quoted_word(entries, "Name")[0] if "Name" in entries else "unnamed",
-            inputs=tuple(inputs),
-            outputs=tuple(outputs),
-            rules=tuple(_rule(line, content, inputs, outputs) for line, content in rules),
+            inputs=with_hedged_terms(inputs, rules, POWERS),
+            outputs=tuple(replace(output, aggregation=aggregation) for output in outputs),
+            rules=rules,
             and_operator=joins[0],
             or_operator=joins[1],
             defuzzifier=foreign.choice(
                 meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), ""
             ),
+            implication=foreign.choice(_AND, *quoted_word(entries, "ImpMethod"), ""),
         )
     )
-
-
-def _refuse_other_methods(entries: dict[str, tuple[int, str]]) -> None:
-    for key, only, reason in (
-        ("Type", "mamdani", "other systems conclude numbers, not fuzzy sets"),
-        ("ImpMethod", "min", "it is the one implication that is read"),
-        ("AggMethod", "max", "it is the one aggregation that is read"),
-    ):
-        word, where = quoted_word(entries, key)
-        if word != only:
-            raise ControllerFileError(f"{where} is {word[:40]!r}; expected {only!r}: {reason}")
 
 
 def _variable(section: Section) -> Variable:
@@ -342,15 +352,17 @@ def _term_numbers(words: str, variables: Sequence[Variable], where: str) -> list
         )
     found = []
     for value, variable in zip(values, variables, strict=True):
-        if value != int(value):
+        hedge = FRACTIONS.get(round(abs(value) % 1.0, 9)) if value != int(value) else ""
+        if hedge is None:
             raise ControllerFileError(
-                f"{where}: the term number {value:g} of {variable.name} has a hedge (very, somewhat …) in "
-                "its fraction; define a term for it and name that"
+                f"{where}: the term number {value:g} of {variable.name} has a hedge in its fraction that is "
+                f"none of {', '.join(map(str, FRACTIONS))}; define a term for it and name that"
             )
-        if abs(value) > len(variable.terms):
+        if int(abs(value)) > len(variable.terms):
             raise ControllerFileError(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
         if value:
-            found.append((variable, variable.terms[abs(int(value)) - 1].name, value < 0))
+            name = variable.terms[abs(int(value)) - 1].name
+            found.append((variable, f"{hedge} {name}".strip(), value < 0))
     return found

@@ -60,7 +60,7 @@ def sections_of(text: str) -> tuple[dict[str, Section], list[tuple[int, str]]]:
     sections: dict[str, Section] = {}
     current: Section | None = None
     for line, raw in enumerate(text.splitlines(), start=1):
-        content = raw.strip()
+        content = _without_remark(raw)
         if content.startswith(("%", "#", "//")):
             comments.append((line, content.lstrip("%#/ ")))
         elif content.startswith("["):
@@ -74,6 +74,25 @@ def sections_of(text: str) -> tuple[dict[str, Section], list[tuple[int, str]]]:
         elif content and current is not None:
             current.lines.append((line, content))
     return sections, comments
+
+
+def _without_remark(line: str) -> str:
+    """Return a line without blanks, the remark behind its content, and semicolons at its end.
+
+    A mark begins a remark where it stands in no quotes; a line that is nothing else is kept as it is.
+    """
+    content = line.strip()
+    if content.startswith(("%", "#", "//")):
+        return content
+    is_quoted = ""
+    for place, character in enumerate(content):
+        if is_quoted:
+            is_quoted = "" if character == is_quoted else is_quoted
+        elif character in "'\"":
+            is_quoted = character
+        elif content[place : place + 1] in {"%", "#"} or content[place : place + 2] == "//":
+            return content[:place].rstrip(" \t;")
+    return content.rstrip(" \t;")
 
 
 def section_of(sections: dict[str, Section], title: str) -> Section:

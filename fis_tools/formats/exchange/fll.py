@@ -1,4 +1,4 @@
-"""FuzzyLite Language files (`.fll`): read and written, Mamdani systems with minimum implication.
+"""FuzzyLite Language files (`.fll`): read and written, Mamdani systems.
 
 The form is that of fuzzylite 6 and its Python and Java siblings: blocks of ``key: value`` lines. The number
 after a defuzzifier counts the intervals that an output's range is cut into, one less than the points of a
@@ -13,12 +13,14 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
-from fis_tools.formats.exchange.fll_rules import Operators, read_rule
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
 from fis_tools.formats.exchange.foreign import Extent, Table
+from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR, meanings
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
+    Aggregation,
     AndOperator,
     Defuzzifier,
     FuzzyController,
@@ -27,7 +29,6 @@ from fis_tools.model import (
     OrOperator,
     Rule,
     Sampled,
-    Trapezoidal,
     Variable,
 )
 from fis_tools.model.shape import words_of
@@ -46,16 +47,6 @@ DIALECT = Dialect(
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
 END = "end of file"
-
-
-def _ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
-    """Return a ramp, which falls where its first number is the greater one."""
-    if start <= end:
-        return foreign.rising(start, end, low, high)
-    return foreign.falling(end, start, low, high)
-
-
-_FLANKS: foreign.FlankWords = {"Ramp": _ramp, "Rectangle": foreign.level}
 
 
 def write(controller: FuzzyController) -> Written:
@@ -79,7 +70,10 @@ def write(controller: FuzzyController) -> Written:
         lines += ["OutputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: false"]
         lines += [*_output_lines(system, variable), *_term_lines(variable)]
     for operators, rules in groupby(system.rules, key=lambda rule: _operators(system, rule)):
-        lines += [*_block_lines(*operators), *(f"  rule: {foreign.rule_words(rule)}" for rule in rules)]
+        lines += [
+            *_block_lines(*operators, system.implication),
+            *(f"  rule: {foreign.rule_words(rule)}" for rule in rules),
+        ]
     return Written("\n".join([*lines, f"# {END}"]) + "\n", losses(controller, said, DIALECT))
 
 
@@ -102,7 +96,7 @@ def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
     defuzzifier = system.defuzzifier_of(output)
     word = DEFUZZIFIERS[defuzzifier].fll
     return [
-        "  aggregation: Maximum",
+        f"  aggregation: {AGGREGATIONS[output.aggregation].fll}",
         f"  defuzzifier: {word} {output.num_points - 1}",
         f"  default: {output.default!r}",
         "  lock-previous: false",
@@ -113,13 +107,13 @@ def _operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator, OrOperator
     return system.and_operator_of(rule), system.or_operator_of(rule)
 
 
-def _block_lines(and_operator: AndOperator, or_operator: OrOperator) -> list[str]:
+def _block_lines(and_operator: AndOperator, or_operator: OrOperator, implication: AndOperator) -> list[str]:
     return [
         "RuleBlock:",
         "  enabled: true",
         f"  conjunction: {AND[and_operator].fll}",
         f"  disjunction: {OR[or_operator].fll}",
-        "  implication: Minimum",
+        f"  implication: {AND[implication].fll}",
         "  activation: General",
     ]
 
@@ -210,7 +204,6 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     outputs = tuple(_variable(block) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
-        _refuse_setting(block, "implication", ("Minimum",))
         _refuse_setting(block, "activation", ("General", "none", "Minimum"))
     operators = [_block_operators(block) for block in rule_blocks]
     first = next(iter(operators), (None, None))
@@ -226,11 +219,12 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=engines[0].name or "unnamed",
-            inputs=inputs,
+            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
             outputs=outputs,
-            rules=tuple(rules),
+            rules=tuple(chained(rules, outputs)),
             and_operator=first[0] or "min",
             or_operator=first[1] or "max",
+            implication=_implication(rule_blocks),
         )
     )
 
@@ -245,6 +239,23 @@ def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
             )
 
 
+def _implication(blocks: Sequence[_Block]) -> AndOperator:
+    """Return how the rules of all blocks imply."""
+    found: dict[AndOperator, int] = {}
+    for block in blocks:
+        line, word = block.entries.get("implication", (block.line, "none"))
+        if word not in {"none", ""}:
+            found.setdefault(
+                foreign.choice(meanings(AND, "fll"), word, f"line {line}: the implication", ""), line
+            )
+    if len(found) > 1:
+        raise ControllerFileError(
+            f"line {list(found.values())[1]}: the blocks imply by {' and '.join(found)}, and a system of "
+            "ours has one implication; give each block an engine of its own"
+        )
+    return next(iter(found), "min")
+
+
 def _block_operators(block: _Block) -> Operators:
     """Return a block's operators; None where it has none."""
     conjunction: AndOperator | None = None
@@ -254,7 +265,9 @@ def _block_operators(block: _Block) -> Operators:
         conjunction = foreign.choice(meanings(AND, "fll"), word, f"line {line}: the conjunction", "")
     if block.entries.get("disjunction", (0, "none"))[1] not in {"none", ""}:
         line, word = block.entries["disjunction"]
-        disjunction = foreign.choice(meanings(OR, "fll"), word, f"line {line}: the disjunction", "")
+        disjunction = foreign.choice(
+            {**meanings(OR, "fll"), **NORMALIZED_SUMS}, word, f"line {line}: the disjunction", ""
+        )
     return conjunction, disjunction
 
 
@@ -263,8 +276,6 @@ def _variable(block: _Block) -> Variable:
     for key in ("range", "defuzzifier") if is_output else ("range",):
         if key not in block.entries:
             raise ControllerFileError(f"line {block.line}: {block.kind} {block.name} has no {key}; add it")
-    for key in ("aggregation", "accumulation"):
-        _refuse_setting(block, key, ("Maximum",))
     _refuse_setting(block, "lock-previous", ("false",))
     line, value = block.entries["range"]
     ends = foreign.numbers(value.split(), f"line {line}: the range")
@@ -286,7 +297,18 @@ def _variable(block: _Block) -> Variable:
         default=None if default == "nan" else foreign.number(default, f"line {line}: the default"),
         description=description,
         defuzzifier=defuzzifier,
+        aggregation=_aggregation(block),
     )
+
+
+def _aggregation(block: _Block) -> Aggregation:
+    """Return how an output aggregates; versions before 6 called it accumulation."""
+    for key in ("aggregation", "accumulation"):
+        if key in block.entries:
+            line, word = block.entries[key]
+            known: dict[str, Aggregation] = {**meanings(AGGREGATIONS, "fll"), **NORMALIZED_SUMS}
+            return foreign.choice(known, word, f"line {line}: the {key}", "")
+    return "max"
 
 
 def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, int]:
@@ -307,7 +329,12 @@ def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunctio
         raise ControllerFileError(
             f"{where}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
         )
-    values = foreign.numbers(rest, where)
+    if shape in {"Constant", "Linear", "Function"}:
+        raise ControllerFileError(
+            f"{where}: the term is a {shape}, a number and no fuzzy set; outputs of Takagi-Sugeno systems "
+            "are not read"
+        )
+    values = foreign.places(rest, where)
     shapes = words_of("fll")
     known_count = len(shapes[shape][1]) if shape in shapes else 2
     if shape == "Discrete":
@@ -316,4 +343,4 @@ def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunctio
         height = values.pop()
         if height != 1.0:
             raise ControllerFileError(f"{where}: the term has the height {height:g}; only 1 can be read")
-    return name, foreign.shape(shape, values, extent, shapes, _FLANKS, where)
+    return name, foreign.shape(shape, values, extent, shapes, foreign.FLANKS, where)

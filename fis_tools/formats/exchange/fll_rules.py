@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, OrOperator, Rule
+from fis_tools.formats.exchange.hedges import FUZZYLITES
+from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, OrOperator, Rule, Variable
+from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
@@ -35,9 +37,6 @@ class _Words:
             )
         self.place += 1
         return word
-
-
-_HEDGES = ("any", "extremely", "seldom", "somewhat", "very")
 
 
 def read_rule(line: int, text: str, operators: Operators) -> Rule:
@@ -72,6 +71,21 @@ def read_rule(line: int, text: str, operators: Operators) -> Rule:
     if words.peek():
         raise ControllerFileError(f"line {line}: {words.peek()[:40]!r} follows the rule; correct it")
     return Rule(antecedent, tuple(Consequent(variable, term, weight) for variable, term in concluded))
+
+
+def chained(rules: Sequence[Rule], outputs: Sequence[Variable]) -> list[Rule]:
+    """Say of the inputs alone what rules say of outputs that others conclude.
+
+    Raises
+    ------
+    ControllerFileError
+        If one of ours cannot say it.
+    """
+    named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
+    try:
+        return unchained(named, {output.name: output for output in outputs})
+    except NotResolvable as error:
+        raise ControllerFileError(str(error)) from error
 
 
 def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
@@ -113,14 +127,20 @@ def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
         inner = _disjunction(words, operators, depth + 1)
         words.take(")")
         return inner
+    if words.peek() == "not":  # FCL has it before parentheses and statements
+        words.take()
+        return Not(_proposition(words, operators, depth))
     variable = words.take()
     words.take("is")
     is_negated = False
     while words.peek() == "not":
         words.take()
         is_negated = not is_negated
-    _refuse_hedge(words)
-    statement = Is(variable, words.take())
+    hedges = []
+    while words.peek() in FUZZYLITES:
+        hedges.append(words.take())
+    is_whole = hedges[-1:] == ["any"] and words.peek() in {"", "and", "or", "then", ")"}
+    statement = Is(variable, " ".join(hedges if is_whole else [*hedges, words.take()]))
     return Not(statement) if is_negated else statement
 
 
@@ -136,7 +156,7 @@ def _conclusion(words: _Words) -> tuple[str, str]:
 
 
 def _refuse_hedge(words: _Words) -> None:
-    if words.peek() in _HEDGES:
+    if words.peek() in FUZZYLITES:
         raise ControllerFileError(
             f"{words.where}: the hedge {words.peek()!r} cannot be read; define a term for it and name that"
         )

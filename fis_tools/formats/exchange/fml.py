@@ -17,9 +17,10 @@ from fis_tools.formats.exchange.carried import Reading, Written, comment, unders
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AND, DEFUZZIFIERS, OR, meanings
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.model import (
+    Aggregation,
     And,
     Consequent,
     Defuzzifier,
@@ -77,7 +78,7 @@ def write(controller: FuzzyController) -> Written:
         "  <mamdaniRuleBase"
         + _attributes(
             name=_unused("rules", taken),
-            activationMethod="MIN",
+            activationMethod=AND[system.implication].fml,
             andMethod=AND[system.and_operator].fml,
             orMethod=OR[system.or_operator].fml,
         )
@@ -107,7 +108,7 @@ def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool)
     }
     if is_output:
         defuzzifier = system.defuzzifier_of(variable)
-        words["accumulation"] = "MAX"
+        words["accumulation"] = AGGREGATIONS[variable.aggregation].fml
         words["defuzzifier"] = DEFUZZIFIERS[defuzzifier].fml
         words["defaultValue"] = repr(variable.default)
     yield f"    <fuzzyVariable{_attributes(**words)}>"
@@ -225,7 +226,7 @@ def _system(root: Element) -> FuzzySystem:
         )
     variables = [_variable(child) for child in bases[0].children]
     (rule_base,) = rule_bases
-    _expect(rule_base, "activationMethod", ("MIN",))
+    activation = rule_base.attributes.get("activationMethod", "MIN")
     conjunction, disjunction = (
         rule_base.attributes.get("andMethod", "MIN"),
         rule_base.attributes.get("orMethod", "MAX"),
@@ -241,6 +242,9 @@ def _system(root: Element) -> FuzzySystem:
             ),
             or_operator=foreign.choice(
                 meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod", ""
+            ),
+            implication=foreign.choice(
+                meanings(AND, "fml"), activation, f"line {rule_base.line}: activationMethod", ""
             ),
         )
     )
@@ -274,8 +278,11 @@ def _variable(element: Element) -> tuple[Variable, bool]:
     extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
     terms = [_term(child, extent) for child in element.children]
     defuzzifier: Defuzzifier | None = None
+    aggregation: Aggregation = "max"
     if is_output:
-        _expect(element, "accumulation", ("MAX",))
+        word = element.attributes.get("accumulation", "MAX")
+        where = f"line {element.line}: the accumulation"
+        aggregation = foreign.choice(meanings(AGGREGATIONS, "fml"), word, where, "")
         word = element.attributes.get("defuzzifier", "COG")
         defuzzifier = foreign.choice(
             meanings(DEFUZZIFIERS, "fml"), word, f"line {element.line}: the defuzzifier", ""
@@ -289,6 +296,7 @@ def _variable(element: Element) -> tuple[Variable, bool]:
             unit=element.attributes.get("scale", "").strip(),
             default=_default(element) if is_output else None,
             defuzzifier=defuzzifier,
+            aggregation=aggregation,
         ),
         is_output,
     )

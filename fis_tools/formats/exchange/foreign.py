@@ -16,6 +16,7 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
+    Aggregation,
     Defuzzifier,
     MembershipFunction,
     Rule,
@@ -130,9 +131,24 @@ def falling(start: float, end: float, low: float, high: float) -> Trapezoidal:
     return Trapezoidal(min(start, low), min(start, low), start, end)
 
 
+def ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
+    """Return a ramp, which falls where its first number is the greater one."""
+    return rising(start, end, low, high) if start <= end else falling(end, start, low, high)
+
+
+def step(start: float, towards: float, low: float, high: float) -> Trapezoidal:
+    """Return one from `start` on in the direction of another number, zero on the other side."""
+    return rising(start, start, low, high) if towards > start else falling(start, start, low, high)
+
+
 def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
-    """Return one from `start` to `end`, zero elsewhere."""
+    """Return one between `start` and `end`, zero elsewhere."""
+    start, end = sorted((start, end))
     return Trapezoidal(start, start, end, end)
+
+
+#: fuzzylite's words for straight flanks.
+FLANKS: FlankWords = {"Ramp": ramp, "Rectangle": level, "Binary": step}
 
 
 @dataclass(frozen=True)
@@ -143,6 +159,16 @@ class Extent:
     high: float
 
 
+def places(words: Iterable[str], where: str) -> list[float]:
+    """Read the numbers of a shape, of which some may be infinite."""
+    return [
+        math.copysign(math.inf, -1.0 if word[0] == "-" else 1.0)
+        if word.strip().lower().lstrip("+-") == "inf"
+        else number(word, where)
+        for word in words
+    ]
+
+
 def shape(
     word: str, values: Sequence[float], extent: Extent, shapes: ShapeWords, flanks: FlankWords, where: str
 ) -> MembershipFunction:
@@ -150,14 +176,42 @@ def shape(
     known = {**dict.fromkeys(shapes), **dict.fromkeys(flanks)}
     choice(known, word, f"{where}: the membership function", "or sample it as a table of points")
     order = shapes[word][1] if word in shapes else ("start", "end")
+    if not any(values[len(order) :]):  # older versions of MATLAB pad with zeros
+        values = values[: len(order)]
     if len(values) != len(order):
         raise ControllerFileError(
             f"{where}: {word} has {len(values)} numbers; expected {len(order)}: {', '.join(order)}"
         )
+    if not all(map(math.isfinite, values)):
+        open_ended = _without_an_end(word, values, extent)
+        if open_ended is None:
+            raise ControllerFileError(f"{where}: {word} has an infinite number; write a finite one")
+        return open_ended
     if word in flanks:
         return flanks[word](values[0], values[1], extent.low, extent.high)
     build: Callable[..., MembershipFunction] = shapes[word][0]
     return build(**dict(zip(order, values, strict=True)))
+
+
+def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trapezoidal | None:
+    """Return a shape that stays as high as it is beyond an infinite number, from one end of the range on."""
+    low, high = extent.low, extent.high
+    match word, [*values]:
+        case ("Triangle" | "trimf", [left, top, right]):
+            corners = [left, top, top, right]
+        case ("Trapezoid" | "trapmf", [left, left_top, right_top, right]):
+            corners = [left, left_top, right_top, right]
+        case ("Rectangle" | "rectmf", [start, end]):
+            corners = [start, start, end, end]
+        case ("Binary" | "binarymf", [start, towards]) if math.isfinite(start):
+            return step(start, towards, low, high)
+        case _:
+            return None
+    if corners[0] == -math.inf:
+        corners[:2] = [min(low, x) for x in (corners[2], corners[2])]
+    if corners[3] == math.inf:
+        corners[2:] = [max(high, x) for x in (corners[1], corners[1])]
+    return Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
 
 
 def shape_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[float]]:
@@ -182,6 +236,7 @@ def variable(
     default: float | None = None,
     description: str = "",
     defuzzifier: Defuzzifier | None = None,
+    aggregation: Aggregation = "max",
 ) -> Variable:
     """Build a variable; its universe holds the points of every table.
 
@@ -215,6 +270,7 @@ def variable(
         default=default,
         description=description,
         defuzzifier=defuzzifier,
+        aggregation=aggregation,
     )
 
 

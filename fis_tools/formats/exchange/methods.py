@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeVar
 
-from fis_tools.model import AndOperator, Defuzzifier, OrOperator
+from fis_tools.model import Aggregation, AndOperator, Defuzzifier, OrOperator
 
 _Name = TypeVar("_Name", bound=str)
 
@@ -35,6 +35,14 @@ OR: dict[OrOperator, Words] = {
     "drastic_sum": Words("drastic_sum", "DrasticSum", "DRS", "DSUM"),
     "nilpotent_maximum": Words("nilpotent_maximum", "NilpotentMaximum", "NILMAX", "NMAX"),
 }
+AGGREGATIONS: dict[Aggregation, Words] = {
+    "unbounded_sum": Words("sum", "UnboundedSum", "custom_sum", "UnboundedSum"),
+}
+AGGREGATIONS.update(OR.items())
+#: Words of fuzzylite for what is known by another one: from two degrees of truth both make the same.
+NORMALIZED_SUMS: dict[str, OrOperator] = dict.fromkeys(
+    ("normalized_sum", "NormalizedSum", "NSUM"), "bounded_sum"
+)
 DEFUZZIFIERS: dict[Defuzzifier, Words] = {
     "centroid": Words("centroid", "Centroid", "COG", "COG"),
     "bisector": Words("bisector", "Bisector", "COA", "COA"),
@@ -44,6 +52,8 @@ DEFUZZIFIERS: dict[Defuzzifier, Words] = {
 }
 
 
-def meanings(methods: Mapping[_Name, Words], file_format: Literal["fis", "fll", "fml"]) -> dict[str, _Name]:
+def meanings(
+    methods: Mapping[_Name, Words], file_format: Literal["fis", "fll", "fml", "fcl"]
+) -> dict[str, _Name]:
     """Return the words of a format with the methods they stand for."""
     return {getattr(words, file_format): name for name, words in methods.items()}

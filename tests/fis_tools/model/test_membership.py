@@ -11,14 +11,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fis_tools.model import (
+    Arc,
+    Concave,
+    Cosine,
     Gaussian,
     GeneralizedBell,
     MembershipFunction,
     PiShape,
     Sampled,
+    SemiEllipse,
     Sigmoid,
     SigmoidDifference,
     SigmoidProduct,
+    Spike,
     SShape,
     Term,
     Trapezoidal,
@@ -158,6 +163,14 @@ def test_parabolas_on_grid_points_are_scikit_fuzzys(shape: Any) -> None:
         (ZShape(2.0, 6.0), {0.0: 1.0, 2.0: 1.0, 3.0: 0.875, 4.0: 0.5, 5.0: 0.125, 6.0: 0.0}),
         (PiShape(0.0, 4.0, 6.0, 10.0), {1.0: 0.125, 4.0: 1.0, 5.0: 1.0, 6.0: 1.0, 9.0: 0.125, 10.0: 0.0}),
         (TwoSidedGaussian(4.0, 2.0, 6.0, 1.0), {2.0: np.exp(-0.5), 5.0: 1.0, 7.0: np.exp(-0.5)}),
+        (TwoSidedGaussian(6.0, 2.0, 4.0, 1.0), {5.0: np.exp(-0.625), 4.0: np.exp(-0.5), 6.0: np.exp(-2.0)}),
+        (Spike(4.0, 5.0), {4.0: 1.0, 4.5: np.exp(-1.0), 3.0: np.exp(-2.0)}),
+        (Cosine(4.0, 2.0), {4.0: 1.0, 4.5: 0.5, 3.0: 0.0, 3.75: 0.5 + np.sqrt(0.125), 6.0: 0.0}),
+        (Concave(2.0, 5.0), {2.0: 0.5, 4.0: 0.75, 5.0: 1.0, 9.0: 1.0, -1.0: 1 / 3}),
+        (Concave(5.0, 2.0), {5.0: 0.5, 3.0: 0.75, 2.0: 1.0, 0.0: 1.0, 8.0: 1 / 3}),
+        (SemiEllipse(2.0, 12.0), {1.0: 0.0, 2.0: 0.0, 4.0: 0.8, 7.0: 1.0, 11.0: 0.6, 13.0: 0.0}),
+        (Arc(2.0, 7.0), {1.0: 0.0, 3.0: 0.6, 4.0: 0.8, 7.0: 1.0, 9.0: 1.0}),
+        (Arc(7.0, 2.0), {8.0: 0.0, 6.0: 0.6, 5.0: 0.8, 2.0: 1.0, 0.0: 1.0}),
     ],
 )
 def test_smooth_shapes_have_the_values_their_formulas_say(

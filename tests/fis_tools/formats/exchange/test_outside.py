@@ -20,6 +20,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fcl, fis, fll
 from fis_tools.model import FuzzySystem
+from tests.fis_tools.engines.random_systems import otherwise
 from tests.fis_tools.formats.exchange.outside import NUM_POINTS, Floats, fuzzylite_outputs, octave_outputs
 from tests.fis_tools.formats.exchange.systems import alone, fine, flat_system, nested_system
 from tests.fis_tools.sample_controllers import force_x_system
@@ -89,6 +90,23 @@ def test_fuzzylite_evaluates_our_files_as_we_do(tmp_path: Path, name: str, form:
     path = tmp_path / f"{name}.{form.__name__.rpartition('.')[2]}"
     path.write_text(form.write(alone(system)).text, encoding="utf-8")
     assert_near(system, compile(system)(inputs), fuzzylite_outputs(path, inputs, tmp_path))
+
+
+@pytest.mark.slow
+def test_fuzzylite_implies_and_aggregates_as_we_do(tmp_path: Path) -> None:
+    pairs = [
+        ("product", "max"),
+        ("product", "bounded_sum"),
+        ("min", "einstein_sum"),
+        ("einstein_product", "max"),
+    ]
+    pairs += [("hamacher_product", "probabilistic_sum"), ("min", "unbounded_sum")]
+    for implication, aggregation in pairs:
+        system = otherwise(fine(flat_system(), NUM_POINTS), implication, aggregation)
+        inputs = spread_inputs(system, 60)
+        path = tmp_path / "engine.fll"
+        path.write_text(fll.write(alone(system)).text, encoding="utf-8")
+        assert_near(system, compile(system)(inputs), fuzzylite_outputs(path, inputs, tmp_path))
 
 
 def test_fuzzylite_evaluates_the_dimmer_as_it_is(tmp_path: Path) -> None:

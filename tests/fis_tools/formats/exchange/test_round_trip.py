@@ -28,7 +28,7 @@ from fis_tools.model import (
     Term,
     Variable,
 )
-from tests.fis_tools.engines.random_systems import random_general_system
+from tests.fis_tools.engines.random_systems import otherwise, random_general_system
 from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 
@@ -81,6 +81,19 @@ def test_files_hold_what_they_can_and_carry_the_rest(form: ModuleType, controlle
 def test_nested_rules_of_any_operators_survive_in_fll() -> None:
     controller = general_controller()
     assert fll.read(fll.write(controller).text).controller == controller
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_implications_and_aggregations_survive(form: ModuleType) -> None:
+    for implication, aggregation in (
+        ("product", "probabilistic_sum"),
+        ("nilpotent_minimum", "unbounded_sum"),
+    ):
+        system = otherwise(flat_system(), implication, aggregation)
+        text = form.write(alone(system)).text
+        shown = form.read(without_comment(text)).controller.systems[0]
+        assert (shown.implication, shown.outputs[0].aggregation) == (implication, aggregation)
+        assert form.read(text).controller == alone(system)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -1,7 +1,7 @@
 """Rules that ask for what other rules conclude, said of the inputs alone.
 
-scikit-fuzzy hands on a degree of truth, not a number: where a rule asks for a term of a Consequent, it takes
-the height at which that term is cut, as far as the rules computed before it have raised it. So the
+scikit-fuzzy and fuzzylite hand on a degree of truth, not a number: where a rule asks for a term of an output,
+they take the height at which that term is cut, as far as the rules before it have raised it. So the
 antecedents of those rules, joined by `or`, stand in the place of the term.
 """
 
@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from fis_tools.model import And, Consequent, Expression, Is, Not, Or, Rule, Variable
+from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
+from fis_tools.model.variables import Variable
 
 _Name = TypeVar("_Name", bound=str)
 
@@ -99,10 +100,11 @@ def _require_plain(
                 f"{each.name} asks for {asked.variable!r} {asked.term!r}, which {source.name} concludes with "
                 f"weight {consequent.weight:g}, and no antecedent says that; conclude it with weight 1"
             )
-    if len(sources) > 1 and output.accumulation != "max":
+    if len(sources) > 1 and not output.counts_strongest:
+        joins = output.accumulation if output.accumulation != "max" else output.aggregation
         raise NotResolvable(
-            f"{each.name} asks for {asked.variable!r} {asked.term!r}, where {output.accumulation} joins "
-            f"{len(sources)} rules, and only max can be said in an antecedent; accumulate by numpy.fmax"
+            f"{each.name} asks for {asked.variable!r} {asked.term!r}, where {joins} joins {len(sources)} "
+            "rules, and only the maximum can be said in an antecedent; join them by the maximum"
         )
 
 

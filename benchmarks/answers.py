@@ -1,0 +1,45 @@
+"""Evaluate `.fll` files with pyfuzzylite, in an environment of its own: JOBS.json.
+
+Each job has ``engine``, ``inputs`` and ``outputs`` (files, the last one written) and ``resolution``. What
+pyfuzzylite cannot read or compute is told in a line, ``engine: reason``.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import fuzzylite
+import numpy as np
+
+
+def main() -> None:
+    """Do all jobs, one after the other."""
+    for job in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")):
+        try:
+            np.save(job["outputs"], answers(job))
+        except Exception as error:  # noqa: BLE001 - whatever it is, the others go on
+            print(f"{job['engine']}: {type(error).__name__} {error}".replace("\n", " ")[:200])
+
+
+def answers(job: dict[str, Any]) -> Any:
+    """Return the outputs, (n, num_outputs)."""
+    engine = fuzzylite.FllImporter().from_string(Path(job["engine"]).read_text(encoding="utf-8"))
+    for output in engine.output_variables:
+        if hasattr(output.defuzzifier, "resolution"):
+            output.defuzzifier.resolution = job["resolution"]
+    rows = np.load(job["inputs"])
+    found = np.empty((len(rows), len(engine.output_variables)))
+    for row, values in zip(rows, found, strict=True):
+        for variable, value in zip(engine.input_variables, row, strict=True):
+            variable.value = value
+        for output in engine.output_variables:
+            output.previous_value = float("nan")
+            output.value = float("nan")
+        engine.process()
+        values[:] = [float(np.ravel(output.value)[0]) for output in engine.output_variables]
+    return found
+
+
+if __name__ == "__main__":
+    main()

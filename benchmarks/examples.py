@@ -1,0 +1,131 @@
+"""Import all files of a folder, compare answers with pyfuzzylite: ``python -m benchmarks examples FOLDER``.
+
+The files are whoever's who runs this: fuzzylite and pyfuzzylite publish theirs under ``examples``.
+pyfuzzylite reads `.fll` alone; fuzzylite's own program, where it is installed, turns the other formats into
+that. Both sides sample outputs finely, so that their ways of summing over points come to the same.
+"""
+
+import argparse
+import json
+import shutil
+import subprocess
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.rivals import environment
+from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.engines.compiler import compile
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzySystem, Sampled, Variable
+
+#: Intervals of each output, samples of each system, and what of an output's range answers may differ by.
+RESOLUTION = 20_000
+SAMPLES = 50
+TOLERANCE = 1e-4
+WORKER = Path(__file__).parent / "answers.py"
+
+
+@dataclass
+class Row:
+    """What became of one file: a verdict, and what there is to say."""
+
+    path: Path
+    verdict: str
+    words: str = ""
+    system: FuzzySystem | None = None
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print a row for each file, then how many there are of each kind and verdict."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks examples", description=__doc__)
+    parser.add_argument("folder", type=Path, help="looked through with all folders below it")
+    folder = parser.parse_args(arguments).folder
+    files = sorted(p for p in folder.rglob("*") if p.suffix in serialize.ENDINGS)
+    rows = [_imported(path) for path in files]
+    with tempfile.TemporaryDirectory() as name:
+        _compare([row for row in rows if row.system is not None], Path(name))
+    for row in rows:
+        print(f"{row.verdict:12} {row.path.relative_to(folder)}  {row.words}".rstrip())
+    for (suffix, verdict), count in sorted(Counter((row.path.suffix, row.verdict) for row in rows).items()):
+        print(f"{suffix} {verdict}: {count}")
+    agree = sum(row.verdict == "agrees" for row in rows)
+    print(f"{agree} of {len(rows)} files are imported and agree to {TOLERANCE:g} of the range")
+    return int(any(row.verdict == "differs" for row in rows))
+
+
+def _imported(path: Path) -> Row:
+    try:
+        (system,) = serialize.load(path).systems
+    except serialize.ControllerFileError as error:
+        return Row(path, "refused", str(error).removeprefix(f"{path}: ").partition("\n")[0])
+    outputs = tuple(_fine(output) for output in system.outputs)
+    return Row(path, "imported", system=replace(system, outputs=outputs))
+
+
+def _fine(output: Variable) -> Variable:
+    """Sample an output finely; straight lines between the points of its tables stay what they are."""
+    universe = np.linspace(output.minimum, output.maximum, RESOLUTION + 1)
+    terms = (
+        replace(term, membership=Sampled(tuple(np.interp(universe, output.universe, shape.values).tolist())))
+        if isinstance(shape := term.membership, Sampled)
+        else term
+        for term in output.terms
+    )
+    return replace(output, terms=tuple(terms), num_points=RESOLUTION + 1, points=None)
+
+
+def _compare(rows: Sequence[Row], folder: Path) -> None:
+    """Settle what is said of rows that were imported."""
+    jobs = []
+    for place, row in enumerate(rows):
+        engine = _engine(row.path, folder / f"{place}.fll")
+        if engine is None or row.system is None:
+            row.words = "not compared: fuzzylite's program is missing, or does not read it"
+            continue
+        np.save(folder / f"{place}.npy", spread_inputs(row.system, SAMPLES))
+        files = {"engine": str(engine), "inputs": str(folder / f"{place}.npy")}
+        jobs.append({**files, "outputs": str(folder / f"{place}-out.npy"), "resolution": RESOLUTION})
+    (folder / "jobs.json").write_text(json.dumps(jobs), encoding="utf-8")
+    command = [str(environment()), str(WORKER), str(folder / "jobs.json")]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stdout  # noqa: S603
+    reasons = dict(line.split(": ", 1) for line in told.splitlines())
+    for place, row in enumerate(rows):
+        answers = folder / f"{place}-out.npy"
+        if answers.exists():
+            _judge(row, np.load(folder / f"{place}.npy"), np.load(answers))
+        elif not row.words:
+            row.words = (
+                f"not compared: {reasons.get(str(folder / f'{place}.fll'), reasons.get(str(row.path)))}"
+            )
+
+
+def _engine(path: Path, target: Path) -> Path | None:
+    """Return a file that pyfuzzylite reads; None where there is no way to it."""
+    if path.suffix == ".fll":
+        return path
+    program = shutil.which("fuzzylite")
+    if program is None:
+        return None
+    words = [program, "-i", str(path), "-o", str(target), "-decimals", "15"]
+    subprocess.run(words, check=False, capture_output=True)  # noqa: S603
+    return target if target.exists() else None
+
+
+def _judge(row: Row, inputs: np.ndarray, theirs: np.ndarray) -> None:
+    """Compare answers; where fuzzylite has none, no rule may fire here either."""
+    assert row.system is not None
+    answers = compile(row.system).infer(inputs)
+    widths = np.array([output.maximum - output.minimum for output in row.system.outputs])
+    difference = np.where(answers.no_rule_fired, 0.0, np.abs(answers.outputs - theirs) / widths)
+    difference = np.where(np.isnan(difference), np.inf, difference)
+    worst = float(difference.max())
+    row.verdict = "agrees" if worst <= TOLERANCE else "differs"
+    silent = int(answers.no_rule_fired.sum())
+    row.words = f"{worst:.1e}" + (
+        f", no rule fires at {silent} of {answers.no_rule_fired.size}" if silent else ""
+    )

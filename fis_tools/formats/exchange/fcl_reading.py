@@ -1,0 +1,247 @@
+"""Fuzzy Control Language (IEC 61131-7) read: files of fuzzylite, jFuzzyLogic and programmable controllers.
+
+A statement ends with a semicolon, or with its line, as fuzzylite writes it. Words of the language are read in
+capitals or not. Besides points, shapes are read by the names that fuzzylite and jFuzzyLogic give them.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.formats.exchange import foreign
+from fis_tools.formats.exchange.carried import Reading, understand
+from fis_tools.formats.exchange.dialect import settle
+from fis_tools.formats.exchange.fcl import DIALECT
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
+from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
+from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
+from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
+from fis_tools.model.shape import words_of
+
+_BLOCKS = ("VAR_INPUT", "VAR_OUTPUT", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK")
+#: What each block may say besides terms, rules and variables.
+_SETTINGS = ("RANGE", "METHOD", "ACCU", "DEFAULT", "AND", "OR", "ACT", "ENABLED", "LOCK")
+#: jFuzzyLogic's names of shapes, and the order of their numbers where it is another.
+_JFUZZYLOGIC = {
+    "TRIAN": ("Triangle", (0, 1, 2)),
+    "TRAPE": ("Trapezoid", (0, 1, 2, 3)),
+    "GAUSS": ("Gaussian", (0, 1)),
+    "GBELL": ("Bell", (2, 0, 1)),
+    "SIGM": ("Sigmoid", (1, 0)),
+}
+_RULE_WORDS = ("if", "is", "and", "or", "not", "then", "with")
+
+
+@dataclass
+class _Block:
+    """A block of a file: what opens it, its name, settings, and what it lists, each with its line."""
+
+    kind: str
+    name: str
+    line: int
+    settings: dict[str, tuple[int, str]] = field(default_factory=dict)
+    listed: list[tuple[int, str]] = field(default_factory=list)
+
+
+def read(text: str) -> Reading:
+    """Read an `.fcl` file.
+
+    Raises
+    ------
+    ControllerFileError
+        If it is damaged or says what a fuzzy system of ours cannot; with the line.
+    """
+    return understand(_system(*_blocks(text)), [], DIALECT)
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield statements without remarks, each with the line where it begins."""
+    plain = re.sub(r"\(\*.*?\*\)|/\*.*?\*/", lambda found: "\n" * found[0].count("\n"), text, flags=re.DOTALL)
+    waiting: tuple[int, str] | None = None
+    for line, raw in enumerate(plain.splitlines(), start=1):
+        content = re.split(r"//|#", raw)[0].strip()
+        if content.startswith("%"):
+            content = ""
+        if waiting is not None and re.match(r"(AND|OR|THEN|WITH)\b(?!\s*:)", content, re.IGNORECASE):
+            content, line = f"{waiting[1]} {content}", waiting[0]  # noqa: PLW2901 - it began there
+        elif waiting is not None:
+            yield waiting
+        *whole, rest = content.split(";")
+        yield from ((line, part.strip()) for part in whole if part.strip())
+        waiting = (line, rest.strip()) if rest.strip() else None
+    if waiting is not None:
+        yield waiting
+
+
+def _blocks(text: str) -> tuple[str, list[_Block]]:
+    names: list[str] = []
+    blocks: list[_Block] = []
+    is_open = False
+    for line, content in _statements(text):
+        word, rest = [*content.split(maxsplit=1), ""][:2]
+        key = word.upper().rstrip(":")
+        if key == "FUNCTION_BLOCK":
+            names.append(rest)
+        elif key in _BLOCKS and not is_open:
+            is_list = key.startswith("VAR_")  # its first variable may stand in the same line
+            blocks.append(_Block(key, "" if is_list else rest, line))
+            blocks[-1].listed += [(line, rest)] if is_list and rest else []
+            is_open = True
+        elif key.startswith("END_"):
+            is_open = False
+        elif not is_open:
+            raise ControllerFileError(
+                f"line {line}: {content[:40]!r} stands in no block; is this an .fcl file?"
+            )
+        elif key in _SETTINGS:
+            blocks[-1].settings[key] = (line, content[len(word) :].lstrip(" :=").strip())
+        else:
+            blocks[-1].listed.append((line, content))
+    if len(names) != 1:
+        raise ControllerFileError(
+            f"the file has {len(names)} function blocks; expected one, FUNCTION_BLOCK name"
+        )
+    return names[0], blocks
+
+
+def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
+    declared = {
+        kind: [
+            re.split(r"[:\s]", content)[0]
+            for block in blocks
+            if block.kind == kind
+            for _, content in block.listed
+        ]
+        for kind in ("VAR_INPUT", "VAR_OUTPUT")
+    }
+    described = {block.name: block for block in blocks if block.kind in {"FUZZIFY", "DEFUZZIFY"}}
+    variables = {}
+    for kind, names in declared.items():
+        for variable in names:
+            if variable not in described:
+                raise ControllerFileError(f"{kind} {variable[:40]!r} has no terms; add FUZZIFY or DEFUZZIFY")
+            variables[variable] = _variable(described[variable], is_output=kind == "VAR_OUTPUT")
+    inputs, outputs = (tuple(variables[name] for name in declared[k]) for k in ("VAR_INPUT", "VAR_OUTPUT"))
+    rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
+    activations = {_word(block, "ACT", "MIN") for block in rule_blocks}
+    if len(activations) > 1:
+        raise ControllerFileError(
+            f"the rule blocks activate by {' and '.join(sorted(activations))}, and a system of ours has one "
+            "implication; give each block a file of its own"
+        )
+    rules = [rule for block in rule_blocks for rule in _rules(block)]
+    word = next(iter(activations), "MIN")
+    return settle(
+        FuzzySystem(
+            name=name or "unnamed",
+            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
+            outputs=outputs,
+            rules=tuple(chained(rules, outputs)),
+            implication=foreign.choice(meanings(AND, "fcl"), word, "the activation ACT", ""),
+        )
+    )
+
+
+def _word(block: _Block, key: str, usual: str) -> str:
+    found = block.settings.get(key, (0, usual))[1].upper()
+    return usual if found == "NONE" else found
+
+
+def _rules(block: _Block) -> Iterator[Rule]:
+    """Read the rules of a block."""
+    where = f"line {block.line}: the operator"
+    conjunction = foreign.choice(meanings(AND, "fcl"), _word(block, "AND", "MIN"), where, "")
+    known = {**meanings(OR, "fcl"), **NORMALIZED_SUMS}
+    disjunction = foreign.choice(known, _word(block, "OR", "MAX"), where, "")
+    operators: Operators = (conjunction, disjunction)
+    for line, content in block.listed:
+        rule = re.fullmatch(r"RULE\b[^:]*:?\s*(.*)", content, re.IGNORECASE | re.DOTALL)
+        if rule is None:
+            raise ControllerFileError(
+                f"line {line}: {content[:40]!r} is not RULE number : IF … THEN …; correct it"
+            )
+        words = (w.lower() if w.lower() in _RULE_WORDS else w for w in re.findall(r"[()]|[^\s()]+", rule[1]))
+        read = read_rule(line, " ".join(words), operators)
+        yield replace(read, and_operator=conjunction, or_operator=disjunction)
+
+
+def _variable(block: _Block, *, is_output: bool) -> Variable:
+    terms = [_named_term(line, content) for line, content in block.listed]
+    extent = _extent(block, terms)
+    found = [(name, _shape(line, words, extent)) for line, name, words in terms]
+    if not is_output:
+        return foreign.variable(block.name, extent, found, is_output=False)
+    where = f"line {block.line}: of {block.name}"
+    method = _word(block, "METHOD", "COG")
+    aggregations = {**meanings(AGGREGATIONS, "fcl"), **NORMALIZED_SUMS}
+    line, default = block.settings.get("DEFAULT", (block.line, "nan"))
+    default = default.partition("|")[0].strip()
+    if default.upper() == "NC" or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper():
+        raise ControllerFileError(
+            f"line {line}: {block.name} keeps its last value, which is not read; give a number"
+        )
+    return foreign.variable(
+        block.name,
+        extent,
+        found,
+        is_output=True,
+        default=None if default.lower() == "nan" else foreign.number(default, f"line {line}: DEFAULT"),
+        defuzzifier=foreign.choice(
+            meanings(DEFUZZIFIERS, "fcl"),
+            method,
+            f"{where} METHOD",
+            "; outputs of Takagi-Sugeno are not read",
+        ),
+        aggregation=foreign.choice(aggregations, _word(block, "ACCU", "MAX"), f"{where} ACCU", ""),
+    )
+
+
+def _named_term(line: int, content: str) -> tuple[int, str, str]:
+    term = re.fullmatch(r"TERM\s+(\S+)\s*:=\s*(.*)", content, re.IGNORECASE | re.DOTALL)
+    if term is None:
+        raise ControllerFileError(
+            f"line {line}: {content[:40]!r} is not TERM name := (0, 0) (1, 1); correct it"
+        )
+    return line, term[1], term[2].strip()
+
+
+def _extent(block: _Block, terms: Sequence[tuple[int, str, str]]) -> Extent:
+    """Return the range that a block states; else from the first to the last point of its terms."""
+    if "RANGE" in block.settings:
+        line, value = block.settings["RANGE"]
+        ends = foreign.numbers(re.sub(r"[()]|\.\.", " ", value).split(), f"line {line}: RANGE")
+        if len(ends) != 2:
+            raise ControllerFileError(f"line {line}: RANGE has {len(ends)} numbers; expected two, (0 .. 10)")
+        return Extent(*ends)
+    points = [x for line, _, words in terms if words.startswith("(") for x in _table(line, words).x]
+    if not points or not all(words.startswith("(") for _, _, words in terms):
+        raise ControllerFileError(
+            f"line {block.line}: {block.name[:40]} has no RANGE; add RANGE := (0 .. 10)"
+        )
+    return Extent(min(points), max(points))
+
+
+def _table(line: int, words: str) -> Table:
+    return foreign.table(
+        foreign.numbers(re.sub(r"[(),]", " ", words).split(), f"line {line}"), f"line {line}"
+    )
+
+
+def _shape(line: int, words: str, extent: Extent) -> MembershipFunction | Table:
+    where = f"line {line}"
+    if words.startswith("("):
+        return _table(line, words)
+    word, *rest = words.split()
+    if re.fullmatch(r"[-+.\d].*", word) or word in {"Constant", "Linear", "Function"}:
+        raise ControllerFileError(
+            f"{where}: the term is a number and no fuzzy set; outputs of Takagi-Sugeno systems are not read"
+        )
+    values = foreign.places(rest, where)
+    if word.upper() in _JFUZZYLOGIC:
+        word, order = _JFUZZYLOGIC[word.upper()]
+        values = [values[place] for place in order] if len(values) == len(order) else values
+    if word == "Discrete":
+        return foreign.table(values, where)
+    return foreign.shape(word, values, extent, words_of("fll"), FLANKS, where)

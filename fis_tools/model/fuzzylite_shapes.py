@@ -1,0 +1,114 @@
+"""The membership shapes that fuzzylite has besides: formulas, wording and names as in its version 6."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fis_tools.model.shape import Floats, MembershipFunction, Place, Width, shape
+
+
+@shape("spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",))
+@dataclass(frozen=True, slots=True)
+class Spike(MembershipFunction):
+    """``exp(-10 |x - centre| / width)``."""
+
+    centre: Place
+    width: Width
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        values: Floats = np.exp(-np.abs(10.0 / self.width * (x - self.centre)))
+        return values
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """The centre."""
+        return (self.centre,)
+
+
+@shape("cosine", "cosine, centre {centre}, width {width}", fll=("Cosine",), fis=("cosinemf",))
+@dataclass(frozen=True, slots=True)
+class Cosine(MembershipFunction):
+    """One wave of a cosine between 0 and 1 over `width`, the crest at the `centre`; zero beyond."""
+
+    centre: Place
+    width: Width
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        wave = 0.5 * (1.0 + np.cos(2.0 / self.width * np.pi * (x - self.centre)))
+        return np.where(np.abs(x - self.centre) <= 0.5 * self.width, wave, 0.0)
+
+
+@shape(
+    "concave", "concave, one half at {inflection}, one from {end} on", fll=("Concave",), fis=("concavemf",)
+)
+@dataclass(frozen=True, slots=True)
+class Concave(MembershipFunction):
+    """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls where that is left."""
+
+    inflection: Place
+    end: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        span = self.end - self.inflection
+        is_below = x < self.end if span >= 0.0 else x > self.end
+        return np.where(is_below, span / np.where(is_below, 2.0 * self.end - self.inflection - x, 1.0), 1.0)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Where it reaches one."""
+        return (self.end,)
+
+
+@shape(
+    "semi_ellipse",
+    "half ellipse from {start} to {end}",
+    ascending=("start", "end"),
+    flanks=(("start", "end"),),
+    fll=("SemiEllipse",),
+)
+@dataclass(frozen=True, slots=True)
+class SemiEllipse(MembershipFunction):
+    """``sqrt(r^2 - (x - centre)^2) / r`` between `start` and `end`, r half of their distance; zero beyond."""
+
+    start: Place
+    end: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        radius = 0.5 * (self.end - self.start)
+        return _circle(x, self.start + radius, radius)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Its feet, where it rises without a slope."""
+        return self.start, self.end
+
+
+@shape("arc", "arc from zero at {start} to one at {end}", fll=("Arc",))
+@dataclass(frozen=True, slots=True)
+class Arc(MembershipFunction):
+    """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls where that is left."""
+
+    start: Place
+    end: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        span = self.end - self.start
+        is_beyond = x > self.end if span > 0.0 else x < self.end
+        return np.where(is_beyond, 1.0, _circle(x, self.end, abs(span)))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Its ends."""
+        return tuple(sorted((self.start, self.end)))
+
+
+def _circle(x: Floats, centre: float, radius: float) -> Floats:
+    """Return the height of a circle over points, of radius one when drawn to scale; zero beside it."""
+    inside = radius * radius - np.square(x - centre)
+    heights: Floats = np.sqrt(np.maximum(inside, 0.0)) / radius
+    return heights

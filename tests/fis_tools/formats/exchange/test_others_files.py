@@ -1,0 +1,174 @@
+"""Files as other programs write them: FCL, hedges, chains, padding, remarks, letters of Latin-1."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fis_tools.engines.compiler import compile
+from fis_tools.formats import serialize
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.formats.exchange import fcl
+from fis_tools.model import And, Is, Not, Or, Trapezoidal, Triangular
+from tests.fis_tools.formats.exchange.systems import alone, flat_system
+
+TIPPER_FCL = """FUNCTION_BLOCK tipper  // as jFuzzyLogic writes it
+VAR_INPUT  service : REAL; food : REAL; END_VAR
+VAR_OUTPUT tip : REAL; END_VAR
+FUZZIFY service
+  TERM poor := (0, 1) (4, 0);
+  TERM good := (1, 0) (4, 1) (6, 1) (9, 0) (10, 0);
+END_FUZZIFY
+FUZZIFY food
+  RANGE := (0 .. 10);
+  TERM rancid := trape 0 0 1 3; (* a remark
+  of two lines *)
+  TERM delicious := gauss 9 2;
+END_FUZZIFY
+DEFUZZIFY tip
+  RANGE := (0 .. 30);
+  TERM cheap := TRIAN 0 5 10;
+  TERM generous := Triangle 20 25 30;
+  METHOD : COG;
+  ACCU : BSUM;
+  DEFAULT := 15;
+END_DEFUZZIFY
+RULEBLOCK No1
+  AND : PROD;
+  ACT : PROD;
+  RULE 1 : IF service IS poor
+    OR food IS rancid THEN tip IS cheap;
+  RULE 2 : IF NOT (service IS poor) AND food IS very delicious THEN tip IS generous WITH 0.5;
+END_RULEBLOCK
+END_FUNCTION_BLOCK
+"""
+
+
+def test_fcl_says_what_it_is_meant_to() -> None:
+    (system,) = serialize.loads(TIPPER_FCL, "fcl").systems
+    assert (system.implication, system.and_operator, system.outputs[0].aggregation) == (
+        "product",
+        "product",
+        "bounded_sum",
+    )
+    assert [(v.minimum, v.maximum) for v in system.inputs] == [(0.0, 10.0), (0.0, 10.0)]
+    assert [term.membership for term in system.outputs[0].terms] == [
+        Triangular(0.0, 5.0, 10.0),
+        Triangular(20.0, 25.0, 30.0),
+    ]
+    assert system.inputs[1].terms[0].membership == Trapezoidal(0.0, 0.0, 1.0, 3.0)
+    assert system.rules[0].antecedent == Or((Is("service", "poor"), Is("food", "rancid")))
+    assert system.rules[1].antecedent == And((Not(Is("service", "poor")), Is("food", "very delicious")))
+    strengths = compile(system).firing_strengths(np.array([[2.0, 7.0]]))
+    np.testing.assert_allclose(strengths, [[0.5, 0.5 * np.exp(-0.5) ** 2]], atol=1e-6)
+
+
+def test_fcl_of_ours_is_read_back() -> None:
+    system = flat_system()
+    (read,) = serialize.loads(fcl.write(alone(system)).text, "fcl").systems
+    rows = np.random.default_rng(2).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
+    widths = [output.maximum - output.minimum for output in system.outputs]
+    # corners of inputs lie between points of the original universe: 4.4e-5 was measured
+    np.testing.assert_allclose(compile(read)(rows) / widths, compile(system)(rows) / widths, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("COG;", "COGS;", "'COGS' cannot be read"),
+        ("DEFAULT := 15;", "DEFAULT := NC;", "keeps its last value"),
+        ("TRIAN 0 5 10;", "5;", "a number and no fuzzy set"),
+        ("RANGE := (0 .. 30);", "", "has no RANGE"),
+        ("RULE 1 : IF", "RULE 1 IF service IS", "line 25"),
+        ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK\nFUNCTION_BLOCK two", "2 function blocks"),
+    ],
+)
+def test_fcl_that_cannot_be_read_is_refused(old: str, new: str, words: str) -> None:
+    with pytest.raises(ControllerFileError, match=words):
+        serialize.loads(TIPPER_FCL.replace(old, new), "fcl")
+
+
+OLD_FIS = """[System]  % a remark
+Name='caf\u00e9 #1';
+Type='mamdani';
+NumInputs=1
+NumOutputs=1
+NumRules=2
+AndMethod=''
+OrMethod='max'
+ImpMethod='prod'; // another
+AggMethod='sum'
+DefuzzMethod='centroid'
+[Input1]
+Name='x'
+Range=[0 1];
+NumMFs=2
+MF1='low':'rampmf',[1 0]; % falls
+MF2='high':'trimf',[0 1 1 0]
+[Output1]
+Name='y'
+Range=[0 1]
+NumMFs=2
+MF1='small':'spikemf',[0.25 1]
+MF2='large':'cosinemf',[0.75 0.5]
+[Rules]
+1.2, 1 (1) : 1   % very
+-2.3, 2 (1) : 1
+"""
+
+
+def test_old_fis_files_are_read_and_latin_letters_told(tmp_path: Path) -> None:
+    path = tmp_path / "old.fis"
+    path.write_bytes(OLD_FIS.encode("latin-1"))
+    reading = serialize.read(path)
+    (system,) = reading.controller.systems
+    assert system.name == "caf\u00e9 #1"
+    assert "Latin-1" in reading.assumptions[0]
+    assert (system.implication, system.outputs[0].aggregation) == ("product", "unbounded_sum")
+    assert system.inputs[0].terms[1].membership == Triangular(0.0, 1.0, 1.0)
+    strengths = compile(system).firing_strengths(np.array([[0.3]]))
+    np.testing.assert_allclose(strengths, [[0.49, 1.0 - 0.3**3]], atol=1e-6)
+
+
+FLL = """Engine: chain
+InputVariable: x
+  range: 0 1
+  term: low Trapezoid -inf 0.2 0.4 0.8
+  term: high Binary 0.5 inf
+OutputVariable: y
+  range: 0 1
+  aggregation: Maximum
+  defuzzifier: Centroid 100
+  default: nan
+  term: small Triangle 0 0.2 0.4
+  term: large Arc 0.5 1
+OutputVariable: z
+  range: 0 1
+  aggregation: NormalizedSum
+  defuzzifier: Centroid 100
+  default: nan
+  term: small SemiEllipse 0 0.5
+  term: large Concave 0.6 1
+RuleBlock:
+  conjunction: Minimum
+  disjunction: Maximum
+  implication: Minimum
+  rule: if x is low then y is small
+  rule: if x is high then y is large
+  rule: if y is small or x is any then z is large
+  rule: if y is not somewhat large then z is small
+"""
+
+
+def test_chained_fll_hands_on_degrees_of_truth() -> None:
+    text = FLL.replace("not somewhat large", "not large")
+    (system,) = serialize.loads(text, "fll").systems
+    assert system.rules[2].antecedent == Or((Is("x", "low"), Is("x", "any")))
+    assert system.rules[3].antecedent == Not(Is("x", "high"))
+    strengths = compile(system).firing_strengths(np.array([[-1.0], [0.1], [0.6]]))
+    np.testing.assert_allclose(strengths, [[1, 0, 1, 1], [1, 0, 1, 1], [0.5, 1, 1, 0]], atol=1e-12)
+
+
+def test_a_hedge_before_what_a_rule_concluded_is_refused() -> None:
+    with pytest.raises(ControllerFileError, match="rule 4 asks for 'y' 'somewhat large'"):
+        serialize.loads(FLL, "fll")
