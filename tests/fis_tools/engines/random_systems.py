@@ -37,6 +37,7 @@ from fis_tools.model import (
     ZShape,
     table_rules,
 )
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
 
 Floats = NDArray[np.float64]
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = get_args(Defuzzifier)
@@ -202,7 +203,16 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     spreads = [float(width * 10.0 ** generator.uniform(-2.5, 0.0)) for _ in range(2)]
     steepness = [float(10.0 ** generator.uniform(0, 2) / width) for _ in range(2)]
     is_steep = generator.random() < 0.2
-    match int(generator.integers(12)):
+    kind = int(generator.integers(12))
+    if is_steep and kind in (0, 3, 4, 5, 6) and a < c:
+        return {
+            0: Spike(b, spreads[0]),
+            3: Cosine(b, spreads[0]),
+            4: Concave(a, c),
+            5: SemiEllipse(a, c),
+            6: Arc(c, a),
+        }[kind]
+    match kind:
         case 0:
             return Gaussian(b, spreads[0])
         case 1:
