@@ -13,7 +13,7 @@ import numba
 from benchmarks import commands, flights, inference, recording, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
-CAMPAIGNS = ("examples", "fuzz", "kills")
+CAMPAIGNS = ("examples", "fuzz", "kills", "soak")
 PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
 
 
