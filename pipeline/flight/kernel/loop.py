@@ -64,7 +64,7 @@ Bytes = NDArray[np.uint8]
 LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def move(world: World, work: Workspace) -> None:
     """Move all lanes by a control period and add up what they spend."""
     lanes, step = work.lanes, step_of(world.motion, 0)
@@ -79,7 +79,7 @@ def move(world: World, work: Workspace) -> None:
     write_three(lanes.velocity, 0, ux, uy, uz)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def open_with(
     world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
 ) -> None:
@@ -98,7 +98,7 @@ def open_with(
             log.reason[0, axis] = REHEARSED
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def write_sample(
     world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
 ) -> None:
@@ -199,7 +199,7 @@ def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
-@compiled(error_model="numpy", inline="always", fastmath={"contract"})
+@compiled(error_model="numpy", inline="always")
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
     optics: Beyond | None,
@@ -302,7 +302,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     write_outcomes(world, work, num_lanes, flight, outcomes)
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def fly_many(
     world: World,
     optics: Beyond | None,
