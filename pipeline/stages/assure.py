@@ -139,7 +139,7 @@ def _searches(
     """Search for the worst case of a requirement, where that is asked for, and tell how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
-    space = case_space(experiment.monte_carlo, experiment.sun)
+    space = case_space(experiment.monte_carlo, experiment.sun, experiment.mission)
     settings, optimizer = experiment.assurance, experiment.optimizer
     found = tuple(
         search(requirement, flights, space, settings, optimizer, experiment.seed, number)
