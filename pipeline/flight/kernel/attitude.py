@@ -102,7 +102,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
         work.lanes.y_before[i, lane] = y[i]
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
     """Write where all lanes should look over the control period that follows sample k."""
     lanes = work.lanes
@@ -402,7 +402,7 @@ def write_instants(world: World, work: Workspace, log: FlightLog, k: int) -> Non
                 log.attitude_rate_b_rad_s[k, j, component] = torques[3 + component]
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
 def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
     """Turn all lanes over the control period that they are aimed for."""
     lanes, h = work.lanes, world.attitude_period
