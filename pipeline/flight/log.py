@@ -24,8 +24,8 @@ class Scenario:
     """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and where the Sun is at k = 0 (rad).
 
     The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane. `noise` is the
-    seed, the stage and the case that errors of navigation and thrusters are drawn from; `settings` are values of
-    dispersed keys, in the order of the sorted keys, where these are given and not drawn.
+    seed, the stage and the case that errors of navigation and thrusters are drawn from; `settings` are values
+    of the dispersed keys, in the order of the sorted keys, where these are given and not drawn.
     """
 
     position_m: Floats
