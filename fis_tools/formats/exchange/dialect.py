@@ -30,6 +30,7 @@ from fis_tools.model import (
     MembershipFunction,
     Or,
     OrOperator,
+    Ramp,
     Rule,
     Sampled,
     Term,
@@ -166,7 +167,12 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             f"the outputs are aggregated by {', '.join(aggregations)}, and {dialect.title} knows one way for "
             "all; export as fll or json"
         )
-    outputs = (_said_variable(variable, names, dialect, is_output=True) for variable in system.outputs)
+    outputs = (
+        _said_weighed(system, variable, names, dialect)
+        if system.weighs(variable)
+        else _said_variable(variable, names, dialect, is_output=True)
+        for variable in system.outputs
+    )
     said = settle(
         FuzzySystem(
             name=names.system,
@@ -175,7 +181,7 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             rules=tuple(rule for group in groups for rule in group),
             and_operator=system.and_operator,
             or_operator=system.or_operator,
-            implication=system.implication,
+            implication="min" if len(system.weighed) == len(system.outputs) else system.implication,
         )
     )
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in said.rules):
@@ -299,6 +305,21 @@ def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_out
         description=one_line(variable.description) if dialect.holds_descriptions else "",
         aggregation=variable.aggregation,
     )
+
+
+def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
+    """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
+    for term in output.terms:
+        shape = term.membership
+        if dialect.words and not isinstance(shape, Ramp) and dialect.words not in shape.entry.words:
+            raise NotExpressible(
+                f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
+                f"{dialect.title} has no word; export as fll or json"
+            )
+    plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
+    said = _said_variable(plain, names, dialect, is_output=True)
+    terms = (Term(names.terms[output.name, term.name], term.membership) for term in output.terms)
+    return replace(said, terms=tuple(terms), num_points=OUTPUT_POINTS)
 
 
 def _said_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
