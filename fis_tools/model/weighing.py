@@ -1,6 +1,6 @@
 """What makes an output wrong by how it becomes a number: fuzzy sets where numbers belong, and the reverse."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from fis_tools.model.numbers import Linear, Number
 from fis_tools.model.operators import WEIGHING
@@ -53,3 +53,15 @@ def number_problems(variable: Variable) -> Iterator[str]:
                 f"input {variable.name!r}, term {term.name!r} is a number; terms of inputs are fuzzy sets, "
                 "so give it a shape"
             )
+
+
+def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
+    """Return the least and the greatest number that an output's terms are over the ranges of the inputs."""
+    low, high = [], []
+    for term in output.terms:
+        if isinstance(term.membership, Number):
+            *coefficients, constant = term.membership.row(len(inputs))
+            ends = [sorted((c * v.minimum, c * v.maximum)) for c, v in zip(coefficients, inputs, strict=True)]
+            low.append(constant + sum(least for least, _ in ends))
+            high.append(constant + sum(greatest for _, greatest in ends))
+    return min(low, default=output.minimum), max(high, default=output.maximum)

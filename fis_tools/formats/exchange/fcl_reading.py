@@ -128,14 +128,19 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
             )
     inputs, outputs = (tuple(variables[name] for name in declared[k]) for k in ("VAR_INPUT", "VAR_OUTPUT"))
     rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
-    are_weighed = all(output.defuzzifier in WEIGHING for output in outputs)
-    activations = {"MIN" if are_weighed else _word(block, "ACT", "MIN") for block in rule_blocks}
+    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
+    groups = [list(_rules(block)) for block in rule_blocks]
+    activations = {
+        _word(block, "ACT", "MIN")
+        for block, group in zip(rule_blocks, groups, strict=True)
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
+    }
     if len(activations) > 1:
         raise ControllerFileError(
             f"the rule blocks activate by {' and '.join(sorted(activations))}, and a system of ours has one "
             "implication; give each block a file of its own"
         )
-    rules = [rule for block in rule_blocks for rule in _rules(block)]
+    rules = [rule for group in groups for rule in group]
     word = next(iter(activations), "MIN")
     return settle(
         FuzzySystem(

@@ -224,6 +224,11 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
         if key not in entries:
             raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
     kind, where = quoted_word(entries, "Type")
+    if kind == "hybrid":
+        raise ControllerFileError(
+            f"{where} is 'hybrid', outputs of several kinds, but a .fis file has one DefuzzMethod for "
+            "all; get the system as .fll"
+        )
     if kind not in _TYPES:
         raise ControllerFileError(f"{where} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
     defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), "")
@@ -264,7 +269,7 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
         aggregation, implication = "unbounded_sum", "min"
     return settle(
         FuzzySystem(
-            name=quoted_word(entries, "Name")[0] if "Name" in entries else "unnamed",
+            name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
             inputs=with_hedged_terms(inputs, rules, POWERS),
             outputs=tuple(replace(output, aggregation=aggregation) for output in outputs),
             rules=rules,
@@ -291,7 +296,7 @@ def _variable(section: Section, num_weighed: int | None) -> Variable:
         if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
-    num_terms = whole_number(entries, "NumMFs")
+    num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     keys = [f"MF{place}" for place in range(1, num_terms + 1)]
     found = [key for key in entries if key.startswith("MF")]
     if sorted(found) != sorted(keys):

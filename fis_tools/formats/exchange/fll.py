@@ -5,6 +5,7 @@ after a defuzzifier counts the intervals that an output's range is cut into, one
 universe. Rules are sentences, ``if a is low and (b is high or c is not low) then d is up with 0.5``.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -221,16 +222,23 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     for block in rule_blocks:
         _refuse_setting(block, "activation", ("General", "none", "Minimum"))
     operators = [_block_operators(block) for block in rule_blocks]
-    are_weighed = all(output.defuzzifier in WEIGHING for output in outputs)
     first = next(iter(operators), (None, None))
-    rules = [
-        replace(
-            read_rule(line, words, operators[place]),
-            and_operator=operators[place][0],
-            or_operator=operators[place][1],
-        )
-        for place, block in enumerate(rule_blocks)
-        for line, words in block.repeated
+    groups = [
+        [
+            replace(read_rule(line, words, own), and_operator=own[0], or_operator=own[1])
+            for line, words in block.repeated
+        ]
+        for block, own in zip(rule_blocks, operators, strict=True)
+    ]
+    rules = [rule for group in groups for rule in group]
+    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
+    for block in blocks:
+        if block.kind == "OutputVariable" and block.name in weighed:
+            _refuse_joined(block, rules)
+    implying = [
+        block
+        for block, group in zip(rule_blocks, groups, strict=True)
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
     ]
     return settle(
         FuzzySystem(
@@ -240,7 +248,7 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
             rules=tuple(chained(rules, outputs)),
             and_operator=first[0] or "min",
             or_operator=first[1] or "max",
-            implication="min" if are_weighed else _implication(rule_blocks),
+            implication=_implication(implying),
         )
     )
 
@@ -253,6 +261,20 @@ def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
                 f"line {line}: {key} of a {block.kind} is {value[:40]!r}, which cannot be read; expected "
                 f"{' or '.join(allowed)}: change it or take the part out"
             )
+
+
+def _refuse_joined(block: _Block, rules: Sequence[Rule]) -> None:
+    """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
+    line, word = block.entries.get("aggregation", block.entries.get("accumulation", (block.line, "none")))
+    if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
+        return
+    concluded = Counter(c.term for rule in rules for c in rule.consequents if c.variable == block.name)
+    several = [term for term, count in concluded.items() if count > 1]
+    if several:
+        raise ControllerFileError(
+            f"line {line}: the aggregation {word[:40]!r} joins the rules that conclude {several[0]!r}, but "
+            "each counts by itself where an output is weighed; write none"
+        )
 
 
 def _implication(blocks: Sequence[_Block]) -> AndOperator:
@@ -341,7 +363,6 @@ def _concluded_terms(
 ) -> list[tuple[str, MembershipFunction | Table]]:
     """Read the terms of an output that is weighed."""
     _refuse_setting(block, "lock-range", ("false",))
-    _refuse_setting(block, "aggregation", ("none", "", "UnboundedSum"))
     terms: list[tuple[str, MembershipFunction | Table]] = []
     for line, words in block.repeated:
         name, word, rest = _parted(line, words)

