@@ -27,7 +27,7 @@ from pipeline.command_line.overrides import (
     single_runs,
 )
 from pipeline.command_line.runs import MISTAKE, OK
-from pipeline.run import artifacts, maker
+from pipeline.run import artifacts, maker, reproducible
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
@@ -46,9 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
+    words = sys.orig_argv[1:] if arguments is None else ["-m", "pipeline", *arguments]
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         return _dispatch(arguments)
+    except reproducible.NotInForce:
+        return reproducible.start_anew(words)
     except Interrupted as interrupt:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED

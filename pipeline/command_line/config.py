@@ -179,7 +179,12 @@ def read_starts(config: dict[str, Any]) -> None:
     cases["num_cases"] = start_table.num_rows(cases["table"])
 
 
-def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection[str]) -> list[str]:
+def differences(
+    then: Mapping[str, Any],
+    now: Mapping[str, Any],
+    but: Collection[str],
+    words: tuple[str, str] = ("then", "now"),
+) -> list[str]:
     """Name the keys in which two configurations differ, each with both values, in short.
 
     Parameters
@@ -188,6 +193,8 @@ def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection
         Plain data.
     but : collection of str
         Keys of the first level that do not count.
+    words : (str, str)
+        What the two are called.
 
     Returns
     -------
@@ -202,7 +209,7 @@ def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection
             for name in sorted({*one, *other}):
                 yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
         else:
-            yield f"{key} (then {_short(one)}, now {_short(other)})"
+            yield f"{key} ({words[0]} {_short(one)}, {words[1]} {_short(other)})"
 
     first, second = (
         {key: value for key, value in config.items() if key not in but} for config in (then, now)

@@ -14,7 +14,8 @@ from pipeline.command_line.arguments import Asked
 from pipeline.command_line.config import Composed, compose_experiment, differences
 from pipeline.command_line.overrides import EXPERIMENT, ConfigError
 from pipeline.flight.chief import num_chief_steps
-from pipeline.run import artifacts
+from pipeline.flight.course import check_perigee
+from pipeline.run import artifacts, reproducible
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
@@ -190,7 +191,10 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise what a stage would raise, before any folder is made."""
+    if experiment.reproducible:
+        reproducible.require()
     num_chief_steps(experiment.mission)
+    check_perigee(experiment.mission)
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
 from pipeline.flight.chief import num_chief_steps
+from pipeline.flight.course import chief_course
 from pipeline.flight.kernel.arrays import POINTS, World
 from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.light import (
@@ -150,4 +151,5 @@ def pack_world(mission: Mission) -> World:
         has_clusters=mission.guidance.kind == "clusters",
         coasts_when_complete=mission.coast_when_complete,
         guard=guard_of(mission),
+        course=chief_course(mission),
     )

@@ -52,6 +52,27 @@ class Orbit:
     ] = None
 
 
+@settings("dynamics")
+@dataclass(frozen=True, kw_only=True)
+class Dynamics:
+    """How the deputy really moves: by Clohessy and Wiltshire's equations, or about the Earth as the chief."""
+
+    model: Literal["cw", "two_body"]
+    eccentricity: Annotated[NotNegative, Field(lt=1, description="of the chief's orbit at the start")]
+    true_anomaly_deg: Annotated[Number, Field(description="of the chief at the start, from the perigee, deg")]
+    inclination_deg: Annotated[Number, Field(ge=0, le=180, description="of the orbit to the equator, deg")]
+    latitude_argument_deg: Annotated[
+        Number, Field(description="of the chief at the start, from the ascending node, deg")
+    ]
+    j2: Annotated[NotNegative, Field(le=0.1, description="coefficient of the Earth's oblateness")]
+    drag_m_s2: Annotated[
+        Number, Field(description="by which drag slows the deputy more than the chief, m/s^2")
+    ]
+    radiation_m_s2: Annotated[
+        Number, Field(description="by which sunlight pushes the deputy more than the chief, m/s^2")
+    ]
+
+
 @settings("deputy")
 @dataclass(frozen=True, kw_only=True)
 class Deputy:
@@ -250,6 +271,19 @@ IDEAL = Actuators(
 )
 
 
+#: motion in closed form
+LINEAR = Dynamics(
+    model="cw",
+    eccentricity=0.0,
+    true_anomaly_deg=0.0,
+    inclination_deg=0.0,
+    latitude_argument_deg=0.0,
+    j2=0.0,
+    drag_m_s2=0.0,
+    radiation_m_s2=0.0,
+)
+
+
 #: no layer: forces are applied as a controller asks for them
 UNGUARDED = Safety(
     kind="none",
@@ -282,6 +316,7 @@ class Mission:
     safety: Safety
     navigation: Navigation = PERFECT
     actuators: Actuators = IDEAL
+    dynamics: Dynamics = LINEAR
     attitude_period_s: Annotated[Positive, Field(description="between two torques, s")]
     control_period_s: Annotated[Positive, Field(description="between two forces, s")]
     duration_s: Positive

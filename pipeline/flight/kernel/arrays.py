@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
+from pipeline.physics.orbit import Course
 from pipeline.physics.sight import Optics, Sight
 
 Floats = NDArray[np.float64]
@@ -98,6 +99,7 @@ class World(NamedTuple):
     has_clusters: bool
     coasts_when_complete: bool
     guard: Guard
+    course: Course  # of the chief about the Earth; not on where motion is linear
 
 
 class Plans(NamedTuple):
@@ -149,6 +151,7 @@ CARRIED = np.dtype(
         ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
         ("sun", np.float64, (2, LANES)),  # the same now
         ("sun_height", np.float64, (2, LANES)),  # cosine and sine of its elevation
+        ("shine", np.float64, (3, LANES)),  # what of its disc is visible at the instants of a step
         ("boresight", np.float64, (3, LANES)),
         ("target", np.float64, (3, LANES)),  # zero where there are no candidates
         ("num_counted", np.float64, LANES),  # points that the flight is about

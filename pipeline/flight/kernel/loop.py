@@ -4,7 +4,7 @@ What is computed is what `pipeline.flight.reference.loop` writes out plainly; th
 to `LANES` flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
 work on all of them; every flight comes out the same in any company.
 
-A state moves exactly, by `pipeline.physics.motion`.
+A state moves exactly, by `pipeline.physics.motion`, or about the Earth, by `pipeline.physics.two_body`.
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
 """
 
@@ -48,6 +48,7 @@ from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense, sense_again
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
+from pipeline.flight.kernel.two_body import move_about_earth
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import REHEARSED, FlightLog
 from pipeline.flight.signals import (
@@ -60,6 +61,7 @@ from pipeline.flight.signals import (
     slot,
 )
 from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.orbit import Course
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
@@ -69,22 +71,29 @@ Bytes = NDArray[np.uint8]
 LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
+def spend(world: World, work: Workspace) -> None:
+    """Add up what all lanes spend in a control period."""
+    lanes = work.lanes
+    fx, fy, fz = three(lanes.force)
+    spent_per_force = world.control_period * world.acceleration_per_force
+    store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
+
+
+@compiled(error_model="numpy", forceinline=True)
 def move(world: World, work: Workspace) -> None:
-    """Move all lanes by a control period and add up what they spend."""
+    """Move all lanes by a control period."""
     lanes, step = work.lanes, step_of(world.motion, 0)
     rx, ry, rz = three(lanes.position)
     vx, vy, vz = three(lanes.velocity)
     fx, fy, fz = three(lanes.force)
-    spent_per_force = world.control_period * world.acceleration_per_force
-    store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
     px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
     ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
     write_three(lanes.position, 0, px, py, pz)
     write_three(lanes.velocity, 0, ux, uy, uz)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def open_with(
     world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
 ) -> None:
@@ -103,7 +112,7 @@ def open_with(
             log.reason[0, axis] = REHEARSED
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def write_sample(
     world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
 ) -> None:
@@ -227,7 +236,7 @@ def write_fired(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
-@compiled(error_model="numpy", inline="always", fastmath={"contract"})
+@compiled(error_model="numpy", inline="always")
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
     optics: Beyond | None,
@@ -236,6 +245,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     pushes: bool | None,
     fixes: Fixes | None,
     firing: Firing | None,
+    course: Course | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -255,7 +265,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     Parameters
     ----------
     world, law : what is flown
-    optics, guard, clusters, pushes, fixes, firing : as in `fly_many`
+    optics, guard, clusters, pushes, fixes, firing, course : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
     counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
@@ -327,12 +337,16 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             turn_deputies(world, work, num_lanes)
         if is_logged:
             write_instants(world, work, log, k)
-        move(world, work)
+        spend(world, work)
+        if course is None:
+            move(world, work)
+        else:
+            move_about_earth(world, course, work, k)
 
     write_outcomes(world, work, num_lanes, flight, outcomes)
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def fly_many(
     world: World,
     optics: Beyond | None,
@@ -341,6 +355,7 @@ def fly_many(
     pushes: bool | None,
     fixes: Fixes | None,
     firing: Firing | None,
+    course: Course | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -358,9 +373,9 @@ def fly_many(
 
     Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
     guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, where
-    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, and without
-    rehearsal `openings`: numba leaves out what depends on them, and nobody waits for the compilation of what
-    is not flown.
+    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, where motion is
+    linear `course`, and without rehearsal `openings`: numba leaves out what depends on them, and nobody waits
+    for the compilation of what is not flown.
     """
     # not what may be None: what is left out then hangs on the argument itself
     world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
@@ -378,6 +393,7 @@ def fly_many(
             pushes,
             fixes,
             firing,
+            course,
             law,
             values[row],
             rules[row],

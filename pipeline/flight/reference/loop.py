@@ -39,6 +39,7 @@ from pipeline.physics.illumination import sun_angle, sun_direction_h, visible_sh
 from pipeline.physics.motion import propagate
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 from pipeline.physics.rigid_body import relative_attitude_step
+from pipeline.physics.two_body import move_beside
 from pipeline.physics.vectors import times, transposed_times
 from pipeline.settings.experiment import Mission
 
@@ -355,6 +356,9 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
-        state = propagate(world.motion, truth, fired_h)
+        if world.course.is_on:
+            state = move_beside(world.course, k, truth, fired_h / world.mass, sun_direction_h(*sun_at_start))
+        else:
+            state = propagate(world.motion, truth, fired_h)
         delta_v += np.abs(fired_h).sum() * world.control_period / world.mass
     return log
