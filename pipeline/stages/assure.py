@@ -257,6 +257,7 @@ def _provenance(
             "safety": mission.safety.kind,
             "navigation": mission.navigation.mode,
             "thrusters": mission.actuators.kind,
+            "dynamics": mission.dynamics.model,
             "dispersed": [one.key for one in distributions(mission.dispersions)],
             "duration_s": mission.duration_s,
         },

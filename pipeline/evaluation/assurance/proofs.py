@@ -92,8 +92,8 @@ class SafetyProof:
     is_on : bool
         Whether the layer flies.
     is_exact : bool
-        Whether place, forces and settings are as the layer takes them to be: no errors of navigation or
-        thrusters, nothing dispersed.
+        Whether place, forces, motion and settings are as the layer takes them to be: no errors of
+        navigation or thrusters, Clohessy and Wiltshire's equations, nothing dispersed.
     keep_out_m, keep_in_m : float
         The spheres that it keeps the samples between.
     num_starts, num_safe : int
@@ -132,7 +132,7 @@ def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof
     """Check the premises of the safety layer's proof for the starts of some flights."""
     is_on = mission.safety.kind == "filter"
     is_exact = mission.navigation.mode == "perfect" and mission.actuators.kind == "ideal"
-    is_exact = is_exact and not mission.dispersions
+    is_exact = is_exact and mission.dynamics.model == "cw" and not mission.dispersions
     num_safe = 0
     if is_on:
         world = safety_world_of(mission)

@@ -23,6 +23,7 @@ def uncertain(conditions: Mapping[str, Any]) -> list[str]:
     found = [] if conditions["sun"] == "fixed" else ["Sun"]
     found += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
     found += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]
+    found += [] if conditions["dynamics"] == "cw" else ["forces beyond the controller's model"]
     return found + list(conditions["dispersed"])
 
 
@@ -88,7 +89,7 @@ def factors(evidence: Mapping[str, Any]) -> list[Factor]:
             RESULTS,
             "uncertainty characterization",
             f"one-sided binomial bounds over {num_cases:,} cases for {_listed(uncertain(conditions))}",
-            "all else is known exactly here, dynamics among it: no dispersion of it is flown",
+            "all else is known exactly here: no error of it is flown",
         ),
         Factor(
             RESULTS,

@@ -70,6 +70,7 @@ def test_the_layer_proves_what_follows_from_its_spheres():
     [
         "navigation=fixes",
         "actuators=real",
+        "dynamics=two_body",
         "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}",
     ],
 )
