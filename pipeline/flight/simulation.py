@@ -39,6 +39,7 @@ from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
 from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
+from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -125,9 +126,11 @@ def fly_population(
         m starts.
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
-    tracks : (n * m, K+1, 3 or 8) float32, optional
-        Filled with positions, m, Hill axes; with eight columns also with velocities, m/s, the delta-v spent,
-        m/s, and the number of points not yet inspected.
+    tracks : (n * m, K+1, 3 or 15) float32, optional
+        Filled with positions, m, Hill axes; where there is room for them also with velocities, m/s, the
+        delta-v spent, m/s, the number of points not yet inspected, the force fired over the control period
+        that follows, N, the boresight, both in Hill axes, and how fast the deputy turns relative to Hill,
+        rad/s: columns as in `pipeline.flight.kernel.arrays`.
     openings : (m, 3) array, optional
         What is fired from each start in the first control period in place of what the rules decide, N, Hill
         axes.
@@ -379,7 +382,7 @@ def _outcomes_of_logs(
     for case, scenario in enumerate(scenarios):
         log = fly_logged(mission, controller, scenario)
         if tracks is not None:
-            tracks[case] = tracked(log)[:, : tracks.shape[2]]
+            tracks[case] = tracked(mission, log)[:, : tracks.shape[2]]
         inspectable[case] = log.is_inspectable.sum()
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
@@ -395,10 +398,14 @@ def _outcomes_of_logs(
     return _outcomes(rows, inspectable)
 
 
-def tracked(log: FlightLog) -> Floats:
-    """Return the track of a logged flight, (K+1, 8), in double precision; see `fly_population`."""
+def tracked(mission: Mission, log: FlightLog) -> Floats:
+    """Return the track of a logged flight, (K+1, 15), in double precision; see `fly_population`."""
     left = np.count_nonzero(~log.is_inspected, axis=1)
-    return np.column_stack([log.position_m, log.velocity_m_s, log.delta_v_m_s, left])
+    fired = np.vstack([log.force_hill_n, np.zeros(3)])
+    boresights = [dcm_b_from_h(turned).T @ mission.sensor.boresight for turned in log.quaternion_b_from_h]
+    turn_rates = np.linalg.norm(log.angular_velocity_b_rad_s, axis=1)
+    columns = [log.position_m, log.velocity_m_s, log.delta_v_m_s, left, fired, boresights, turn_rates]
+    return np.column_stack(columns)
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Three = tuple[Vector, Vector, Vector]
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def to_inertial(course: Course, row: int, hill: Three) -> Three:
     """Turn Hill axes into those of the course."""
     c, (x, y, z) = course.axes, hill
@@ -37,7 +37,7 @@ def to_inertial(course: Course, row: int, hill: Three) -> Three:
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def to_hill(course: Course, row: int, inertial: Three) -> Three:
     """Turn axes of the course into Hill's."""
     c, (x, y, z) = course.axes, inertial
@@ -48,7 +48,7 @@ def to_hill(course: Course, row: int, inertial: Three) -> Three:
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def entered(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
     """Turn a place and a velocity in Hill axes, which turn, into those in axes of the course."""
     (x, y, z), (u, v, w) = place, velocity
@@ -57,7 +57,7 @@ def entered(course: Course, row: int, place: Three, velocity: Three) -> tuple[Th
     return to_inertial(course, row, place), to_inertial(course, row, moving)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
     """Turn a place and a velocity in axes of the course into those in Hill axes."""
     x, y, z = to_hill(course, row, place)
@@ -66,7 +66,7 @@ def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three
     return (x, y, z), (u + wz * y, v - wz * x + wx * z, w - wx * y)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def acceleration(course: Course, row: int, place: Three, force: Three, light: Three, shine: Vector) -> Three:
     """Return the acceleration relative to the chief of a deputy at a place beside it, axes of the course.
 
@@ -94,7 +94,7 @@ def acceleration(course: Course, row: int, place: Three, force: Three, light: Th
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
     """Return where a deputy is after a time in which it is accelerated evenly."""
     half = 0.5 * time * time
@@ -105,7 +105,7 @@ def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def stepped(
     course: Course, row: int, place: Three, velocity: Three, force: Three, light: Three, shine: Three
 ) -> tuple[Three, Three]:

@@ -144,6 +144,7 @@ class FlightRecorder:
             position_m=tuple(scenario.position_m.tolist()),
             velocity_m_s=tuple(scenario.velocity_m_s.tolist()),
             noise=scenario.noise if self._is_noisy else None,
+            settings=scenario.settings,
             sun_angle_rad=float(scenario.sun_angle_rad),
             sun_elevation_rad=float(scenario.sun_elevation_rad),
             product_version=self._product_version,

@@ -115,6 +115,7 @@ def _start_of(recording: Recording) -> Scenario:
         episode.sun_angle_rad,
         episode.sun_elevation_rad or 0.0,
         _noise_of(episode.noise),
+        episode.settings,
     )
 
 

@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.run import artifacts
+from pipeline.run import artifacts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
@@ -62,9 +62,13 @@ def run_stages(
 
     Raises
     ------
+    pipeline.run.reproducible.NotInForce
+        If the experiment is to be reproducible, and this process is not.
     Interrupted
         After an interrupt from the keyboard; the manifest then tells what is finished.
     """
+    if experiment.reproducible:
+        reproducible.require()
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
@@ -106,11 +110,10 @@ def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
     if not before and "versions" in earlier:  # a run of a version that kept the last one alone
         before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
     now = present_maker()
-    if before and before[-1] != now:
-        told = "; ".join(unlike(before[-1], now)) or "another revision"
+    if before and (differing := unlike(before[-1], now)):
         sys.stderr.write(
-            f"note: another maker began this run ({told}); what is made now may differ from what it would "
-            "have made, and the manifest names both\n"
+            f"note: another maker began this run ({'; '.join(differing)}); what is made now may differ from "
+            "what it would have made, and the manifest names both\n"
         )
     return before if before and before[-1] == now else [*before, now]
 

@@ -226,6 +226,8 @@ class Experiment:
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
         file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or of a kind that plans.
+    reproducible : bool
+        Whether libraries compute alike on all x86-64 processors.
     resume : bool
         Whether to go on from a checkpoint in the run's folder; no part of the configuration.
     """
@@ -244,6 +246,9 @@ class Experiment:
     telemetry: Telemetry
     report: Report
     controller: dict[str, Any] = field(hash=False)
+    reproducible: Annotated[
+        Flag, Field(description="whether libraries compute alike on all x86-64 processors")
+    ] = False
     resume: bool = False
 
     def __post_init__(self) -> None:

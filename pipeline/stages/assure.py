@@ -39,7 +39,7 @@ from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
-from telemetry.file.topics import DEPUTY_STATE, MISSION
+from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
 #: of the operational domain and of what leaves it
 CONFIDENCE = 0.9
@@ -139,7 +139,7 @@ def _searches(
     """Search for the worst case of a requirement, where that is asked for, and tell how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
-    space = case_space(experiment.monte_carlo, experiment.sun)
+    space = case_space(experiment.monte_carlo, experiment.sun, experiment.mission)
     settings, optimizer = experiment.assurance, experiment.optimizer
     found = tuple(
         search(requirement, flights, space, settings, optimizer, experiment.seed, number)
@@ -209,7 +209,7 @@ class _Worst:
     def _judged_again(self, requirement: Requirement, path: Path) -> float:
         """Return a requirement's margin from the topics of a recording."""
         assert requirement.formula is not None  # noqa: S101 - flown ones have one
-        track, num_points = track_of(reader.read(path, (DEPUTY_STATE, MISSION)))
+        track, num_points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
         period = self._experiment.mission.control_period_s
         found = judged(track, num_points, {requirement.id: requirement.formula}, period)
         return float(found[requirement.id].margins[0])

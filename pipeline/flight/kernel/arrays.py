@@ -21,8 +21,12 @@ Bytes = NDArray[np.uint8]
 #: inspection points that are looked at together
 POINTS = 8
 
-#: columns of a track: position, or position, velocity, delta-v spent and points not yet inspected
-NUM_PLACED, NUM_TRACKED = 3, 8
+#: columns of a track: position, or these
+NUM_PLACED, NUM_TRACKED = 3, 15
+#: of a track, after position and velocity: delta-v spent, points not yet inspected, where the force that is
+#: fired next begins (Hill axes, zero at the last sample), where the boresight does (Hill axes), and how fast
+#: the deputy turns relative to Hill
+TRACK_SPENT, TRACK_LEFT, TRACK_FORCE, TRACK_BORESIGHT, TRACK_TURN_RATE = 6, 7, 8, 11, 14
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
 SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8

@@ -8,7 +8,7 @@ A state moves exactly, by `pipeline.physics.motion`, or about the Earth, by `pip
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
 """
 
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,11 @@ from pipeline.flight.kernel.arrays import (
     OUTSIDE,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
+    TRACK_BORESIGHT,
+    TRACK_FORCE,
+    TRACK_LEFT,
+    TRACK_SPENT,
+    TRACK_TURN_RATE,
     Beyond,
     Guard,
     Law,
@@ -66,7 +71,7 @@ Bytes = NDArray[np.uint8]
 LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def spend(world: World, work: Workspace) -> None:
     """Add up what all lanes spend in a control period."""
     lanes = work.lanes
@@ -75,7 +80,7 @@ def spend(world: World, work: Workspace) -> None:
     store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def move(world: World, work: Workspace) -> None:
     """Move all lanes by a control period."""
     lanes, step = work.lanes, step_of(world.motion, 0)
@@ -88,7 +93,7 @@ def move(world: World, work: Workspace) -> None:
     write_three(lanes.velocity, 0, ux, uy, uz)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def open_with(
     world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
 ) -> None:
@@ -107,7 +112,7 @@ def open_with(
             log.reason[0, axis] = REHEARSED
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def write_sample(
     world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
 ) -> None:
@@ -198,18 +203,41 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
 
 @compiled(error_model="numpy", inline="always")
 def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
-    """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
+    """Write where a lane is; where the row has room, also all else that is known before the next force."""
     for component in range(3):
         row[component] = lanes.position[component, lane]
     if len(row) == NUM_TRACKED:
         for component in range(3):
             row[3 + component] = lanes.velocity[component, lane]
-        row[6] = lanes.spent[lane]
-        row[7] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
+            row[TRACK_FORCE + component] = 0.0
+            row[TRACK_BORESIGHT + component] = lanes.boresight[component, lane]
+        row[TRACK_SPENT] = lanes.spent[lane]
+        row[TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
+        row[TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, lanes, lane)
+
+
+@compiled(error_model="numpy")
+def turn_rate(world: World, lanes: Any, lane: int) -> float:
+    """Return how fast a lane turns relative to Hill, rad/s: its inertial rate less the orbit's."""
+    q1, q2 = lanes.attitude[0, lane], lanes.attitude[1, lane]
+    q3, q4 = lanes.attitude[2, lane], lanes.attitude[3, lane]
+    n = world.mean_motion
+    wx = lanes.rate[0, lane] - n * 2.0 * (q1 * q3 - q2 * q4)
+    wy = lanes.rate[1, lane] - n * 2.0 * (q2 * q3 + q1 * q4)
+    wz = lanes.rate[2, lane] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+    return sqrt(wx * wx + wy * wy + wz * wz)
+
+
+@compiled(error_model="numpy", inline="always")
+def write_fired(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+    """Write what a lane fires, where the row has room."""
+    if len(row) == NUM_TRACKED:
+        for component in range(3):
+            row[TRACK_FORCE + component] = lanes.force[component, lane]
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
-@compiled(error_model="numpy", inline="always", fastmath={"contract"})
+@compiled(error_model="numpy", inline="always")
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
     optics: Beyond | None,
@@ -304,6 +332,8 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             recover_truth(fixes, work)
         if firing is not None:
             fire(world, firing, work, first, num_lanes, k, log)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            write_fired(lanes, lane, tracks[flight + lane, k])
         if not world.is_attitude_ideal:
             turn_deputies(world, work, num_lanes)
         if is_logged:
@@ -317,7 +347,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     write_outcomes(world, work, num_lanes, flight, outcomes)
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def fly_many(
     world: World,
     optics: Beyond | None,

@@ -36,7 +36,7 @@ def note_sunshine(course: Course, work: Workspace, row: int) -> None:
             shines[part, lane] = share_at(shines[part, lane], radius)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def move_about_earth(world: World, course: Course, work: Workspace, k: int) -> None:
     """Move all lanes by a control period."""
     lanes, row = work.lanes, 2 * course.num_steps * k
