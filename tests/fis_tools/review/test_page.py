@@ -21,6 +21,7 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController
 from fis_tools.review import carried, page
 from fis_tools.words.text import sentence
+from tests.browser import serious_violations
 from tests.fis_tools.review.cases import (
     HOSTILE,
     Markup,
@@ -536,15 +537,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_serious(opened, text, axe, width, scheme):
     shown = opened(text, width=width, color_scheme=scheme)
-    shown.evaluate(axe)
-    found = shown.evaluate("axe.run(document, { resultTypes: ['violations'] })")
-    assert len(found["passes"]) > 20
-    serious = [
-        (one["id"], [node["html"][:150] for node in one["nodes"][:3]])
-        for one in found["violations"]
-        if one["impact"] in {"serious", "critical"}
-    ]
-    assert serious == []
+    assert serious_violations(shown, axe) == []
 
 
 def test_hostile_names_are_only_text(opened):

@@ -3,18 +3,21 @@
 import hashlib
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from playwright.sync_api import Page
 
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.claims import judge
 from pipeline.report.evidence import page
 from pipeline.run import artifacts
+from tests.browser import serious_violations
 from tests.policies import check_policy, source_hash
 
 SMALL = (
@@ -148,3 +151,12 @@ def test_a_controller_without_systems_has_no_domain(tmp_path: Path) -> None:
     assert told["domain"] is None
     assert not (tmp_path / "run" / artifacts.DOMAIN).exists()
     assert {one["id"]: one["verdict"] for one in told["requirements"]}["R8"] == "not shown"
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious_on_the_page(
+    assured: Path, opened: Callable[..., Page], axe: str, width: int, scheme: str
+) -> None:
+    text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
+    assert serious_violations(opened(text, width=width, color_scheme=scheme), axe) == []
