@@ -250,10 +250,12 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
 
     try:
         schema, claimed = pq.read_schema(path), pq.read_metadata(path)
-        unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
-        if max(unpacked, claimed.num_rows * 8) > MOST_BYTES:
-            raise RecordingError(f"{path} unpacks to {unpacked} bytes; at most {MOST_BYTES} are read")
         wanted = [field.name for field in schema if _is_number(field.type)]
+        unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
+        # equal numbers in a row are packed as one
+        unpacked = max(unpacked, 8 * claimed.num_rows * (len(wanted) + 1))
+        if unpacked > MOST_BYTES:
+            raise RecordingError(f"{path} unpacks to {unpacked} bytes; at most {MOST_BYTES} are read")
         table = pq.read_table(path, columns=wanted, use_threads=False)
     except (OSError, ValueError, pa.ArrowException) as error:
         if isinstance(error, RecordingError):
