@@ -69,7 +69,7 @@ def systems() -> dict[str, FuzzySystem]:
 
 
 def mixed() -> FuzzySystem:
-    """One output by Mamdani, one by Takagi and Sugeno, weights other than one, and inputs that fire no rule."""
+    """One output by Mamdani, one by Takagi and Sugeno, weights other than one, inputs that fire no rule."""
     terms = (Term("near", Triangular(0.0, 1.0, 3.0)), Term("far", Triangular(5.0, 8.0, 9.0)))
     x = Variable("x", "", 0.0, 10.0, terms, 1001)
     z = Variable("z", "", 0.0, 1.0, (Term("up", Triangular(0.0, 0.5, 1.0)),), 101, default=0.0)
