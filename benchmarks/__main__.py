@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, flights, inference, recording, tools
+from benchmarks import commands, flights, gym, inference, recording, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
 CAMPAIGNS = ("examples", "fuzz", "kills")
-PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
+PARTS = ("flights", "gym", "inference", "monte_carlo", "recording", "start", "tools", "training")
 
 
 def processor() -> str:
@@ -48,6 +48,7 @@ def main() -> int:
     )
     runs = {
         "flights": lambda: flights.run(options.controller, options.flights),
+        "gym": gym.run,
         "inference": lambda: inference.run(options.controller),
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),

@@ -58,7 +58,7 @@ class Flights:
         world, width = self._world, self._world.points.shape[2]
         has_optics = world.has_optics or is_tilted
         self._optics = Beyond(hides=True if world.num_edge_cells else None) if has_optics else None
-        self._work, self._silent = make_workspace(world), no_log()
+        self._work = make_workspace(world)
         clusters = self._work.centres.shape[1]
         self._carried = Carried(
             lanes=aligned(num_flights, CARRIED).view(np.recarray),
@@ -75,6 +75,26 @@ class Flights:
         self.observed = np.zeros((num_flights, NUM_OBSERVED))
         self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
+        self._forces = np.zeros((num_flights, 3))
+        # they stay the same arrays, so that their types are asked for once
+        self._arguments = (
+            world,
+            self._optics,
+            world.guard if world.guard.is_on else None,
+            world.has_clusters or None,
+            self._fixes,
+            self._firing,
+            world.course if world.course.is_on else None,
+            self._starts,
+            self._counted,
+            self._work,
+            self._carried,
+            self.samples,
+            self._forces,
+            no_log(),
+            self.observed,
+        )
+        self._step = step_many.prepared(*self._arguments)  # type: ignore[attr-defined]
 
     def start(self, flight: int, scenario: Scenario) -> None:
         """Put a flight at a start; the next step brings it to its first sample."""
@@ -94,24 +114,8 @@ class Flights:
 
     def step(self, forces: Floats) -> None:
         """Fly every flight by a control period under a force, shape (n, 3), N, Hill axes, or start it."""
-        world = self._world
-        step_many(
-            world,
-            self._optics,
-            world.guard if world.guard.is_on else None,
-            world.has_clusters or None,
-            self._fixes,
-            self._firing,
-            world.course if world.course.is_on else None,
-            self._starts,
-            self._counted,
-            self._work,
-            self._carried,
-            self.samples,
-            forces,
-            self._silent,
-            self.observed,
-        )
+        self._forces[:] = forces
+        self._step(*self._arguments)
 
 
 def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | None]:

@@ -14,9 +14,10 @@ except ModuleNotFoundError as error:
 from pipeline.gym.env import InspectionEnv
 from pipeline.gym.many import InspectionVectorEnv
 from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation
-from pipeline.gym.task import Reward, Task, task_of
+from pipeline.gym.task import OBSERVED, Reward, Task, task_of
 
 __all__ = [
+    "OBSERVED",
     "InspectionEnv",
     "InspectionVectorEnv",
     "NormalizedObservation",

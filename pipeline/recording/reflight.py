@@ -125,7 +125,7 @@ def _noise_of(told: Sequence[float] | None) -> tuple[int, int, int]:
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
-    """Return the controller that is attached; the forces of one that plays them are those recorded."""
+    """Return the controller that is attached; one that plays forces asks for those that it asked for."""
     text = _attached(recording, CONTROLLER_ATTACHMENT).decode("utf-8", "replace")
     try:
         told = json.loads(text)
@@ -136,7 +136,10 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     if "systems" in told:
         return from_fuzzy(serialize.from_mapping(told))
     if told.get("kind") == "open_loop":
-        forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
+        commanded = recording[DEPUTY_CONTROL]
+        # earlier recordings tell only what was fired
+        field = "force_asked_n" if "force_asked_n" in commanded.columns else "force_hill_n"
+        forces = commanded[field].astype(np.float64)
         return open_loop(str(told.get("name")), forces)
     return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
 

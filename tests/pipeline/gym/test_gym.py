@@ -110,12 +110,14 @@ def test_rewards_are_what_they_are_said_to_be(flown) -> None:
     assert not terminated
     assert not truncated
     outward = replace(scenario, velocity_m_s=np.array([400.0, 0.0, 0.0]))
-    env.reset(options={"scenario": outward})
+    _, before = env.reset(options={"scenario": outward})
     _, rewarded, terminated, truncated, told = env.step(np.zeros(3))
     assert terminated
     assert not truncated
     assert told["outside_m"] > 0.0
-    assert rewarded < 0.0
+    # the safety layer brakes
+    gained, braked = told["num_inspected"] - before["num_inspected"], told["delta_v_m_s"]
+    assert rewarded == pytest.approx(reward.per_point * gained - reward.per_delta_v * braked - reward.outside)
 
 
 @pytest.mark.slow
