@@ -12,6 +12,7 @@ import numpy as np
 import telemetry
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.controllers.played import from_mapping
 from pipeline.flight.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
@@ -125,7 +126,7 @@ def _noise_of(told: Sequence[float] | None) -> tuple[int, int, int]:
 
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
-    """Return the controller that is attached; one that plays forces asks for those that it asked for."""
+    """Return the controller that is attached; the forces of one that plays them are those recorded."""
     text = _attached(recording, CONTROLLER_ATTACHMENT).decode("utf-8", "replace")
     try:
         told = json.loads(text)
@@ -135,11 +136,10 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
         ) from error
     if "systems" in told:
         return from_fuzzy(serialize.from_mapping(told))
-    if told.get("kind") == "open_loop":
-        commanded = recording[DEPUTY_CONTROL]
-        # earlier recordings tell only what was fired
-        field = "force_asked_n" if "force_asked_n" in commanded.columns else "force_hill_n"
-        forces = commanded[field].astype(np.float64)
+    if told.get("kind") == "open_loop" and "forces_n" in told:
+        return from_mapping(told)
+    if told.get("kind") == "open_loop":  # of recordings that only name it
+        forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
         return open_loop(str(told.get("name")), forces)
     return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
 

@@ -29,7 +29,7 @@ def draw(evidence: Mapping[str, Any]) -> str:
         parts += _row(requirement, FIRST_ROW + ROW * row)
     title = f"The argument for {evidence['controller']['name']}, goal by goal"
     return (
-        f'<svg class="argument" viewBox="0 0 {WIDTH} {height}" role="img" aria-labelledby="argument-name">'
+        f'<svg class="argument" viewBox="0 0 {WIDTH} {height}" role="group" aria-labelledby="argument-name">'
         f'<title id="argument-name">{escape(title)}</title>{_heads()}{"".join(parts)}</svg>'
     )
 
