@@ -122,10 +122,11 @@ def _judge(row: Row, inputs: np.ndarray, theirs: np.ndarray) -> None:
     answers = compile(row.system).infer(inputs)
     widths = np.array([output.maximum - output.minimum for output in row.system.outputs])
     difference = np.where(answers.no_rule_fired, 0.0, np.abs(answers.outputs - theirs) / widths)
-    difference = np.where(np.isnan(difference), np.inf, difference)
+    endless = np.isinf(theirs)  # a sigmoid of Tsukamoto's at full strength; here it ends with the range
+    difference = np.where(endless, 0.0, np.where(np.isnan(difference), np.inf, difference))
     worst = float(difference.max())
     row.verdict = "agrees" if worst <= TOLERANCE else "differs"
     silent = int(answers.no_rule_fired.sum())
-    row.words = f"{worst:.1e}" + (
-        f", no rule fires at {silent} of {answers.no_rule_fired.size}" if silent else ""
-    )
+    row.words = f"{worst:.1e}"
+    row.words += f", no rule fires at {silent} of {answers.no_rule_fired.size}" if silent else ""
+    row.words += f", theirs is infinite at {endless.sum()} of {endless.size}" if endless.any() else ""

@@ -19,7 +19,7 @@ from fis_tools.analysis.condition import read_conditions, read_region
 from fis_tools.formats import serialize
 from fis_tools.model.validate import InvalidSystem
 from pipeline.command_line.config import compose_experiment
-from pipeline.controllers.source import read_forces
+from pipeline.controllers.played import read_played
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder
@@ -96,7 +96,7 @@ def _minute() -> Mission:
 def _forces(content: bytes, folder: Path) -> object:
     path = folder / "forces.csv"
     path.write_bytes(content)
-    return read_forces(path, _minute())
+    return read_played(path, _minute())
 
 
 def _recording(content: bytes, folder: Path) -> object:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiler import CompiledSystem
+from fis_tools.engines.program import Weighing
 
 Floats = NDArray[np.float64]
 
@@ -31,14 +32,14 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
         none.
     """
     firing = compiled.firing_strengths(inputs)
-    outputs = compiled.conclude(firing)
+    outputs = compiled.conclude(firing, inputs)
     samples, rules = np.nonzero(_can_matter(compiled, firing))
     result = np.zeros((*firing.shape, outputs.shape[1]))
     for first in range(0, len(samples), BATCH):
         sample, rule = samples[first : first + BATCH], rules[first : first + BATCH]
         silenced = firing[sample]
         silenced[np.arange(len(sample)), rule] = 0.0
-        result[sample, rule] = outputs[sample] - compiled.conclude(silenced)
+        result[sample, rule] = outputs[sample] - compiled.conclude(silenced, inputs[sample])
     return result
 
 
@@ -46,7 +47,7 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> NDArray[np.bool_]:
     """Return which firing rules cut some output term highest; where rules add up, all do."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
-        if not conclusion.cuts:
+        if isinstance(conclusion, Weighing) or not conclusion.cuts:
             matters[:, conclusion.rules] = True
             continue
         cuts = firing[:, conclusion.rules] * conclusion.weights

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED
+from fis_tools.analysis.weighing import weighed_shares
 from fis_tools.engines.compiler import CompiledSystem
+from fis_tools.engines.program import Weighing
 from fis_tools.model.operators import ACCUMULATIONS, Operator
 
 Floats = NDArray[np.float64]
@@ -75,7 +77,8 @@ def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDER
     """Compute the share of each rule in each output.
 
     They are exact where rules can cut the output's terms in `MOST_COALITIONS` ways or fewer, as dozens of
-    rules do under a maximum; else means over some orders of joining, which add up as well.
+    rules do under a maximum, and where the output is weighed; else means over some orders of joining, which
+    add up as well.
 
     Parameters
     ----------
@@ -90,7 +93,10 @@ def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDER
     outputs = compiled.system.outputs
     values = np.zeros((*firing.shape, len(outputs)))
     error = np.zeros((len(firing), len(outputs)))
-    for place in range(len(outputs)):
+    for place, conclusion in enumerate(compiled.program.conclusions):
+        if isinstance(conclusion, Weighing):
+            values[:, :, place] = weighed_shares(compiled.program, conclusion, firing, np.asarray(inputs))
+            continue
         conclusions = _conclusions(compiled, place)
         for sample, strengths in enumerate(firing):
             found = _of_one(compiled, place, conclusions, strengths, num_orders)

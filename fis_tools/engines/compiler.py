@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import CENTROID, Program, assemble
+from fis_tools.engines.program import CENTROID, Program, Weighing, assemble
 from fis_tools.engines.rows import as_rows, columns_of, pick
 from fis_tools.model import FuzzySystem
 from fis_tools.model.membership import sample_terms
@@ -157,7 +157,12 @@ class CompiledSystem:
     @cached_property
     def _marking(self) -> Program:
         """The program, with centroids for outputs, and NaN for their defaults."""
-        marked = (c._replace(defuzzifier=CENTROID, default=np.nan) for c in self.program.conclusions)
+        marked = (
+            c._replace(default=np.nan)
+            if isinstance(c, Weighing)
+            else c._replace(defuzzifier=CENTROID, default=np.nan)
+            for c in self.program.conclusions
+        )
         return replace(self.program, conclusions=tuple(marked))
 
     def firing_strengths(self, inputs: Any) -> Floats:
@@ -167,13 +172,19 @@ class CompiledSystem:
         """
         return interpreter.fire(self.program, self._rows(inputs))
 
-    def conclude(self, firing: Floats) -> Floats:
+    def conclude(self, firing: Floats, inputs: Floats | None = None) -> Floats:
         """Return the outputs, (n, num_outputs), for given firing strengths, (n, num_rules).
+
+        Parameters
+        ----------
+        firing : (n, num_rules)
+        inputs : (n, num_inputs), optional
+            Needed where rules conclude numbers that depend on the inputs.
 
         Raises
         ------
         ValueError
-            If the shape is wrong or a strength is NaN.
+            If the shape is wrong, a strength is NaN, or the inputs are needed and missing.
         """
         strengths = np.ascontiguousarray(firing, dtype=np.float64)
         if strengths.ndim != 2 or strengths.shape[1] != self.program.num_rules:
@@ -183,6 +194,8 @@ class CompiledSystem:
             )
         if np.isnan(strengths).any():
             raise ValueError("a firing strength is NaN; pass numbers from 0 to 1")
+        if inputs is not None:
+            return interpreter.conclude(self.program, strengths, self._rows(inputs))
         return self._shared(lambda part: interpreter.conclude(self.program, part), strengths)
 
     def _infer(self, rows: Floats) -> Floats:
@@ -272,6 +285,8 @@ def _packed(system: FuzzySystem) -> Packed | None:
     Where terms are narrower than the grid, hardly any area is left and rounding decides; there only the very
     same arithmetic gives the same result.
     """
+    if system.weighed:
+        return None
     for variable in (*system.inputs, *system.outputs):
         memberships = sample_terms(variable)
         if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:

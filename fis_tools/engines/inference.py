@@ -14,7 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.rows import as_rows
-from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.model import (
+    And,
+    Expression,
+    FuzzySystem,
+    Is,
+    MembershipFunction,
+    MonotoneFunction,
+    Not,
+    Number,
+    Or,
+    Rule,
+    Variable,
+)
 from fis_tools.model.membership import sample_terms
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, OR_OPERATORS
 
@@ -22,6 +34,25 @@ Floats = NDArray[np.float64]
 
 #: The centroid divides by the area, but by no less than this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """What the rules conclude on an output that is weighed, in their order.
+
+    Parameters
+    ----------
+    rules : (c,) int
+        Which rule concludes.
+    strengths : (c,)
+        Its firing strength times the weight of its consequent.
+    numbers : (c,)
+        What it concludes; NaN where its strength is zero.
+    """
+
+    rules: NDArray[np.int64]
+    strengths: Floats
+    numbers: Floats
 
 
 @dataclass(frozen=True)
@@ -34,9 +65,10 @@ class OutputInference:
         The output.
     cuts : (num_terms,)
         The height each term is cut at: the strongest of its rules, or as the variable accumulates them. NaN
-        for a term that no rule concludes.
+        for a term that no rule concludes. Of an output that is weighed, the sum of the strengths.
     universe : (m,)
-        The variable's universe with the points inserted where a cut crosses its own membership function.
+        The variable's universe with the points inserted where a cut crosses its own membership function;
+        empty of an output that is weighed, as is `aggregated`.
     aggregated : (m,)
         What the rules conclude together at each point of `universe`: the highest of the cut terms, or as the
         system implies and the variable aggregates.
@@ -44,6 +76,8 @@ class OutputInference:
         The defuzzified output, or the default.
     is_default : bool
         Whether nothing fired, so that `value` is the default.
+    weighing : Weighing or None
+        What is weighed, and by how much, where the output is.
     """
 
     variable: Variable
@@ -52,6 +86,7 @@ class OutputInference:
     aggregated: Floats
     value: float
     is_default: bool
+    weighing: Weighing | None = None
 
 
 @dataclass(frozen=True)
@@ -106,14 +141,14 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
     rows = _checked(system, values[np.newaxis])
     memberships = fuzzify(system, rows)
     firing = _fire(system, memberships)[0]
-    clipped = [np.clip(x, v.universe[0], v.universe[-1]) for v, x in zip(system.inputs, values, strict=True)]
+    clipped = _clipped(system, rows)[0]
     return Inference(
         system=system,
         inputs=values,
-        clipped=np.array(clipped),
+        clipped=clipped,
         memberships=tuple(rows[0] for rows in memberships),
         firing_strengths=firing,
-        outputs=tuple(_infer_output(system, variable, firing) for variable in system.outputs),
+        outputs=tuple(_infer_output(system, variable, firing, clipped) for variable in system.outputs),
     )
 
 
@@ -131,8 +166,12 @@ def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
     -------
     (n, num_outputs)
     """
-    firing = firing_strengths(system, inputs)
-    outputs = [[_infer_output(system, v, row).value for v in system.outputs] for row in firing]
+    rows = _checked(system, as_rows(system, inputs))
+    firing, clipped = _fire(system, fuzzify(system, rows)), _clipped(system, rows)
+    outputs = [
+        [_infer_output(system, v, *sample).value for v in system.outputs]
+        for sample in zip(firing, clipped, strict=True)
+    ]
     return np.array(outputs).reshape(len(firing), len(system.outputs))
 
 
@@ -205,7 +244,17 @@ def _degree(
     return reduce(combine, [_degree(system, rule, operand, degrees) for operand in operands])
 
 
-def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> OutputInference:
+def _clipped(system: FuzzySystem, rows: Floats) -> Floats:
+    """Return values, (n, num_inputs), inside of the universes."""
+    ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
+    return np.clip(rows, ends[:, 0], ends[:, 1])
+
+
+def _infer_output(
+    system: FuzzySystem, variable: Variable, firing: Floats, clipped: Floats
+) -> OutputInference:
+    if system.weighs(variable):
+        return _weigh(system, variable, firing, clipped)
     cuts = _cut_terms(system, variable, firing)
     if system.cuts(variable):
         universe, aggregated = _aggregate(variable, cuts)
@@ -217,6 +266,46 @@ def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats) -> Ou
     else:
         value = _DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)
+
+
+def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, clipped: Floats) -> OutputInference:
+    """Weigh what each rule concludes by its strength, one after the other."""
+    found, total, moment = [], 0.0, 0.0
+    cuts = np.full(len(variable.terms), np.nan)
+    for place, rule in enumerate(system.rules):
+        for consequent in rule.consequents:
+            if consequent.variable != variable.name:
+                continue
+            term = variable.term_index(consequent.term)
+            strength, number = float(firing[place] * consequent.weight), np.nan
+            if strength > 0.0:
+                number = _concluded(variable, variable.terms[term].membership, strength, clipped)
+                total, moment = total + strength, moment + strength * number
+            found.append((place, strength, number))
+            cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
+    rules, strengths, numbers = zip(*found, strict=True) if found else ((), (), ())
+    value = variable.default if variable.default is not None else 0.0
+    if total > 0.0:
+        value = moment if system.defuzzifier_of(variable) == "weighted_sum" else moment / total
+    weighing = Weighing(np.array(rules, dtype=np.int64), np.array(strengths), np.array(numbers))
+    return OutputInference(variable, cuts, np.empty(0), np.empty(0), value, total == 0.0, weighing)
+
+
+def _concluded(variable: Variable, shape: MembershipFunction, strength: float, clipped: Floats) -> float:
+    """Return the number that a rule of a strength above zero concludes.
+
+    A sigmoid reaches one nowhere; at a strength of one its rule concludes the end of the range.
+    """
+    if isinstance(shape, Number):
+        *coefficients, number = shape.row(len(clipped))
+        for coefficient, x in zip(coefficients, clipped, strict=True):
+            number += coefficient * x
+        return float(number)
+    assert isinstance(shape, MonotoneFunction)  # noqa: S101 - any other has been refused by validation
+    number = float(shape.inverse(np.array(min(strength, 1.0))))
+    if np.isinf(number):
+        return variable.maximum if number > 0.0 else variable.minimum
+    return number
 
 
 def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:

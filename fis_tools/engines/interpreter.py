@@ -31,7 +31,9 @@ from fis_tools.engines.program import (
     UNBOUNDED_SUM,
     Conclusion,
     Program,
+    Weighing,
 )
+from fis_tools.engines.weigher import weigh
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -54,11 +56,23 @@ def fire(program: Program, inputs: Floats) -> Floats:
     return firing
 
 
-def conclude(program: Program, firing: Floats) -> Floats:
-    """Return the defuzzified outputs, (n, num_outputs), for firing strengths (n, num_rules)."""
+def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> Floats:
+    """Return the outputs, (n, num_outputs), for firing strengths (n, num_rules) of inputs (n, num_inputs).
+
+    Inputs matter to rules alone that conclude numbers linear in them.
+
+    Raises
+    ------
+    ValueError
+        If inputs matter and are not given.
+    """
+    if inputs is None:
+        if program.asks_for_inputs:
+            raise ValueError("rules conclude numbers that depend on the inputs; pass these, (n, num_inputs)")
+        inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
     for conclusion, column in zip(program.conclusions, columns, strict=True):
-        _conclude(conclusion, firing, column)
+        _conclude(program, conclusion, firing, inputs, column)
     return columns.T
 
 
@@ -71,13 +85,17 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
         rows = inputs[first : first + size]
         _fire(*program.antecedents, rows, firing[: len(rows)])
         for conclusion, column in zip(program.conclusions, columns, strict=True):
-            _conclude(conclusion, firing[: len(rows)], column[first : first + size])
+            _conclude(program, conclusion, firing[: len(rows)], rows, column[first : first + size])
     return columns.T
 
 
-def _conclude(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
-    """Write one output for firing strengths (n, num_rules)."""
-    if conclusion.cuts:
+def _conclude(
+    program: Program, conclusion: Conclusion | Weighing, firing: Floats, inputs: Floats, out: Floats
+) -> None:
+    """Write one output for firing strengths (n, num_rules) of inputs (n, num_inputs)."""
+    if isinstance(conclusion, Weighing):
+        weigh(conclusion, firing, inputs, program.ends, out)
+    elif conclusion.cuts:
         _conclude_by_term(*conclusion[:9], firing, out)
     else:
         _conclude_by_rule(

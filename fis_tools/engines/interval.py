@@ -20,12 +20,16 @@ from fis_tools.engines.program import (
     MAX,
     MIN,
     NOT,
+    NUMBER,
+    WEIGHTED_SUM,
     Antecedents,
     Conclusion,
     Program,
+    Weighing,
     assemble,
 )
-from fis_tools.model import FuzzySystem
+from fis_tools.engines.weigher import invert
+from fis_tools.model import Concave, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate
 
 Floats = NDArray[np.float64]
@@ -61,6 +65,9 @@ def pack(system: FuzzySystem) -> Program:
                 f"output {output.name!r} cannot be bounded: across a gap between fired terms scikit-fuzzy's "
                 "bisector is not the bisector, and may be no number; choose another defuzzifier"
             )
+        if system.weighs(output):
+            _require_limits(output)
+            continue
         if not system.cuts(output):
             raise NotBounded(
                 f"output {output.name!r} cannot be bounded: bounds hold where terms are cut by min and "
@@ -68,6 +75,17 @@ def pack(system: FuzzySystem) -> Program:
                 f"{output.aggregation}; choose min and max"
             )
     return assemble(system)
+
+
+def _require_limits(output: Variable) -> None:
+    """Refuse Tsukamoto's terms that lead ever farther away as the strength of their rule vanishes."""
+    for term in output.terms:
+        if isinstance(term.membership, Concave | Sigmoid):
+            raise NotBounded(
+                f"output {output.name!r} cannot be bounded: as the strength of a rule goes to zero, the "
+                f"number that it concludes by {term.name!r}, a {term.membership.entry.name}, has no limit; "
+                "take a ramp or an s_shape"
+            )
 
 
 def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
@@ -92,7 +110,13 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     _fire(program.antecedents, low, high, strengths, variation)
     limits = np.empty((len(program.conclusions), len(low), 2))
     for conclusion, column in zip(program.conclusions, limits, strict=True):
-        _conclude(conclusion, strengths, column)
+        if isinstance(conclusion, Weighing):
+            _weigh(conclusion, program.ends, low, high, strengths, column)
+            variation += (
+                _steepness(conclusion, program.ends) * np.diff(_inside(program.ends, low, high))[..., 0]
+            )
+        else:
+            _conclude(conclusion, strengths, column)
     return limits[:, :, 0].T, limits[:, :, 1].T, variation
 
 
@@ -167,6 +191,86 @@ def _combine(operator: int, a: tuple[float, float], b: tuple[float, float]) -> t
 def _widened(low: float, high: float) -> tuple[float, float]:
     """Widen bounds by the rounding of some operations on numbers that are not negative; zero stays zero."""
     return low * (1.0 - 8 * EPSILON), high * (1.0 + 8 * EPSILON)
+
+
+def _inside(ends: Floats, low: Floats, high: Floats) -> Floats:
+    """Return boxes of inputs inside of the universes, (n, num_inputs, 2)."""
+    return np.clip(np.stack([low, high], axis=-1), ends[:, :1], ends[:, 1:])
+
+
+def _steepness(weighing: Weighing, ends: Floats) -> Floats:
+    """Return how far concluded numbers move with each input, as shares of the output's range."""
+    factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == NUMBER, weighing.parameters, 0.0))
+    steepest: Floats = factors[:, : len(ends)].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
+    return steepest
+
+
+@compiled(error_model="numpy", nogil=True)
+def _weigh(
+    weighing: Weighing, ends: Floats, low: Floats, high: Floats, strengths: Floats, out: Floats
+) -> None:
+    """Bound one output that is weighed, for bounded firing strengths, (n, rules, 2), of boxes of inputs."""
+    count = len(weighing.rules)
+    weights, numbers = np.empty((count, 2)), np.empty((count, 2))
+    for box in range(len(strengths)):
+        for index in range(count):
+            least, greatest = strengths[box, weighing.rules[index]]
+            weight = weighing.weights[index]
+            weights[index] = _widened(least * weight, greatest * weight)
+            numbers[index] = _number(weighing, index, ends, low[box], high[box], weights[index])
+        least_total, greatest_total = weights[:, 0].sum(), weights[:, 1].sum()
+        if greatest_total == 0.0:
+            out[box] = weighing.default, weighing.default
+            continue
+        size = np.abs(numbers).max()
+        if weighing.defuzzifier == WEIGHTED_SUM:
+            least = np.minimum(weights[:, 0] * numbers[:, 0], weights[:, 1] * numbers[:, 0]).sum()
+            greatest = np.maximum(weights[:, 0] * numbers[:, 1], weights[:, 1] * numbers[:, 1]).sum()
+            size *= greatest_total
+        else:
+            least, greatest = _least_average(weights, numbers[:, 0]), -_least_average(weights, -numbers[:, 1])
+        slack = 4 * EPSILON * (count + 4) * size
+        least, greatest = least - slack, greatest + slack
+        if least_total == 0.0:
+            least, greatest = min(least, weighing.default), max(greatest, weighing.default)
+        out[box] = least, greatest
+
+
+@compiled(error_model="numpy", nogil=True)
+def _least_average(weights: Floats, numbers: Floats) -> float:
+    """Return the least average that bounded weights allow: high ones up to a switch, then low ones."""
+    order = np.argsort(numbers)
+    total, moment = weights[:, 0].sum(), (weights[:, 0] * numbers).sum()
+    least = np.inf
+    for index in order:
+        total += weights[index, 1] - weights[index, 0]
+        moment += (weights[index, 1] - weights[index, 0]) * numbers[index]
+        if total > 0.0:
+            least = min(least, moment / total)
+    return least
+
+
+@compiled(error_model="numpy", nogil=True)
+def _number(
+    weighing: Weighing, index: int, ends: Floats, low: Floats, high: Floats, degrees: Floats
+) -> tuple[float, float]:
+    """Bound the number that one rule concludes."""
+    row, kind = weighing.parameters[index], weighing.kinds[index]
+    if kind != NUMBER:
+        one = invert(kind, row[0], row[1], max(degrees[0], 0.0))
+        other = invert(kind, row[0], row[1], min(degrees[1], 1.0))
+        slack = 8 * EPSILON * max(abs(row[0]), abs(row[1]))
+        return min(one, other) - slack, max(one, other) + slack
+    num_inputs = len(ends)
+    least = greatest = row[num_inputs]
+    size = abs(least)
+    for place in range(num_inputs):
+        left = row[place] * min(max(low[place], ends[place, 0]), ends[place, 1])
+        right = row[place] * min(max(high[place], ends[place, 0]), ends[place, 1])
+        least, greatest = least + min(left, right), greatest + max(left, right)
+        size += max(abs(left), abs(right))
+    slack = 4 * EPSILON * (num_inputs + 1) * size
+    return least - slack, greatest + slack
 
 
 @compiled(error_model="numpy", nogil=True)

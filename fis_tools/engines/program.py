@@ -1,6 +1,7 @@
 """Any fuzzy system as numbers, in flat arrays, for `fis_tools.engines.interpreter` to run."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, get_args
 
@@ -10,15 +11,24 @@ from numpy.typing import NDArray
 from fis_tools.model import (
     And,
     AndOperator,
+    Arc,
+    Concave,
+    Constant,
     Defuzzifier,
     Expression,
     FuzzySystem,
     Is,
+    MonotoneFunction,
     Not,
+    Number,
     Or,
     OrOperator,
+    Ramp,
     Rule,
+    Sigmoid,
+    SShape,
     Variable,
+    ZShape,
 )
 from fis_tools.model.membership import sample_terms
 
@@ -41,6 +51,13 @@ OPERATORS: dict[str, int] = {
 }
 DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
+WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
+
+#: What a rule concludes where the output is weighed: a number, or where one of these shapes has its strength.
+#: Each of these has two parameters.
+NUMBER = -1
+INVERTED: tuple[type[MonotoneFunction], ...] = (Ramp, Sigmoid, SShape, ZShape, Concave, Arc)
+RAMP, SIGMOID, S_SHAPE, Z_SHAPE, CONCAVE, ARC = range(6)
 
 
 class Antecedents(NamedTuple):
@@ -117,6 +134,40 @@ class Conclusion(NamedTuple):
         return self.implication == MIN and self.aggregation == MAX
 
 
+class Weighing(NamedTuple):
+    """One output that is weighed, from firing strengths on.
+
+    Attributes
+    ----------
+    rules : (c,) int
+        The rules that conclude on it, in order.
+    weights : (c,) float
+        What their firing strengths are multiplied by.
+    kinds : (c,) int
+        What each concludes: NUMBER, or one of `INVERTED` by its place.
+    parameters : (c, max(num_inputs + 1, 2)) float
+        Of a number the factor of each input, then the constant; of a shape its parameters.
+    is_constant : bool
+        Whether all numbers are the same for all inputs.
+    low, high : float
+        The ends of the range.
+    defuzzifier : int
+        WEIGHTED_AVERAGE or WEIGHTED_SUM.
+    default : float
+        The output where no rule fires; NaN where none is declared.
+    """
+
+    rules: Integers
+    weights: Floats
+    kinds: Integers
+    parameters: Floats
+    is_constant: bool
+    low: float
+    high: float
+    defuzzifier: int
+    default: float
+
+
 @dataclass(frozen=True)
 class Program:
     """A fuzzy system as numbers.
@@ -124,22 +175,44 @@ class Program:
     Parameters
     ----------
     antecedents : Antecedents
-    conclusions : tuple of Conclusion
+    conclusions : tuple of Conclusion or Weighing
         One for each output.
     """
 
     antecedents: Antecedents
-    conclusions: tuple[Conclusion, ...]
+    conclusions: tuple[Conclusion | Weighing, ...]
 
     @property
     def num_rules(self) -> int:
         """How many rules there are."""
         return len(self.antecedents.rule_slots)
 
+    @cached_property
+    def ends(self) -> Floats:
+        """The first and the last point of each input, (num_inputs, 2)."""
+        layout = self.antecedents.inputs
+        first, count = layout[:, 2], layout[:, 1]
+        return np.stack([self.antecedents.universes[at] for at in (first, first + count - 1)], axis=1)
+
+    @property
+    def asks_for_inputs(self) -> bool:
+        """Whether some rule concludes a number that depends on the inputs."""
+        return any(
+            bool((c.parameters[c.kinds == NUMBER, : len(self.antecedents.inputs)] != 0.0).any())
+            for c in self.conclusions
+            if isinstance(c, Weighing)
+        )
+
 
 def assemble(system: FuzzySystem) -> Program:
     """Turn a valid system into a program."""
-    return Program(_antecedents(system), tuple(_conclusion(system, output) for output in system.outputs))
+    return Program(
+        _antecedents(system),
+        tuple(
+            _weighing(system, output) if system.weighs(output) else _conclusion(system, output)
+            for output in system.outputs
+        ),
+    )
 
 
 def _antecedents(system: FuzzySystem) -> Antecedents:
@@ -223,6 +296,35 @@ def _conclusion(system: FuzzySystem, output: Variable) -> Conclusion:
         terms=rows.astype(np.int64),
         implication=OPERATORS[system.implication],
         aggregation=OPERATORS[output.aggregation],
+    )
+
+
+def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
+    concluded = [
+        (index, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
+        for index, rule in enumerate(system.rules)
+        for consequent in rule.consequents
+        if consequent.variable == output.name
+    ]
+    parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))
+    kinds = np.full(len(concluded), NUMBER)
+    for place, (_, _, shape) in enumerate(concluded):
+        if isinstance(shape, Number):
+            row = shape.row(len(system.inputs))
+        else:
+            kinds[place] = next(code for code, kind in enumerate(INVERTED) if type(shape) is kind)
+            row = tuple(getattr(shape, name) for name in shape.entry.kinds)
+        parameters[place, : len(row)] = row
+    return Weighing(
+        rules=np.array([index for index, _, _ in concluded], dtype=np.int64),
+        weights=np.array([weight for _, weight, _ in concluded], dtype=np.float64),
+        kinds=kinds,
+        parameters=parameters,
+        is_constant=all(isinstance(shape, Constant) for _, _, shape in concluded),
+        low=float(output.minimum),
+        high=float(output.maximum),
+        defuzzifier=DEFUZZIFIERS[system.defuzzifier_of(output)],
+        default=np.nan if output.default is None else output.default,
     )
 
 

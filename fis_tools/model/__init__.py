@@ -1,10 +1,11 @@
 """What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
 
-from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
+from fis_tools.model.numbers import Constant, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rule_tables import conjunctions, rule_table, table_antecedents, table_cells, table_rules
 from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
-from fis_tools.model.shape import MembershipFunction
+from fis_tools.model.shape import MembershipFunction, MonotoneFunction
 from fis_tools.model.shapes import (
     Gaussian,
     GeneralizedBell,
@@ -30,6 +31,7 @@ __all__ = [
     "Arc",
     "Concave",
     "Consequent",
+    "Constant",
     "Cosine",
     "Defuzzifier",
     "Expression",
@@ -38,11 +40,15 @@ __all__ = [
     "Gaussian",
     "GeneralizedBell",
     "Is",
+    "Linear",
     "MembershipFunction",
+    "MonotoneFunction",
     "Not",
+    "Number",
     "Or",
     "OrOperator",
     "PiShape",
+    "Ramp",
     "Rule",
     "SShape",
     "Sampled",

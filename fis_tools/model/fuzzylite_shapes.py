@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fis_tools.model.shape import Floats, MembershipFunction, Place, Width, shape
+from fis_tools.model.shape import Floats, MembershipFunction, MonotoneFunction, Place, Width, shape
 
 
 @shape("spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",))
@@ -44,7 +44,7 @@ class Cosine(MembershipFunction):
     "concave", "concave, one half at {inflection}, one from {end} on", fll=("Concave",), fis=("concavemf",)
 )
 @dataclass(frozen=True, slots=True)
-class Concave(MembershipFunction):
+class Concave(MonotoneFunction):
     """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls where that is left."""
 
     inflection: Place
@@ -55,6 +55,10 @@ class Concave(MembershipFunction):
         span = self.end - self.inflection
         is_below = x < self.end if span >= 0.0 else x > self.end
         return np.where(is_below, span / np.where(is_below, 2.0 * self.end - self.inflection - x, 1.0), 1.0)
+
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees."""
+        return 2.0 * self.end - self.inflection + (self.inflection - self.end) / degrees
 
     @property
     def corners(self) -> tuple[float, ...]:
@@ -89,7 +93,7 @@ class SemiEllipse(MembershipFunction):
 
 @shape("arc", "arc from zero at {start} to one at {end}", fll=("Arc",))
 @dataclass(frozen=True, slots=True)
-class Arc(MembershipFunction):
+class Arc(MonotoneFunction):
     """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls where that is left."""
 
     start: Place
@@ -100,6 +104,32 @@ class Arc(MembershipFunction):
         span = self.end - self.start
         is_beyond = x > self.end if span > 0.0 else x < self.end
         return np.where(is_beyond, 1.0, _circle(x, self.end, abs(span)))
+
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees."""
+        return self.end + (self.start - self.end) * np.sqrt(1.0 - np.square(degrees))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Its ends."""
+        return tuple(sorted((self.start, self.end)))
+
+
+@shape("ramp", "ramp from zero at {start} to one at {end}")
+@dataclass(frozen=True, slots=True)
+class Ramp(MonotoneFunction):
+    """A straight line from zero at `start` to one at `end`, level beyond; falls where that is left."""
+
+    start: Place
+    end: Place
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        return np.clip((x - self.start) / (self.end - self.start), 0.0, 1.0)
+
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees."""
+        return self.start + (self.end - self.start) * degrees
 
     @property
     def corners(self) -> tuple[float, ...]:

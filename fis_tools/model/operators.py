@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom"]
+Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "weighted_average", "weighted_sum"]
 AndOperator = Literal[
     "min",
     "product",
@@ -32,6 +32,9 @@ OrOperator = Literal[
 ]
 Accumulation = Literal[OrOperator, "product"]
 Aggregation = Literal[OrOperator, "unbounded_sum"]
+
+#: Of a defuzzifier: those that weigh what rules conclude by how strongly they fire, and form no fuzzy set.
+WEIGHING: tuple[Defuzzifier, ...] = ("weighted_average", "weighted_sum")
 
 Floats = NDArray[np.float64]
 Operator = Callable[[Floats, Floats], Floats]

@@ -74,6 +74,15 @@ class MembershipFunction(ABC):
         return ()
 
 
+@dataclass(frozen=True, slots=True)
+class MonotoneFunction(MembershipFunction):
+    """A membership function that only rises or only falls, so that a Tsukamoto rule can conclude it."""
+
+    @abstractmethod
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees, each above zero; the formula may lead out of the range."""
+
+
 #: Every shape, by the name that our own files give it.
 SHAPES: dict[str, type[MembershipFunction]] = {}
 _Shape = TypeVar("_Shape", bound=MembershipFunction)

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fis_tools.model.shape import Deviation, Exponent, Floats, MembershipFunction, Place, Slope, Width, shape
+from fis_tools.model.shape import (
+    Deviation,
+    Exponent,
+    Floats,
+    MembershipFunction,
+    MonotoneFunction,
+    Place,
+    Slope,
+    Width,
+    shape,
+)
 
 #: Sampled memberships below this are taken as zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
@@ -175,7 +185,7 @@ class GeneralizedBell(MembershipFunction):
     fll=("Sigmoid",),
 )
 @dataclass(frozen=True, slots=True)
-class Sigmoid(MembershipFunction):
+class Sigmoid(MonotoneFunction):
     """``1 / (1 + exp(-slope (x - inflection)))``: 1/2 at the `inflection`; a negative `slope` falls."""
 
     inflection: Place
@@ -185,6 +195,11 @@ class Sigmoid(MembershipFunction):
         """Evaluate the formula."""
         values: Floats = 1.0 / (1.0 + np.exp(-self.slope * (x - self.inflection)))
         return values
+
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees; infinitely far for a degree of one."""
+        with np.errstate(divide="ignore"):
+            return self.inflection - np.log(1.0 / degrees - 1.0) / self.slope
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +259,7 @@ class SigmoidProduct(_TwoSigmoids):
     fml=("sShape",),
 )
 @dataclass(frozen=True, slots=True)
-class SShape(MembershipFunction):
+class SShape(MonotoneFunction):
     """Two parabolas that rise from zero at `foot` over one half in the middle to one at `top`."""
 
     foot: Place
@@ -253,6 +268,10 @@ class SShape(MembershipFunction):
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
         return np.where(x <= self.top, _rising(x, self.foot, self.top, is_open=False), 1.0)
+
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees."""
+        return _where_two_parabolas(degrees, self.foot, self.top)
 
 
 @shape(
@@ -265,7 +284,7 @@ class SShape(MembershipFunction):
     fml=("zShape",),
 )
 @dataclass(frozen=True, slots=True)
-class ZShape(MembershipFunction):
+class ZShape(MonotoneFunction):
     """Two parabolas that fall from one at `top` over one half in the middle to zero at `foot`."""
 
     top: Place
@@ -274,6 +293,10 @@ class ZShape(MembershipFunction):
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
         return np.where(x >= self.top, _falling(x, self.top, self.foot), 1.0)
+
+    def inverse(self, degrees: Floats) -> Floats:
+        """Return where it has these degrees."""
+        return _where_two_parabolas(degrees, self.foot, self.top)
 
 
 @shape(
@@ -330,3 +353,11 @@ def _falling(x: Floats, top: float, foot: float) -> Floats:
     upper = 1.0 - 2.0 * ((x - top) / (foot - top)) ** 2.0
     lower = 2.0 * ((x - foot) / (foot - top)) ** 2.0
     return np.where(x >= foot, 0.0, np.where(x < (top + foot) / 2.0, upper, lower))
+
+
+def _where_two_parabolas(degrees: Floats, foot: float, top: float) -> Floats:
+    """Return where two parabolas from zero at `foot` to one at `top`, whichever is greater, have degrees."""
+    width = top - foot
+    lower = foot + width * np.sqrt(degrees / 2.0)
+    upper = top - width * np.sqrt((1.0 - degrees) / 2.0)
+    return np.where(degrees <= 0.5, lower, upper)

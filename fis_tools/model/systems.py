@@ -2,14 +2,19 @@
 
 from dataclasses import dataclass
 
-from fis_tools.model.operators import AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rules import Rule
 from fis_tools.model.variables import Variable
 
 
 @dataclass(frozen=True)
 class FuzzySystem:
-    """A Mamdani fuzzy inference system.
+    """A fuzzy inference system: each output by Mamdani, Takagi and Sugeno, or Tsukamoto.
+
+    An output is of Mamdani's kind where its rules conclude fuzzy sets that together are defuzzified. It is
+    weighed where its defuzzifier is ``weighted_average`` or ``weighted_sum``: each rule then concludes a
+    number, which its firing strength weighs. The number is a term itself (Takagi and Sugeno: `Constant`,
+    `Linear`), or the point where a term has the strength as its degree (Tsukamoto: a `MonotoneFunction`).
 
     Parameters
     ----------
@@ -24,7 +29,8 @@ class FuzzySystem:
     defuzzifier : str
         How an aggregated output becomes a number, by scikit-fuzzy's names, unless it says so itself.
     implication : str
-        How the strength of a rule shapes the term that it concludes: ``min`` cuts it, ``product`` scales it.
+        How the strength of a rule shapes the term that it concludes: ``min`` cuts it, ``product`` scales it;
+        without effect on outputs that are weighed.
     """
 
     name: str
@@ -38,7 +44,16 @@ class FuzzySystem:
 
     def cuts(self, output: Variable) -> bool:
         """Return whether the terms of an output are cut, and the highest of them counts at each point."""
-        return self.implication == "min" and output.aggregation == "max"
+        return self.implication == "min" and output.aggregation == "max" and not self.weighs(output)
+
+    def weighs(self, output: Variable) -> bool:
+        """Return whether an output is a weighted average or sum, by Takagi and Sugeno or by Tsukamoto."""
+        return self.defuzzifier_of(output) in WEIGHING
+
+    @property
+    def weighed(self) -> tuple[Variable, ...]:
+        """The outputs that are weighted averages or sums."""
+        return tuple(output for output in self.outputs if self.weighs(output))
 
     def variable(self, name: str) -> Variable:
         """Return the input or output called `name`.

@@ -10,12 +10,14 @@ from typing import get_args
 import numpy as np
 
 from fis_tools.model.membership import shape_values
+from fis_tools.model.numbers import Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
 from fis_tools.model.rules import And, Expression, Is, Not, Or, Rule
 from fis_tools.model.shape import SHAPES, MembershipFunction
 from fis_tools.model.shapes import Sampled
 from fis_tools.model.systems import FuzzyController, FuzzySystem
 from fis_tools.model.variables import Term, Variable
+from fis_tools.model.weighing import number_problems, output_problems
 
 #: Kinds of numbers that must be above zero; see `fis_tools.model.shape`.
 POSITIVE = frozenset({"width", "deviation", "exponent"})
@@ -165,7 +167,7 @@ def _variable_problems(variable: Variable) -> Iterator[str]:
     for term in variable.terms:
         yield from (f"{where}, {problem}" for problem in _name_problems("a term", term.name))
         faults = list(shape_problems(term.membership, variable.num_points))
-        if not faults and not universe_problems:
+        if not faults and not universe_problems and not isinstance(term.membership, Number):
             faults = list(_sample_problems(variable, term))
         yield from (f"{where}, term {term.name!r}: {fault}" for fault in faults)
 
@@ -204,6 +206,8 @@ def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
         yield from _value_problems(shape, num_points)
     else:
         yield from parameter_problems(shape)
+        if isinstance(shape, Linear) and not all(map(_is_finite, shape.coefficients)):
+            yield f"the coefficients {shape.coefficients} must be finite numbers"
 
 
 def _shape_names() -> Iterator[str]:
@@ -269,12 +273,14 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
         elif not _is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
         yield from (f"output {variable.name!r}: {problem}" for problem in _choice_problems(variable))
+        yield from output_problems(system, variable)
         if variable.accumulation != "max" and not system.cuts(variable):
             yield (
                 f"output {variable.name!r} has the accumulation {variable.accumulation}, which is for terms "
                 "cut by min and aggregated by max; drop it, or the other implication and aggregation"
             )
     for variable in system.inputs:
+        yield from number_problems(variable)
         for key, unset in (
             ("default", None),
             ("defuzzifier", None),

@@ -51,6 +51,11 @@ class Composed:
     folder: Path
     node: DictConfig = field(repr=False)
 
+    @property
+    def sweep_folder(self) -> Path:
+        """The folder of the sweep that the run is of, if it is of one."""
+        return Path(self.node.hydra.sweep.dir)
+
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:
     """List the groups of some configuration folders and the options of each, `NOT_CHOSEN` aside.
@@ -92,9 +97,11 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
 
 
 def compose_jobs(
-    jobs: Sequence[Sequence[str]], config_dir: Path | None = None, *, is_sweep: bool = False
+    jobs: Sequence[Sequence[str]], config_dir: Path | None = None, names: Sequence[str] | None = None
 ) -> list[Composed]:
-    """Compose the configurations of several runs, see `compose_experiment`; those of a sweep share a folder.
+    """Compose the configurations of several runs, see `compose_experiment`.
+
+    Those of a sweep have names, which their folders take in the sweep's.
 
     Raises
     ------
@@ -102,12 +109,12 @@ def compose_jobs(
     """
     composed: list[Composed] = []
     for index, overrides in enumerate(jobs):
-        numbered = [*overrides, f"hydra.job.num={index}"] if is_sweep else overrides
-        node = compose_node(numbered, config_dir)
+        own = [f"hydra.job.num={index}", f"hydra.sweep.subdir={quoted(names[index])}"] if names else []
+        node = compose_node([*own, *overrides], config_dir)
         if composed:
             # resolvers such as `now` give all runs of a sweep the same value
             OmegaConf.copy_cache(composed[0].node, node)
-        composed.append(_resolved(node, config_dir, is_sweep))
+        composed.append(_resolved(node, config_dir, names is not None))
     return composed
 
 

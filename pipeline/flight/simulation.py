@@ -248,7 +248,7 @@ def fly_all(
     """
     if mission.dispersions:
         return _fly_dispersed(mission, controller, scenarios, workers, tracks)
-    if is_by_the_reference(mission):
+    if is_by_the_reference(mission, controller):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
@@ -341,9 +341,13 @@ def law_for(
     return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 
 
-def is_by_the_reference(mission: Mission) -> bool:
-    """Tell whether a mission asks for scikit-learn's clusters, which only the readable reference flies by."""
-    return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
+def is_by_the_reference(mission: Mission, controller: Controller | None = None) -> bool:
+    """Tell whether only the readable reference flies this.
+
+    So it is for scikit-learn's clusters, and for attitudes and torques that are played.
+    """
+    plays_turns = controller is not None and controller.plays_turns
+    return plays_turns or (mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn")
 
 
 def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
@@ -364,7 +368,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
     channels = channels_of(
         controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
     )
-    return loop.fly(mission, scenario, channels, infer)
+    return loop.fly(mission, scenario, channels, infer, turns=controller.turns)
 
 
 def _outcomes_of_logs(
@@ -407,7 +411,7 @@ def tracked(mission: Mission, log: FlightLog) -> Floats:
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
     """Fly one episode and keep everything that happened."""
     mission = mission_of_case(mission, scenario)
-    if is_by_the_reference(mission):
+    if is_by_the_reference(mission, controller):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
     law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)

@@ -1,7 +1,5 @@
 """Tables of a run's folder: Parquet and CSV, written whole or not at all, and read back as columns."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from fis_tools.formats.printed.csv import rows_as_text
 from pipeline.run import artifacts
 
 #: what a table may unpack to
@@ -52,8 +51,4 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
 
 def write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Write rows under a header."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
-    artifacts.write_atomically(path, text.getvalue())
+    artifacts.write_atomically(path, rows_as_text([names, *rows]))

@@ -15,6 +15,7 @@ from pipeline.settings.checks import (
     NotNegative,
     Number,
     Positive,
+    Quaternion,
     SettingError,
     Share,
     Text,
@@ -86,6 +87,13 @@ class Deputy:
     max_torque_n_m: Annotated[Positive, Field(description="about each axis, N m")]
     min_distance_m: Annotated[NotNegative, Field(description="least distance from the chief, m")]
     max_distance_m: Annotated[Number, Field(description="greatest distance from the chief, m")]
+    initial_quaternion: Annotated[
+        Quaternion, Field(description="at the start, Hill to body axes, scalar last")
+    ] = (0.0, 0.0, 0.0, 1.0)
+    initial_angular_velocity_rad_s: Annotated[
+        Vector | None,
+        Field(description="at the start, relative to Hill, body axes; None is the mean motion about k"),
+    ] = None
 
     def __post_init__(self) -> None:
         """Check the limits, and that the start lies apart from the chief and is not absurdly fast."""
@@ -449,6 +457,12 @@ class Mission:
             horizon = getattr(safety, name)
             most = MOST_HORIZONS * self.control_period_s
             checks.within(f"safety.{name}", horizon, 0.0, most, "s")
+
+    @property
+    def rate_at_start_rad_s(self) -> tuple[float, ...]:
+        """How the deputy turns relative to Hill at the start, body axes."""
+        given = self.deputy.initial_angular_velocity_rad_s
+        return (0.0, 0.0, self.orbit.mean_motion_rad_s) if given is None else given
 
     @property
     def keep_out_m(self) -> float:

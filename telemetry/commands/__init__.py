@@ -75,6 +75,7 @@ def _ended_in_order() -> Iterator[None]:
     """Let SIGTERM unwind the block as Ctrl-C does, so that viewers end and temporary files go."""
 
     def end(_number: int, _frame: object) -> None:
+        sys.unraisablehook = lambda _unraisable: None  # what libraries have half made complains as it goes
         raise SystemExit(TERMINATED)
 
     if threading.current_thread() is not threading.main_thread():  # which alone may handle signals

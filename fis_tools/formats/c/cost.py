@@ -9,7 +9,7 @@ from math import ceil, log2
 from pathlib import Path
 from typing import NamedTuple
 
-from fis_tools.engines.program import assemble
+from fis_tools.engines.program import Weighing, assemble
 from fis_tools.formats.c.parts import OPERATORS
 from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Is, Not, Or, Rule
 
@@ -40,6 +40,8 @@ class Operations(NamedTuple):
 _MEMBERSHIP = Operations(4, 1, 1, 1)
 #: a crossing of a term with its cut, and one place that it is moved by to stand in order
 _CROSSING, _MOVE = Operations(4, 1, 1, 0), Operations(comparisons=1)
+#: one rule that concludes a number on an output that is weighed, besides what each input takes
+_CONCLUDED = Operations(5, 4, 4, 4)
 #: one segment of a polygon by each defuzzifier, and what it takes besides
 _SEGMENTS = {
     "centroid": Operations(7, 8, 3, 4),
@@ -68,6 +70,9 @@ def _inference(system: FuzzySystem) -> Operations:
         found = found.plus(_antecedent(system, rule, rule.antecedent))
         for consequent in rule.consequents:
             output = system.variable(consequent.variable)
+            if system.weighs(output):
+                found = found.plus(_CONCLUDED).plus(Operations(1, 1, 0, 2), len(system.inputs))
+                continue
             if not system.cuts(output):
                 each = _counted(OPERATORS[system.implication]).plus(_counted(OPERATORS[output.aggregation]))
                 found = found.plus(Operations(multiplications=1)).plus(each, output.num_points)
@@ -75,6 +80,9 @@ def _inference(system: FuzzySystem) -> Operations:
             joined = _counted(OPERATORS[system.variable(consequent.variable).accumulation])
             found = found.plus(joined).plus(Operations(multiplications=1))
     for output, conclusion in zip(system.outputs, assemble(system).conclusions, strict=True):
+        if isinstance(conclusion, Weighing):
+            found = found.plus(Operations(divisions=1, comparisons=1))
+            continue
         concluded = {c.term for r in system.rules for c in r.consequents if c.variable == output.name}
         crossings, points = len(conclusion.runs), output.num_points
         segment = _SEGMENTS[system.defuzzifier_of(output)]

@@ -12,8 +12,8 @@ from textwrap import wrap
 
 import numpy as np
 
-from fis_tools.engines.program import Conclusion, assemble
-from fis_tools.formats.c import cost, thrust
+from fis_tools.engines.program import Conclusion, Weighing, assemble
+from fis_tools.formats.c import cost, thrust, weighing
 from fis_tools.formats.c.parts import (
     ALWAYS,
     BY_WORD,
@@ -30,6 +30,7 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Is,
+    MembershipFunction,
     Not,
     Or,
     Rule,
@@ -99,9 +100,10 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
             "",
             *ALWAYS,
             *(WHERE_CUT if any(part.has_cuts for part in parts) else ()),
-            GREATEST,
+            *((GREATEST,) if any(part.has_sets for part in parts) else ()),
             *(text for word, text in BY_WORD.items() if word in called),
             *dict.fromkeys(text for part in parts for text in part.conclusion_functions()),
+            *weighing.functions([shape for part in parts for shape in part.weighed_shapes()]),
             *(block for part in parts for block in (*part.tables(), part.function())),
             *(thrust.functions(controller, logic, infer) if logic is not None and has_step else ()),
         ]
@@ -128,7 +130,8 @@ def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bo
         *(line for paragraph in about for line in (paragraph, "")),
         "Each fuzzy system is inferred as scikit-fuzzy 0.5 does: memberships are linear between the points "
         "of a universe, terms are cut at the strength of their rules and joined by their maximum, and points "
-        "are inserted where a cut crosses its own term. Inputs are clipped to their universes; if one is "
+        "are inserted where a cut crosses its own term; outputs that are weighted averages or sums take a "
+        "number from each rule. Inputs are clipped to their universes; if one is "
         "NaN, so is every output. Tables are constant, and the functions may run in several threads.",
         "",
         thrust.RULES,
@@ -219,12 +222,23 @@ class _Part:
         called = {word for rule in system.rules for word in self._operators(rule, rule.antecedent)}
         for output in system.outputs:
             conclusion = self.conclusions[output.name]
+            if isinstance(conclusion, Weighing):
+                continue
             called |= {system.defuzzifier_of(output)} if len(conclusion.rules) else set()
             if not system.cuts(output):
                 called |= {system.implication, output.aggregation} if len(conclusion.rules) else set()
             elif np.any(np.diff(conclusion.bounds) > 1):
                 called.add(output.accumulation)
         return called
+
+    @property
+    def has_sets(self) -> bool:
+        """Whether some output is defuzzified from a fuzzy set."""
+        return any(self.concluded[o.name] and not self.system.weighs(o) for o in self.system.outputs)
+
+    def weighed_shapes(self) -> list[MembershipFunction]:
+        """Return what rules conclude on outputs that are weighed."""
+        return [term.membership for o in self.system.weighed for term in self.concluded[o.name]]
 
     @property
     def has_cuts(self) -> bool:
@@ -234,12 +248,14 @@ class _Part:
     def _cutting(self) -> list[Conclusion]:
         """Return what becomes of the outputs whose terms are cut."""
         outputs = (o for o in self.system.outputs if self.concluded[o.name] and self.system.cuts(o))
-        return [self.conclusions[output.name] for output in outputs]
+        found = (self.conclusions[output.name] for output in outputs)
+        return [conclusion for conclusion in found if isinstance(conclusion, Conclusion)]
 
     def conclusion_functions(self) -> Iterator[str]:
         """Write the functions by which rules add what they imply, where terms are not cut."""
         for output in self.system.outputs:
-            if self.concluded[output.name] and not self.system.cuts(output):
+            adds = not self.system.cuts(output) and not self.system.weighs(output)
+            if self.concluded[output.name] and adds:
                 yield CONCLUDE.format(
                     name=self._concluding(output),
                     aggregation=OPERATOR_NAMES[output.aggregation],
@@ -270,7 +286,7 @@ class _Part:
         for variable in self.system.inputs:
             yield self._table(variable, variable.terms)
         for variable in self.system.outputs:
-            if self.concluded[variable.name]:
+            if self.concluded[variable.name] and not self.system.weighs(variable):
                 yield self._table(variable, self.concluded[variable.name])
 
     def _table(self, variable: Variable, terms: Sequence[Term]) -> str:
@@ -310,7 +326,10 @@ class _Part:
             yield f"double {self._degrees(variable.name)}[{len(variable.terms)}];"
         for output in self.system.outputs:
             terms = self.concluded[output.name]
-            if terms and self.system.cuts(output):
+            if terms and self.system.weighs(output):
+                yield f"double {self._total(output.name)} = 0.0;"
+                yield f"double {self._moment(output.name)} = 0.0;"
+            elif terms and self.system.cuts(output):
                 yield f"double {self._cuts(output.name)}[{len(terms)}];"
             elif terms:
                 yield f"double {self._heights(output.name)}[{output.num_points}] = {{0.0}};"
@@ -352,6 +371,9 @@ class _Part:
             yield from _wrapped(f"strength = {self._degree(rule, rule.antecedent)};")
             for consequent in rule.consequents:
                 output = self.system.variable(consequent.variable)
+                if self.system.weighs(output):
+                    yield from _wrapped(self._weighing(output, consequent))
+                    continue
                 if not self.system.cuts(output):
                     yield from _wrapped(self._conclusion(output, consequent))
                     continue
@@ -362,6 +384,15 @@ class _Part:
                     value = f"{OPERATOR_NAMES[accumulations[consequent.variable]]}({value}, {target})"
                 cut.add(target)
                 yield f"{target} = {value};"
+
+    def _weighing(self, output: Variable, consequent: Consequent) -> str:
+        """Write the call by which a rule adds the number that it concludes."""
+        weight = float(consequent.weight)
+        strength = "strength" if weight == 1.0 else f"(strength * {weight!r})"
+        shape = output.terms[output.term_index(consequent.term)].membership
+        number = weighing.concluded(shape, strength, self.system.inputs, output)
+        total, moment = self._total(output.name), self._moment(output.name)
+        return f"weigh({strength}, {number}, &{total}, &{moment});"
 
     def _conclusion(self, output: Variable, consequent: Consequent) -> str:
         """Write the call by which a rule adds what it implies."""
@@ -392,6 +423,12 @@ class _Part:
             if not self.concluded[output.name]:
                 yield f"{target} {default}; /* no rule concludes it */"
                 continue
+            if self.system.weighs(output):
+                total, moment = self._total(output.name), self._moment(output.name)
+                is_sum = self.system.defuzzifier_of(output) == "weighted_sum"
+                value = moment if is_sum else f"{moment} / {total}"
+                yield f"{target} {total} > 0.0 ? {value} : {default};"
+                continue
             table, size = self._place(output), len(self.concluded[output.name])
             defuzzifier = DEFUZZIFIER_NAMES[self.system.defuzzifier_of(output)]
             if not self.system.cuts(output):
@@ -412,6 +449,12 @@ class _Part:
 
     def _heights(self, variable: str) -> str:
         return f"heights_{self.words[variable]}"
+
+    def _total(self, variable: str) -> str:
+        return f"total_{self.words[variable]}"
+
+    def _moment(self, variable: str) -> str:
+        return f"moment_{self.words[variable]}"
 
     def _cuts(self, variable: str) -> str:
         return f"cuts_{self.words[variable]}"

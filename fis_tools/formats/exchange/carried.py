@@ -24,14 +24,17 @@ from fis_tools.formats.exchange.dialect import (
 from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.own.plain import Unreadable
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Trapezoidal, Variable
 from fis_tools.model.membership import sample
 from fis_tools.model.validate import controller_problems
+from fis_tools.model.weighing import reach
 from fis_tools.words.text import number
 
 #: What the comment begins with; the number is the version of this way of carrying.
 MARK = "fis_tools carries 1: "
 _ANY_MARK = "fis_tools carries "
+#: The term of an input that nothing is asked of.
+ANY = "any"
 #: A fact of a controller whose file was changed after it was written.
 EDITED = ("edited", "the exchange file was changed by hand after it was written")
 
@@ -98,10 +101,11 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
         If the comment is damaged, or the system has problems.
     """
     carried = _find(comments)
+    visible, found = _with_what_is_missing(visible)
     complete = replace(visible, outputs=tuple(_with_default(output) for output in visible.outputs))
     _refuse_problems(FuzzyController(visible.name, (complete,)))
     if carried is None:
-        return Reading(FuzzyController(visible.name, (complete,)), _assumptions(visible, dialect))
+        return Reading(FuzzyController(visible.name, (complete,)), (*_assumptions(visible, dialect), *found))
     try:
         said = say(carried.systems[0], dialect)
     except NotExpressible as error:
@@ -143,6 +147,30 @@ def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
     if len(controller.systems) != 1:
         raise ControllerFileError(f"line {line}: the comment carries several systems; {cure}")
     return controller
+
+
+def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]:
+    """Complete a system with outputs that are weighed as other programs do; tell of what was done.
+
+    Numbers linear in an input need no terms of it, and outputs that are weighed no range.
+    """
+    inputs, outputs, told = list(visible.inputs), list(visible.outputs), []
+    for place, variable in enumerate(inputs if visible.weighed else ()):
+        if not variable.terms:
+            low, high = variable.minimum, variable.maximum
+            inputs[place] = replace(variable, terms=(Term(ANY, Trapezoidal(low, low, high, high)),))
+            told.append(
+                f"{visible.name}: {variable.name} has no terms, and gets {ANY!r}, which all belong to"
+            )
+    for place, output in enumerate(outputs):
+        if visible.weighs(output) and output.minimum == output.maximum:
+            low, high = reach(output, inputs)
+            outputs[place] = replace(output, minimum=low, maximum=high)
+            told.append(
+                f"{visible.name}: the range of {output.name} is empty, and becomes what its terms reach, "
+                f"{number(low)} to {number(high)}"
+            )
+    return replace(visible, inputs=tuple(inputs), outputs=tuple(outputs)), told
 
 
 def _with_default(output: Variable) -> Variable:

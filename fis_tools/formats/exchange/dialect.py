@@ -30,6 +30,7 @@ from fis_tools.model import (
     MembershipFunction,
     Or,
     OrOperator,
+    Ramp,
     Rule,
     Sampled,
     Term,
@@ -45,6 +46,8 @@ OUTPUT_POINTS = 101
 #: Points of an input's universe where a file states none. Other programs evaluate the functions themselves,
 #: so the points must be close enough to stand for them.
 INPUT_POINTS = 1001
+#: The same where outputs are weighed: numbers linear in the inputs can be far apart where memberships err.
+FINE_INPUT_POINTS = 10_001
 #: How near to a point, in steps between points, a corner lies on it.
 ON_POINT = 1e-9
 
@@ -166,7 +169,12 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             f"the outputs are aggregated by {', '.join(aggregations)}, and {dialect.title} knows one way for "
             "all; export as fll or json"
         )
-    outputs = (_said_variable(variable, names, dialect, is_output=True) for variable in system.outputs)
+    outputs = (
+        _said_weighed(system, variable, names, dialect)
+        if system.weighs(variable)
+        else _said_variable(variable, names, dialect, is_output=True)
+        for variable in system.outputs
+    )
     said = settle(
         FuzzySystem(
             name=names.system,
@@ -175,7 +183,7 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             rules=tuple(rule for group in groups for rule in group),
             and_operator=system.and_operator,
             or_operator=system.or_operator,
-            implication=system.implication,
+            implication="min" if len(system.weighed) == len(system.outputs) else system.implication,
         )
     )
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in said.rules):
@@ -191,6 +199,7 @@ def settle(system: FuzzySystem) -> FuzzySystem:
     """Move operators and defuzzifiers to the system, and leave to rules and outputs what differs from it.
 
     The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
+    Where outputs are weighed its inputs get more points, unless a table has points of its own.
     """
     own = [_used_operators(system, rule) for rule in system.rules]
     and_operator = next((each for each, _ in own if each is not None), system.and_operator)
@@ -211,12 +220,24 @@ def settle(system: FuzzySystem) -> FuzzySystem:
     )
     return replace(
         system,
+        inputs=tuple(map(_finer, system.inputs)) if system.weighed else system.inputs,
         outputs=tuple(outputs),
         rules=tuple(rules),
         and_operator=and_operator,
         or_operator=or_operator,
         defuzzifier=defuzzifier,
     )
+
+
+def _finer(variable: Variable) -> Variable:
+    shapes = [term.membership for term in variable.terms]
+    if not shapes or any(isinstance(shape, Sampled) for shape in shapes):
+        return variable
+    low, high = float(variable.minimum), float(variable.maximum)
+    if not (low < high and np.isfinite(high - low)):
+        return variable
+    num_points, points = input_universe(low, high, shapes, FINE_INPUT_POINTS)
+    return replace(variable, num_points=num_points, points=points)
 
 
 def _used_operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator | None, OrOperator | None]:
@@ -301,6 +322,21 @@ def _said_variable(variable: Variable, names: Names, dialect: Dialect, *, is_out
     )
 
 
+def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
+    """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
+    for term in output.terms:
+        shape = term.membership
+        if dialect.words and not isinstance(shape, Ramp) and dialect.words not in shape.entry.words:
+            raise NotExpressible(
+                f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
+                f"{dialect.title} has no word; export as fll or json"
+            )
+    plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
+    said = _said_variable(plain, names, dialect, is_output=True)
+    terms = (Term(names.terms[output.name, term.name], term.membership) for term in output.terms)
+    return replace(said, terms=tuple(terms), num_points=OUTPUT_POINTS)
+
+
 def _said_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
     shape = term.membership
     if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, Sampled):
@@ -332,7 +368,7 @@ def _feet(
 
 
 def input_universe(
-    minimum: float, maximum: float, shapes: Sequence[MembershipFunction]
+    minimum: float, maximum: float, shapes: Sequence[MembershipFunction], fewest: int = INPUT_POINTS
 ) -> tuple[int, tuple[float, ...] | None]:
     """Choose points on which straight lines are what other programs compute from the formulas of an input.
 
@@ -342,13 +378,13 @@ def input_universe(
     Returns
     -------
     num_points : int
-        `INPUT_POINTS` or more.
+        `fewest` or more.
     points : tuple of float or None
         None where they are evenly spaced.
     """
     corners, jumps = corners_of(minimum, maximum, shapes)
     shares = (corners - minimum) / (maximum - minimum)
-    counts = np.arange(INPUT_POINTS, 2 * INPUT_POINTS) - 1
+    counts = np.arange(fewest, fewest + INPUT_POINTS) - 1
     places = np.multiply.outer(counts, shares)
     fitting = counts[(np.abs(places - np.rint(places)) < ON_POINT).all(axis=1)]
     if fitting.size and not jumps.size:

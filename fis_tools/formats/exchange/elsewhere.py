@@ -56,7 +56,10 @@ def answers(system: FuzzySystem, samples: Floats, *, takes_middles: bool) -> Flo
     """Return the outputs, (n, num_outputs), as sums over points, for samples (n, num_inputs)."""
     firing = inference.firing_strengths(system, samples)
     columns = []
-    for output in system.outputs:
+    for place, output in enumerate(system.outputs):
+        if system.weighs(output):
+            columns.append(inference.evaluate(system, samples)[:, place])
+            continue
         points = _points(output, takes_middles=takes_middles)
         heights = _heights(system, output, firing, points)
         columns.append(_defuzzified(system.defuzzifier_of(output), points, heights, output))

@@ -18,6 +18,7 @@ from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
 from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
+from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 
 _BLOCKS = ("VAR_INPUT", "VAR_OUTPUT", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK")
@@ -122,16 +123,24 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
         for variable in names:
             if variable not in described:
                 raise ControllerFileError(f"{kind} {variable[:40]!r} has no terms; add FUZZIFY or DEFUZZIFY")
-            variables[variable] = _variable(described[variable], is_output=kind == "VAR_OUTPUT")
+            variables[variable] = _variable(
+                described[variable], len(declared["VAR_INPUT"]), is_output=kind == "VAR_OUTPUT"
+            )
     inputs, outputs = (tuple(variables[name] for name in declared[k]) for k in ("VAR_INPUT", "VAR_OUTPUT"))
     rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
-    activations = {_word(block, "ACT", "MIN") for block in rule_blocks}
+    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
+    groups = [list(_rules(block)) for block in rule_blocks]
+    activations = {
+        _word(block, "ACT", "MIN")
+        for block, group in zip(rule_blocks, groups, strict=True)
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
+    }
     if len(activations) > 1:
         raise ControllerFileError(
             f"the rule blocks activate by {' and '.join(sorted(activations))}, and a system of ours has one "
             "implication; give each block a file of its own"
         )
-    rules = [rule for block in rule_blocks for rule in _rules(block)]
+    rules = [rule for group in groups for rule in group]
     word = next(iter(activations), "MIN")
     return settle(
         FuzzySystem(
@@ -167,35 +176,45 @@ def _rules(block: _Block) -> Iterator[Rule]:
         yield replace(read, and_operator=conjunction, or_operator=disjunction)
 
 
-def _variable(block: _Block, *, is_output: bool) -> Variable:
+def _variable(block: _Block, num_inputs: int, *, is_output: bool) -> Variable:
     terms = [_named_term(line, content) for line, content in block.listed]
     extent = _extent(block, terms)
-    found = [(name, _shape(line, words, extent)) for line, name, words in terms]
     if not is_output:
+        found = [(name, _shape(line, words, extent)) for line, name, words in terms]
         return foreign.variable(block.name, extent, found, is_output=False)
     where = f"line {block.line}: of {block.name}"
-    method = _word(block, "METHOD", "COG")
+    known = meanings(DEFUZZIFIERS, "fcl")
+    defuzzifier = foreign.choice(known, _word(block, "METHOD", "COG"), f"{where} METHOD", "")
     aggregations = {**meanings(AGGREGATIONS, "fcl"), **NORMALIZED_SUMS}
+    aggregation = foreign.choice(aggregations, _word(block, "ACCU", "MAX"), f"{where} ACCU", "")
     line, default = block.settings.get("DEFAULT", (block.line, "nan"))
     default = default.partition("|")[0].strip()
     if default.upper() == "NC" or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper():
         raise ControllerFileError(
             f"line {line}: {block.name} keeps its last value, which is not read; give a number"
         )
+    is_weighed = defuzzifier in WEIGHING
     return foreign.variable(
         block.name,
         extent,
-        found,
+        [
+            (name, _concluded(line, words, num_inputs) if is_weighed else _shape(line, words, extent))
+            for line, name, words in terms
+        ],
         is_output=True,
         default=None if default.lower() == "nan" else foreign.number(default, f"line {line}: DEFAULT"),
-        defuzzifier=foreign.choice(
-            meanings(DEFUZZIFIERS, "fcl"),
-            method,
-            f"{where} METHOD",
-            "; outputs of Takagi-Sugeno are not read",
-        ),
-        aggregation=foreign.choice(aggregations, _word(block, "ACCU", "MAX"), f"{where} ACCU", ""),
+        defuzzifier=defuzzifier,
+        aggregation="unbounded_sum" if is_weighed else aggregation,
     )
+
+
+def _concluded(line: int, words: str, num_inputs: int) -> MembershipFunction:
+    """Read a term of an output that is weighed: a number as it stands, or in fuzzylite's words."""
+    if re.fullmatch(r"[-+.\d]\S*", words):
+        words = f"Constant {words}"
+    word, *rest = words.split()
+    values = foreign.places(rest, f"line {line}") if word != "Function" else []
+    return foreign.concluded(word, values, num_inputs, "fll", f"line {line}")
 
 
 def _named_term(line: int, content: str) -> tuple[int, str, str]:
@@ -236,7 +255,7 @@ def _shape(line: int, words: str, extent: Extent) -> MembershipFunction | Table:
     word, *rest = words.split()
     if re.fullmatch(r"[-+.\d].*", word) or word in {"Constant", "Linear", "Function"}:
         raise ControllerFileError(
-            f"{where}: the term is a number and no fuzzy set; outputs of Takagi-Sugeno systems are not read"
+            f"{where}: the term is a number and no fuzzy set; only outputs by the METHOD COGS have such terms"
         )
     values = foreign.places(rest, where)
     if word.upper() in _JFUZZYLOGIC:

@@ -1,4 +1,4 @@
-"""MATLAB's `.fis` files: read and written, Mamdani systems.
+"""MATLAB's `.fis` files: read and written; Mamdani and Sugeno systems, and Tsukamoto's as fuzzylite has them.
 
 The form is that of Fuzzy Logic Toolbox's `writefis`; GNU Octave's `readfis` and fuzzylite read it too. A
 Gaussian's numbers are the standard deviation and the mean, in this order. A rule is a line of term numbers,
@@ -38,7 +38,9 @@ from fis_tools.model import (
     GeneralizedBell,
     Is,
     MembershipFunction,
+    MonotoneFunction,
     Not,
+    Number,
     Or,
     OrOperator,
     Rule,
@@ -48,6 +50,7 @@ from fis_tools.model import (
     Triangular,
     Variable,
 )
+from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 
 DIALECT = Dialect(
@@ -97,29 +100,34 @@ def write(controller: FuzzyController) -> Written:
     lines = [f"% {carried}", *_system_lines(said.system)]
     for kind, variables in (("Input", said.system.inputs), ("Output", said.system.outputs)):
         for place, variable in enumerate(variables, start=1):
-            lines += ["", f"[{kind}{place}]", *_variable_lines(variable)]
+            is_weighed = variable in said.system.weighed
+            lines += ["", f"[{kind}{place}]", *_variable_lines(variable, is_weighed=is_weighed)]
     lines += ["", "[Rules]", *(_rule_line(said.system, rule) for rule in said.system.rules)]
     return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(said.system)))
 
 
 def _system_lines(system: FuzzySystem) -> list[str]:
+    kind, implication = "mamdani", AND[system.implication].fis
+    if system.weighed:
+        is_number = isinstance(system.outputs[0].terms[0].membership, Number)
+        kind, implication = "sugeno" if is_number else "tsukamoto", "prod"
     return [
         "[System]",
         f"Name='{system.name}'",
-        "Type='mamdani'",
+        f"Type='{kind}'",
         "Version=2.0",
         f"NumInputs={len(system.inputs)}",
         f"NumOutputs={len(system.outputs)}",
         f"NumRules={len(system.rules)}",
         f"AndMethod='{AND[system.and_operator].fis}'",
         f"OrMethod='{OR[system.or_operator].fis}'",
-        f"ImpMethod='{AND[system.implication].fis}'",
+        f"ImpMethod='{implication}'",
         f"AggMethod='{AGGREGATIONS[system.outputs[0].aggregation].fis}'",
-        f"DefuzzMethod='{system.defuzzifier}'",
+        f"DefuzzMethod='{DEFUZZIFIERS[system.defuzzifier].fis}'",
     ]
 
 
-def _variable_lines(variable: Variable) -> list[str]:
+def _variable_lines(variable: Variable, *, is_weighed: bool) -> list[str]:
     lines = [
         f"Name='{variable.name}'",
         f"Range=[{variable.minimum!r} {variable.maximum!r}]",
@@ -130,7 +138,8 @@ def _variable_lines(variable: Variable) -> list[str]:
             points = foreign.sampled_points(variable, term.membership)
             word, values = "discretemf", [number for point in points for number in point]
         else:
-            word, values = foreign.shape_words(term.membership, "fis")
+            say_words = foreign.concluded_words if is_weighed else foreign.shape_words
+            word, values = say_words(term.membership, "fis")
         lines.append(f"MF{place}='{term.name}':'{word}',[{' '.join(map(repr, values))}]")
     return lines
 
@@ -166,6 +175,8 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
     )
     used |= {system.or_operator} if any(isinstance(r.antecedent, Or) for r in system.rules) else set()
     used |= {system.implication, system.outputs[0].aggregation}
+    if any(isinstance(term.membership, MonotoneFunction) for v in system.weighed for term in v.terms):
+        yield "MATLAB and Octave do not know Tsukamoto's systems; fuzzylite does"
     for operator in sorted(used - _MATLAB_OPERATORS):
         yield f"the operator {operator} is not MATLAB's own; Octave and fuzzylite know it"
 
@@ -200,6 +211,8 @@ def read(text: str) -> Reading:
     return understand(_system(sections), comments, DIALECT)
 
 
+#: Kinds of systems; those with outputs of several kinds would need a defuzzifier for each.
+_TYPES = ("mamdani", "sugeno", "tsukamoto")
 _SYSTEM_KEYS = ("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules")
 _METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod")
 
@@ -211,9 +224,19 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
         if key not in entries:
             raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
     kind, where = quoted_word(entries, "Type")
-    if kind != "mamdani":
+    if kind == "hybrid":
         raise ControllerFileError(
-            f"{where} is {kind[:40]!r}; expected 'mamdani': other systems conclude numbers, not fuzzy sets"
+            f"{where} is 'hybrid', outputs of several kinds, but a .fis file has one DefuzzMethod for "
+            "all; get the system as .fll"
+        )
+    if kind not in _TYPES:
+        raise ControllerFileError(f"{where} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
+    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), "")
+    weighs = defuzzifier in WEIGHING
+    if weighs == (kind == "mamdani"):
+        raise ControllerFileError(
+            f"{where} is {kind!r}, but DefuzzMethod is {DEFUZZIFIERS[defuzzifier].fis!r}; outputs of mamdani "
+            "are defuzzified, those of sugeno and tsukamoto by wtaver or wtsum: correct one of them"
         )
     counts = {key: whole_number(entries, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
     expected = [f"[Input{place}]" for place in range(1, counts["NumInputs"] + 1)]
@@ -224,8 +247,11 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
                 f"line {section.line}: {title[:40]} is not one of the sections that [System] counts; "
                 "correct NumInputs or NumOutputs, or drop it"
             )
-    variables = [_variable(section_of(sections, title)) for title in expected]
-    inputs, outputs = variables[: counts["NumInputs"]], variables[counts["NumInputs"] :]
+    num_weighed = counts["NumInputs"] if weighs else None
+    inputs, outputs = (
+        [_variable(section_of(sections, title), num) for title in expected if title.startswith(side)]
+        for side, num in (("[Input", None), ("[Output", num_weighed))
+    )
     lines = section_of(sections, "[Rules]").lines
     if len(lines) != counts["NumRules"]:
         raise ControllerFileError(
@@ -238,23 +264,25 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
         foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
     )
     aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"), "")
+    implication = foreign.choice(_AND, *quoted_word(entries, "ImpMethod"), "")
+    if weighs:  # MATLAB asks for neither
+        aggregation, implication = "unbounded_sum", "min"
     return settle(
         FuzzySystem(
-            name=quoted_word(entries, "Name")[0] if "Name" in entries else "unnamed",
+            name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
             inputs=with_hedged_terms(inputs, rules, POWERS),
             outputs=tuple(replace(output, aggregation=aggregation) for output in outputs),
             rules=rules,
             and_operator=joins[0],
             or_operator=joins[1],
-            defuzzifier=foreign.choice(
-                meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), ""
-            ),
-            implication=foreign.choice(_AND, *quoted_word(entries, "ImpMethod"), ""),
+            defuzzifier=defuzzifier,
+            implication=implication,
         )
     )
 
 
-def _variable(section: Section) -> Variable:
+def _variable(section: Section, num_weighed: int | None) -> Variable:
+    """Read a variable; of an output that is weighed, `num_weighed` is how many inputs there are."""
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
     )
@@ -263,11 +291,12 @@ def _variable(section: Section) -> Variable:
             raise ControllerFileError(
                 f"{section.title} has no {key}; add it, or get a whole copy of the file"
             )
-    for key, only in (("Enabled", 1.0), ("LockPrevious", 0.0)):
+    only_free = [] if num_weighed is None else [("LockRange", 0.0)]
+    for key, only in (("Enabled", 1.0), ("LockPrevious", 0.0), *only_free):
         if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
-    num_terms = whole_number(entries, "NumMFs")
+    num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     keys = [f"MF{place}" for place in range(1, num_terms + 1)]
     found = [key for key in entries if key.startswith("MF")]
     if sorted(found) != sorted(keys):
@@ -283,7 +312,7 @@ def _variable(section: Section) -> Variable:
     return foreign.variable(
         quoted_word(entries, "Name")[0],
         extent,
-        [_term(*entries[key], extent) for key in keys],
+        [_term(*entries[key], extent, num_weighed) for key in keys],
         is_output=is_output,
         default=foreign.number(default[1], f"line {default[0]}: Default")
         if default and states_default
@@ -294,12 +323,21 @@ def _variable(section: Section) -> Variable:
 _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(?P<numbers>\[[^\]]*\])")
 
 
-def _term(line: int, value: str, extent: Extent) -> tuple[str, MembershipFunction | Table]:
+def _term(
+    line: int, value: str, extent: Extent, num_weighed: int | None
+) -> tuple[str, MembershipFunction | Table]:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
     values = numbers_in(parts["numbers"], where)
+    if num_weighed is not None:
+        return parts["name"], foreign.concluded(parts["shape"], values, num_weighed, "fis", where)
+    if parts["shape"] in {"constant", "linear"}:
+        raise ControllerFileError(
+            f"{where}: the term is {parts['shape']}, a number and no fuzzy set; only outputs by wtaver and "
+            "wtsum have such terms"
+        )
     if parts["shape"] == "discretemf":
         return parts["name"], foreign.table(values, where)
     return parts["name"], foreign.shape(parts["shape"], values, extent, words_of("fis"), _FLANKS, where)

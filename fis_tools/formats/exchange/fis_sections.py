@@ -110,9 +110,11 @@ def quoted_word(entries: Entries, key: str) -> tuple[str, str]:
     return value[1:-1], f"line {line}: {key}"
 
 
-def whole_number(entries: Entries, key: str) -> int:
-    """Return a whole number from 1 on."""
+def whole_number(entries: Entries, key: str, least: int = 1) -> int:
+    """Return a whole number from 1, or the least that can be, on."""
     line, value = entries[key]
+    if least == 0 and value.strip() == "0":
+        return 0
     return foreign.count(value, f"line {line}: {key}", 100_000)
 
 

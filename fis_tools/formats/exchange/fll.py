@@ -1,13 +1,15 @@
-"""FuzzyLite Language files (`.fll`): read and written, Mamdani systems.
+"""FuzzyLite Language files (`.fll`): read and written; Mamdani, Takagi-Sugeno, Tsukamoto and mixed systems.
 
 The form is that of fuzzylite 6 and its Python and Java siblings: blocks of ``key: value`` lines. The number
 after a defuzzifier counts the intervals that an output's range is cut into, one less than the points of a
 universe. Rules are sentences, ``if a is low and (b is high or c is not low) then d is up with 0.5``.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import Any
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
@@ -26,11 +28,13 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     MembershipFunction,
+    Number,
     OrOperator,
     Rule,
     Sampled,
     Variable,
 )
+from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import words_of
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
@@ -68,10 +72,13 @@ def write(controller: FuzzyController) -> Written:
         lines += _term_lines(variable)
     for variable in system.outputs:
         lines += ["OutputVariable: " + variable.name, *_extent_lines(variable), "  lock-range: false"]
-        lines += [*_output_lines(system, variable), *_term_lines(variable)]
+        lines += _output_lines(system, variable)
+        lines += _concluded_lines(variable) if system.weighs(variable) else _term_lines(variable)
+    is_weighed = len(system.weighed) == len(system.outputs)
+    implication = "none" if is_weighed else AND[system.implication].fll
     for operators, rules in groupby(system.rules, key=lambda rule: _operators(system, rule)):
         lines += [
-            *_block_lines(*operators, system.implication),
+            *_block_lines(*operators, implication),
             *(f"  rule: {foreign.rule_words(rule)}" for rule in rules),
         ]
     return Written("\n".join([*lines, f"# {END}"]) + "\n", losses(controller, said, DIALECT))
@@ -92,12 +99,21 @@ def _term_lines(variable: Variable) -> Iterator[str]:
         yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
 
 
+def _concluded_lines(output: Variable) -> Iterator[str]:
+    for term in output.terms:
+        word, values = foreign.concluded_words(term.membership, "fll")
+        yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
+
+
 def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
     defuzzifier = system.defuzzifier_of(output)
-    word = DEFUZZIFIERS[defuzzifier].fll
+    aggregation, parameter = AGGREGATIONS[output.aggregation].fll, str(output.num_points - 1)
+    if system.weighs(output):
+        is_number = isinstance(output.terms[0].membership, Number)
+        aggregation, parameter = "none", "TakagiSugeno" if is_number else "Tsukamoto"
     return [
-        f"  aggregation: {AGGREGATIONS[output.aggregation].fll}",
-        f"  defuzzifier: {word} {output.num_points - 1}",
+        f"  aggregation: {aggregation}",
+        f"  defuzzifier: {DEFUZZIFIERS[defuzzifier].fll} {parameter}",
         f"  default: {output.default!r}",
         "  lock-previous: false",
     ]
@@ -107,13 +123,13 @@ def _operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator, OrOperator
     return system.and_operator_of(rule), system.or_operator_of(rule)
 
 
-def _block_lines(and_operator: AndOperator, or_operator: OrOperator, implication: AndOperator) -> list[str]:
+def _block_lines(and_operator: AndOperator, or_operator: OrOperator, implication: str) -> list[str]:
     return [
         "RuleBlock:",
         "  enabled: true",
         f"  conjunction: {AND[and_operator].fll}",
         f"  disjunction: {OR[or_operator].fll}",
-        f"  implication: {AND[implication].fll}",
+        f"  implication: {implication}",
         "  activation: General",
     ]
 
@@ -201,20 +217,28 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     for block in blocks:
         _refuse_setting(block, "enabled", ("true",))
     inputs = tuple(_variable(block) for block in blocks if block.kind == "InputVariable")
-    outputs = tuple(_variable(block) for block in blocks if block.kind == "OutputVariable")
+    outputs = tuple(_output(block, len(inputs)) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
         _refuse_setting(block, "activation", ("General", "none", "Minimum"))
     operators = [_block_operators(block) for block in rule_blocks]
     first = next(iter(operators), (None, None))
-    rules = [
-        replace(
-            read_rule(line, words, operators[place]),
-            and_operator=operators[place][0],
-            or_operator=operators[place][1],
-        )
-        for place, block in enumerate(rule_blocks)
-        for line, words in block.repeated
+    groups = [
+        [
+            replace(read_rule(line, words, own), and_operator=own[0], or_operator=own[1])
+            for line, words in block.repeated
+        ]
+        for block, own in zip(rule_blocks, operators, strict=True)
+    ]
+    rules = [rule for group in groups for rule in group]
+    weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
+    for block in blocks:
+        if block.kind == "OutputVariable" and block.name in weighed:
+            _refuse_joined(block, rules)
+    implying = [
+        block
+        for block, group in zip(rule_blocks, groups, strict=True)
+        if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents)
     ]
     return settle(
         FuzzySystem(
@@ -224,7 +248,7 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
             rules=tuple(chained(rules, outputs)),
             and_operator=first[0] or "min",
             or_operator=first[1] or "max",
-            implication=_implication(rule_blocks),
+            implication=_implication(implying),
         )
     )
 
@@ -237,6 +261,20 @@ def _refuse_setting(block: _Block, key: str, allowed: tuple[str, ...]) -> None:
                 f"line {line}: {key} of a {block.kind} is {value[:40]!r}, which cannot be read; expected "
                 f"{' or '.join(allowed)}: change it or take the part out"
             )
+
+
+def _refuse_joined(block: _Block, rules: Sequence[Rule]) -> None:
+    """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
+    line, word = block.entries.get("aggregation", block.entries.get("accumulation", (block.line, "none")))
+    if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
+        return
+    concluded = Counter(c.term for rule in rules for c in rule.consequents if c.variable == block.name)
+    several = [term for term, count in concluded.items() if count > 1]
+    if several:
+        raise ControllerFileError(
+            f"line {line}: the aggregation {word[:40]!r} joins the rules that conclude {several[0]!r}, but "
+            "each counts by itself where an output is weighed; write none"
+        )
 
 
 def _implication(blocks: Sequence[_Block]) -> AndOperator:
@@ -272,33 +310,72 @@ def _block_operators(block: _Block) -> Operators:
 
 
 def _variable(block: _Block) -> Variable:
-    is_output = block.kind == "OutputVariable"
-    for key in ("range", "defuzzifier") if is_output else ("range",):
-        if key not in block.entries:
-            raise ControllerFileError(f"line {block.line}: {block.kind} {block.name} has no {key}; add it")
-    _refuse_setting(block, "lock-previous", ("false",))
-    line, value = block.entries["range"]
+    extent = _extent(block)
+    terms = [_term(line, words, extent) for line, words in block.repeated]
+    return foreign.variable(block.name, extent, terms, is_output=False, description=_description(block))
+
+
+def _extent(block: _Block) -> Extent:
+    line, value = _entry(block, "range")
     ends = foreign.numbers(value.split(), f"line {line}: the range")
     if len(ends) != 2:
         raise ControllerFileError(f"line {line}: the range has {len(ends)} numbers; expected two")
-    extent = Extent(*ends)
-    terms = [_term(line, words, extent) for line, words in block.repeated]
-    description = block.entries.get("description", (0, ""))[1]
-    if not is_output:
-        return foreign.variable(block.name, extent, terms, is_output=False, description=description)
-    defuzzifier, num_points = _defuzzifier(*block.entries["defuzzifier"])
+    return Extent(*ends)
+
+
+def _entry(block: _Block, key: str) -> tuple[int, str]:
+    if key not in block.entries:
+        raise ControllerFileError(f"line {block.line}: {block.kind} {block.name} has no {key}; add it")
+    return block.entries[key]
+
+
+def _description(block: _Block) -> str:
+    return block.entries.get("description", (0, ""))[1]
+
+
+def _output(block: _Block, num_inputs: int) -> Variable:
+    extent = _extent(block)
+    _refuse_setting(block, "lock-previous", ("false",))
+    line, words = _entry(block, "defuzzifier")
+    defuzzifier, parameter = _defuzzifier(line, words)
     line, default = block.entries.get("default", (block.line, "nan"))
+    facts: dict[str, Any] = {
+        "is_output": True,
+        "default": None if default == "nan" else foreign.number(default, f"line {line}: the default"),
+        "description": _description(block),
+        "defuzzifier": defuzzifier,
+    }
+    if defuzzifier in WEIGHING:
+        terms = _concluded_terms(block, parameter, num_inputs)
+        return foreign.variable(block.name, extent, terms, aggregation="unbounded_sum", **facts)
     return foreign.variable(
         block.name,
         extent,
-        terms,
-        is_output=True,
-        num_points=num_points,
-        default=None if default == "nan" else foreign.number(default, f"line {line}: the default"),
-        description=description,
-        defuzzifier=defuzzifier,
+        [_term(line, words, extent) for line, words in block.repeated],
+        num_points=_num_points(line, parameter),
         aggregation=_aggregation(block),
+        **facts,
     )
+
+
+def _concluded_terms(
+    block: _Block, parameter: str, num_inputs: int
+) -> list[tuple[str, MembershipFunction | Table]]:
+    """Read the terms of an output that is weighed."""
+    _refuse_setting(block, "lock-range", ("false",))
+    terms: list[tuple[str, MembershipFunction | Table]] = []
+    for line, words in block.repeated:
+        name, word, rest = _parted(line, words)
+        values = foreign.places(rest, f"line {line}") if word != "Function" else []
+        shape = foreign.concluded(word, values, num_inputs, "fll", f"line {line}")
+        kind = "TakagiSugeno" if isinstance(shape, Number) else "Tsukamoto"
+        if parameter not in {"", "Automatic", kind}:
+            raise ControllerFileError(
+                f"line {line}: the output is weighed as {parameter[:40]!r}, but its term {name!r} is {word}; "
+                f"write {kind} or Automatic"
+            )
+        terms.append((name, shape))
+    return terms
 
 
 def _aggregation(block: _Block) -> Aggregation:
@@ -311,28 +388,37 @@ def _aggregation(block: _Block) -> Aggregation:
     return "max"
 
 
-def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, int]:
-    """Return how an output is defuzzified, and the points of its universe."""
-    word, *rest = words.split() or [""]
-    cure = "; outputs of Takagi-Sugeno and Tsukamoto systems are not read"
-    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fll"), word, f"line {line}: the defuzzifier", cure)
-    if not rest:
-        return defuzzifier, RESOLUTION + 1
-    where = f"line {line}: the resolution of the defuzzifier"
-    return defuzzifier, foreign.count(" ".join(rest), where, MOST_POINTS - 1) + 1
+def _defuzzifier(line: int, words: str) -> tuple[Defuzzifier, str]:
+    """Return how an output is defuzzified, and what is said of it besides."""
+    word, _, parameter = words.partition(" ")
+    known = meanings(DEFUZZIFIERS, "fll")
+    return foreign.choice(known, word, f"line {line}: the defuzzifier", ""), parameter.strip()
+
+
+def _num_points(line: int, parameter: str) -> int:
+    """Return the points of the universe of an output that is defuzzified."""
+    if not parameter:
+        return RESOLUTION + 1
+    return foreign.count(parameter, f"line {line}: the resolution of the defuzzifier", MOST_POINTS - 1) + 1
+
+
+def _parted(line: int, words: str) -> tuple[str, str, list[str]]:
+    """Return the name of a term, its shape, and the rest."""
+    name, shape, *rest = [*words.split(), "", ""][:2] + words.split()[2:]
+    if not shape:
+        raise ControllerFileError(
+            f"line {line}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
+        )
+    return name, shape, rest
 
 
 def _term(line: int, words: str, extent: Extent) -> tuple[str, MembershipFunction | Table]:
     where = f"line {line}"
-    name, shape, *rest = [*words.split(), "", ""][:2] + words.split()[2:]
-    if not shape:
-        raise ControllerFileError(
-            f"{where}: {words[:40]!r} is not a term; expected a name, a shape and its numbers"
-        )
+    name, shape, rest = _parted(line, words)
     if shape in {"Constant", "Linear", "Function"}:
         raise ControllerFileError(
-            f"{where}: the term is a {shape}, a number and no fuzzy set; outputs of Takagi-Sugeno systems "
-            "are not read"
+            f"{where}: the term is a {shape}, a number and no fuzzy set; only outputs that are a "
+            "WeightedAverage or WeightedSum have such terms"
         )
     values = foreign.places(rest, where)
     shapes = words_of("fll")

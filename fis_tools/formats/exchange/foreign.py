@@ -18,14 +18,18 @@ from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Aggregation,
     Defuzzifier,
+    Linear,
     MembershipFunction,
+    MonotoneFunction,
+    Number,
+    Ramp,
     Rule,
     Sampled,
     Term,
     Trapezoidal,
     Variable,
 )
-from fis_tools.model.shape import Format
+from fis_tools.model.shape import Format, words_of
 from fis_tools.model.validate import nearest
 from fis_tools.words.text import antecedent_words
 
@@ -212,6 +216,52 @@ def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trape
     if corners[3] == math.inf:
         corners[2:] = [max(high, x) for x in (corners[1], corners[1])]
     return Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
+
+
+def concluded(
+    word: str, values: Sequence[float], num_inputs: int, file_format: Format, where: str
+) -> MembershipFunction:
+    """Turn a word and its numbers into a term of an output that is weighed: a number, or a monotone shape.
+
+    A linear number may lack its constant; older versions of MATLAB pad with zeros.
+    """
+    shapes = words_of(file_format)
+    kind, order = (Ramp, ("start", "end")) if word == RAMPS[file_format] else shapes.get(word, (None, ()))
+    if kind is None or not issubclass(kind, _WEIGHED):
+        known = [RAMPS[file_format], *(w for w, (k, _) in shapes.items() if issubclass(k, _WEIGHED))]
+        raise ControllerFileError(
+            f"{where}: the output is a weighted average or sum, and its term is a {word[:40]!r}, which "
+            f"cannot be weighed; use one of {', '.join(sorted(known))}"
+        )
+    expected = num_inputs + 1 if kind is Linear else len(order)
+    if kind is Linear and len(values) == num_inputs:
+        values = [*values, 0.0]
+    if not any(values[expected:]):
+        values = values[:expected]
+    if len(values) != expected or not all(map(math.isfinite, values)):
+        raise ControllerFileError(
+            f"{where}: {word} has the numbers {', '.join(f'{x:g}' for x in values)}; expected {expected} "
+            "finite ones"
+        )
+    if kind is Linear:
+        return Linear(tuple(values[:-1]), values[-1])
+    build: Callable[..., MembershipFunction] = kind
+    return build(**dict(zip(order, values, strict=True)))
+
+
+#: The word of a format for a ramp, which elsewhere is read as a trapezoid.
+RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
+_WEIGHED = (Number, MonotoneFunction)
+
+
+def concluded_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[float]]:
+    """Return the word and the numbers of a term of an output that is weighed."""
+    match membership:
+        case Ramp(start, end):
+            return RAMPS[file_format], [float(start), float(end)]
+        case Linear(coefficients, constant):
+            return membership.entry.words[file_format][0], [*map(float, coefficients), float(constant)]
+    return shape_words(membership, file_format)
 
 
 def shape_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[float]]:

@@ -49,6 +49,8 @@ DEFUZZIFIERS: dict[Defuzzifier, Words] = {
     "mom": Words("mom", "MeanOfMaximum", "MOM", "MM"),
     "som": Words("som", "SmallestOfMaximum", "LM", "LM"),
     "lom": Words("lom", "LargestOfMaximum", "RM", "RM"),
+    "weighted_average": Words("wtaver", "WeightedAverage", "WA", "COGS"),
+    "weighted_sum": Words("wtsum", "WeightedSum", "WS", "COGSS"),
 }
 
 

@@ -85,6 +85,8 @@ class World(NamedTuple):
     num_edge_cells: int  # zero where nothing hides anything
     chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes
+    attitude_at_start: Floats  # (4,) Hill to body
+    rate_at_start: Floats  # (3,) inertial, body axes
     is_spherical: bool
     inertia: Floats  # (3, 3)
     inverse_inertia: Floats  # (3, 3)

@@ -41,7 +41,7 @@ from pipeline.flight.kernel.arrays import (
 )
 from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
-from pipeline.flight.kernel.lanes import one, three, write_four, write_three
+from pipeline.flight.kernel.lanes import one, three, write_three
 from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
@@ -160,9 +160,10 @@ def start_lanes(
             work.unseen[lane, j] = counts[j]
             num_counted += counts[j]
         lanes.num_counted[lane], lanes.num_unseen[lane] = num_counted, num_counted
-    write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
-    # inertial: n relative to Hill, and Hill's own
-    write_three(lanes.rate, 0, nothing, nothing, splat(2.0 * world.mean_motion, LANES))
+    for component in range(4):
+        store(lanes.attitude, component, splat(world.attitude_at_start[component], LANES))
+    for component in range(3):
+        store(lanes.rate, component, splat(world.rate_at_start[component], LANES))
     write_three(lanes.force, 0, nothing, nothing, nothing)
     write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
     store(lanes.nearest, 0, splat(np.inf, LANES))

@@ -66,6 +66,17 @@ FLOWN = {
     "paper": (mission(), STEERING, STARTS),
     "clusters": (mission(guidance={"kind": "clusters"}), STEERING, STARTS),
     "full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA}), STEERING, STARTS),
+    "a start that turns, full inertia": (
+        mission(
+            deputy={
+                "inertia_kg_m2": FULL_INERTIA,
+                "initial_quaternion": (0.5, -0.1, 0.5, 0.7),
+                "initial_angular_velocity_rad_s": (0.02, -0.05, 0.03),
+            }
+        ),
+        STEERING,
+        STARTS,
+    ),
     "light ball": (mission(deputy={"inertia_kg_m2": ball(0.05)}), STEERING, STARTS),
     "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), STEERING, STARTS),
     "heavy ball": (mission(deputy={"inertia_kg_m2": ball(2.0)}), STEERING, STARTS),

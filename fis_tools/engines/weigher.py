@@ -1,0 +1,125 @@
+"""Outputs that are weighed, compiled; `fis_tools.engines.inference` is the readable twin."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.program import (
+    ARC,
+    CONCAVE,
+    NUMBER,
+    RAMP,
+    S_SHAPE,
+    SIGMOID,
+    WEIGHTED_SUM,
+    Weighing,
+)
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def weigh(weighing: Weighing, firing: Floats, values: Floats, universes: Floats, out: Floats) -> None:
+    """Write one output for firing strengths (n, num_rules) and inputs (n, num_inputs).
+
+    Parameters
+    ----------
+    universes : (num_inputs, 2)
+        The ends of each input, inside of which it is taken.
+    """
+    if weighing.is_constant:
+        _weigh_constants(
+            weighing.rules,
+            weighing.weights,
+            np.ascontiguousarray(weighing.parameters[:, values.shape[1]]),
+            weighing.defuzzifier,
+            weighing.default,
+            firing,
+            out,
+        )
+    else:
+        _weigh(*weighing[:4], *weighing[5:], firing, values, universes, out)
+
+
+@compiled(error_model="numpy", nogil=True)
+def _weigh_constants(
+    rules: Integers,
+    weights: Floats,
+    constants: Floats,
+    defuzzifier: int,
+    default: float,
+    firing: Floats,
+    out: Floats,
+) -> None:
+    for sample in range(len(firing)):
+        total, moment = 0.0, 0.0
+        for index in range(len(rules)):
+            strength = firing[sample, rules[index]] * weights[index]
+            total += strength
+            moment += strength * constants[index]
+        if total == 0.0:
+            out[sample] = default
+        else:
+            out[sample] = moment if defuzzifier == WEIGHTED_SUM else moment / total
+
+
+@compiled(error_model="numpy", nogil=True)
+def _weigh(
+    rules: Integers,
+    weights: Floats,
+    kinds: Integers,
+    parameters: Floats,
+    low: float,
+    high: float,
+    defuzzifier: int,
+    default: float,
+    firing: Floats,
+    values: Floats,
+    universes: Floats,
+    out: Floats,
+) -> None:
+    num_inputs = values.shape[1]
+    clipped = np.empty(num_inputs)
+    for sample in range(len(firing)):
+        for place in range(num_inputs):
+            clipped[place] = min(max(values[sample, place], universes[place, 0]), universes[place, 1])
+        total, moment = 0.0, 0.0
+        for index in range(len(rules)):
+            strength = firing[sample, rules[index]] * weights[index]
+            if strength == 0.0:
+                continue
+            if kinds[index] == NUMBER:
+                number = parameters[index, num_inputs]
+                for place in range(num_inputs):
+                    number += parameters[index, place] * clipped[place]
+            else:
+                number = invert(kinds[index], parameters[index, 0], parameters[index, 1], min(strength, 1.0))
+                if np.isinf(number):
+                    number = high if number > 0.0 else low
+            total += strength
+            moment += strength * number
+        if total == 0.0:
+            out[sample] = default
+        else:
+            out[sample] = moment if defuzzifier == WEIGHTED_SUM else moment / total
+
+
+@compiled(error_model="numpy")
+def invert(kind: int, first: float, second: float, degree: float) -> float:
+    """Return where one of `fis_tools.engines.program.INVERTED` has a degree, as its own `inverse` does."""
+    place: float
+    if kind == RAMP:
+        place = first + (second - first) * degree
+    elif kind == SIGMOID:
+        place = first - np.log(1.0 / degree - 1.0) / second
+    elif kind == CONCAVE:
+        place = 2.0 * second - first + (first - second) / degree
+    elif kind == ARC:
+        place = second + (first - second) * np.sqrt(1.0 - degree * degree)
+    else:
+        foot, top = (first, second) if kind == S_SHAPE else (second, first)
+        if degree <= 0.5:
+            place = foot + (top - foot) * np.sqrt(degree / 2.0)
+        else:
+            place = top - (top - foot) * np.sqrt((1.0 - degree) / 2.0)
+    return place

@@ -1,0 +1,67 @@
+"""What makes an output wrong by how it becomes a number: fuzzy sets where numbers belong, and the reverse."""
+
+from collections.abc import Iterator, Sequence
+
+from fis_tools.model.numbers import Linear, Number
+from fis_tools.model.operators import WEIGHING
+from fis_tools.model.shape import MonotoneFunction
+from fis_tools.model.systems import FuzzySystem
+from fis_tools.model.variables import Variable
+
+
+def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
+    """Tell what is wrong between the terms of an output and its defuzzifier."""
+    where = f"output {output.name!r}"
+    numbers = [term.name for term in output.terms if isinstance(term.membership, Number)]
+    if not system.weighs(output):
+        if numbers:
+            yield (
+                f"{where}, term {numbers[0]!r} is a number, and the defuzzifier "
+                f"{system.defuzzifier_of(output)} needs fuzzy sets; choose {' or '.join(WEIGHING)}"
+            )
+        return
+    way = system.defuzzifier_of(output)
+    if output.aggregation != "unbounded_sum":
+        yield (
+            f"{where} is a {way}, to which every rule counts by itself, but it has the aggregation "
+            f"{output.aggregation}; set aggregation to unbounded_sum"
+        )
+    if numbers and len(numbers) < len(output.terms):
+        yield f"{where} has numbers and fuzzy sets among its terms; make all of them one or the other"
+    for term in output.terms:
+        match term.membership:
+            case Linear(coefficients, _) if len(coefficients) != len(system.inputs):
+                yield (
+                    f"{where}, term {term.name!r} has {len(coefficients)} coefficients for "
+                    f"{len(system.inputs)} inputs; give one for each input, and the constant"
+                )
+            case Number() | MonotoneFunction():
+                pass
+            case shape:
+                yield (
+                    f"{where}, term {term.name!r} is {shape.entry.name}, but a {way} needs numbers (constant "
+                    "or linear) or shapes that only rise or fall (ramp, sigmoid, s_shape, z_shape, concave "
+                    "or arc)"
+                )
+
+
+def number_problems(variable: Variable) -> Iterator[str]:
+    """Tell which terms of an input are numbers."""
+    for term in variable.terms:
+        if isinstance(term.membership, Number):
+            yield (
+                f"input {variable.name!r}, term {term.name!r} is a number; terms of inputs are fuzzy sets, "
+                "so give it a shape"
+            )
+
+
+def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
+    """Return the least and the greatest number that an output's terms are over the ranges of the inputs."""
+    low, high = [], []
+    for term in output.terms:
+        if isinstance(term.membership, Number):
+            *coefficients, constant = term.membership.row(len(inputs))
+            ends = [sorted((c * v.minimum, c * v.maximum)) for c, v in zip(coefficients, inputs, strict=True)]
+            low.append(constant + sum(least for least, _ in ends))
+            high.append(constant + sum(greatest for _, greatest in ends))
+    return min(low, default=output.minimum), max(high, default=output.maximum)

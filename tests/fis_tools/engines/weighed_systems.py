@@ -1,0 +1,89 @@
+"""Systems of which some output is weighed, drawn and by hand."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fis_tools.model import (
+    Arc,
+    Concave,
+    Consequent,
+    Constant,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Linear,
+    MembershipFunction,
+    Ramp,
+    Rule,
+    Sigmoid,
+    SShape,
+    Term,
+    Triangular,
+    Variable,
+    ZShape,
+    table_rules,
+)
+
+
+def inputs(count: int = 2, num_points: int = 501) -> tuple[Variable, ...]:
+    """Inputs with three terms each, of which no value belongs to none."""
+    terms = tuple(
+        Term(name, Gaussian(mean, 1.5)) for name, mean in (("low", 0.0), ("mid", 5.0), ("high", 10.0))
+    )
+    return tuple(Variable(f"x{place}", "", 0.0, 10.0, terms, num_points) for place in range(count))
+
+
+def output(name: str, *shapes: MembershipFunction) -> Variable:
+    """An output that is weighed, from -2 to 2."""
+    terms = tuple(Term(f"{name}_{place}", shape) for place, shape in enumerate(shapes))
+    return Variable(name, "", -2.0, 2.0, terms, default=0.25, aggregation="unbounded_sum")
+
+
+def system(way: str, *shapes: MembershipFunction, and_operator: str = "product") -> FuzzySystem:
+    """A full table of nine rules that conclude the terms in turn."""
+    variables, y = inputs(), output("y", *shapes)
+    rules = table_rules(variables, y, [y.terms[place % len(shapes)].name for place in range(9)])
+    joins: Any = {"and_operator": and_operator, "defuzzifier": way}
+    return FuzzySystem("weighed", variables, (y,), rules, **joins)
+
+
+CONSTANTS = tuple(Constant(value) for value in (-1.5, -0.2, 0.7, 1.9))
+LINEARS = (Linear((0.1, -0.15), 0.5), Linear((0.0, 0.0), -1.0), Linear((-0.05, 0.2), 0.0))
+MONOTONE = (Ramp(-1.0, 1.0), Ramp(1.5, -0.5), SShape(-1.0, 2.0), ZShape(-2.0, 0.0), Arc(-1.0, 1.5))
+ENDLESS = (Sigmoid(0.3, 8.0), Sigmoid(-0.2, -6.0), Concave(0.5, 1.0), Concave(0.0, -1.0))
+
+
+def systems() -> dict[str, FuzzySystem]:
+    """Return one system of each kind, by name."""
+    return {
+        "constant": system("weighted_average", *CONSTANTS),
+        "constant_sum": system("weighted_sum", *CONSTANTS, and_operator="min"),
+        "linear": system("weighted_average", *LINEARS),
+        "linear_sum": system("weighted_sum", *LINEARS),
+        "tsukamoto": system("weighted_average", *MONOTONE),
+        "tsukamoto_endless": system("weighted_average", *ENDLESS),
+        "mixed": mixed(),
+    }
+
+
+def mixed() -> FuzzySystem:
+    """One output by Mamdani, one by Takagi and Sugeno, weights other than one, inputs that fire no rule."""
+    terms = (Term("near", Triangular(0.0, 1.0, 3.0)), Term("far", Triangular(5.0, 8.0, 9.0)))
+    x = Variable("x", "", 0.0, 10.0, terms, 1001)
+    z = Variable("z", "", 0.0, 1.0, (Term("up", Triangular(0.0, 0.5, 1.0)),), 101, default=0.0)
+    y = output("y", Constant(1.0), Constant(-1.0))
+    rules = (
+        Rule(Is("x", "near"), (Consequent("y", "y_0"), Consequent("z", "up", 0.5))),
+        Rule(Is("x", "far"), (Consequent("y", "y_1", 0.25), Consequent("y", "y_0", 0.5))),
+    )
+    return FuzzySystem("mixed", (x,), (replace(y, defuzzifier="weighted_average"), z), rules)
+
+
+def samples(of: FuzzySystem, count: int = 200, seed: int = 0) -> np.ndarray:
+    """Draw inputs from the universes and a little beyond, ends among them."""
+    low = np.array([v.minimum for v in of.inputs])
+    high = np.array([v.maximum for v in of.inputs])
+    drawn = np.random.default_rng(seed).uniform(low - 0.5, high + 0.5, (count, len(low)))
+    return np.concatenate([drawn, [low, high]])
