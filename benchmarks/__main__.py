@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, inference, recording, steps, tools
+from benchmarks import commands, gym, inference, recording, steps, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
 CAMPAIGNS = ("examples", "fuzz", "kills", "soak")
-PARTS = ("inference", "monte_carlo", "recording", "start", "steps", "tools", "training")
+PARTS = ("gym", "inference", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 
 def processor() -> str:
@@ -50,6 +50,7 @@ def main() -> int:
         f"Python {platform.python_version()}, numba {numba.__version__}, load {os.getloadavg()[0]:.1f}"
     )
     runs = {
+        "gym": gym.run,
         "inference": lambda: inference.run(options.controller),
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),
