@@ -83,7 +83,7 @@ def constants(
 def _digits(name: str, value: float, went: Sequence[Outcome], attributes: Mapping[str, str]) -> str:
     """Say with how many digits every decision that a constant makes on the flights is what it was.
 
-    A dead band decides whether an output is fired, a constant of coasting whether the deputy coasts. What
+    A dead band decides whether an output is fired, a constant of coasting whether nothing is asked for. What
     other constants do happens before the inputs that a recording holds, and is not told.
     """
     if name.startswith(DEAD_BAND):
@@ -113,7 +113,7 @@ def _dead_band(name: str, went: Sequence[Outcome]) -> Decide:
 
 
 def _coasting(name: str, went: Sequence[Outcome], attributes: Mapping[str, str]) -> Decide:
-    """Return what tells of each decision on coasting on some flights whether the deputy coasts."""
+    """Return what tells of each decision on coasting on some flights whether nothing is asked for."""
     held = {key: float(attributes[key]) for key in (COAST_BELOW, COAST_MARGIN)}
     rows = [
         np.column_stack(
