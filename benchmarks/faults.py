@@ -7,6 +7,7 @@ import signal
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -31,8 +32,8 @@ def small_disk(folder: Path, kibibytes: int) -> Iterator[Callable[[str], bool]]:
     Yields
     ------
     callable
-        Changes it by an option of ``mount``: ``size=64m`` makes room, ``ro`` lets nobody write; tells whether
-        it could be done.
+        Changes it: ``size=64m`` makes room, ``ro`` lets nobody open a file to write to, ``rw`` ends that;
+        tells whether it could be done.
 
     Raises
     ------
@@ -43,9 +44,23 @@ def small_disk(folder: Path, kibibytes: int) -> Iterator[Callable[[str], bool]]:
     if not _mount("-t", "tmpfs", "-o", f"size={kibibytes}k,mode=700", "tmpfs", str(folder)):
         raise OSError(f"{folder} cannot be a disk")
     try:
-        yield lambda option: _mount("-o", f"remount,{option}", str(folder))
+        yield partial(_change, str(folder))
     finally:
-        subprocess.run(["umount", "-l", str(folder)], check=False)  # noqa: S603, S607
+        while _unmount(str(folder)):
+            pass
+
+
+def _change(folder: str, option: str) -> bool:
+    if option == "ro":  # by a second way to it: the disk itself has files that are open
+        return _mount("--bind", folder, folder) and _mount("-o", "remount,bind,ro", folder)
+    if option == "rw":
+        return not os.statvfs(folder).f_flag & os.ST_RDONLY or _unmount(folder)
+    return _mount("-o", f"remount,{option}", folder)
+
+
+def _unmount(folder: str) -> bool:
+    command = ["umount", "-l", folder]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0  # noqa: S603
 
 
 def take_memory(pid: int) -> None:

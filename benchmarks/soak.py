@@ -36,9 +36,10 @@ BY_SIGNAL: Final = {
     "SIGKILL": (-signal.SIGKILL,), "SIGTERM": (-signal.SIGTERM,), "Ctrl-C": (-signal.SIGINT,),
     "no memory": (-signal.SIGABRT, -signal.SIGSEGV, -signal.SIGTRAP, 1),
 }  # fmt: skip
-#: of a disk that is too small, KiB, and the option that makes room
+#: of a disk that is too small, KiB
 SMALL_DISK: Final = (30, 700)
-ROOM: Final = "size=256m"
+#: what makes a disk one to write to again
+CURES: Final = {"disk full": "size=256m", "disk read-only": "rw"}
 #: no work may take longer, s
 LONGEST_S: Final = 1200.0
 
@@ -111,8 +112,7 @@ class Soak:
         problem = self._strike(command(words_of(kind, folder)), fault, seconds, hits.get(fault, int))
         if problem:
             return problem
-        change("rw")
-        change(ROOM)
+        change(CURES.get(fault, ""))
         is_begun = folder.is_dir() and artifacts.holds_run(folder)
         words = [f"resume={folder}"] if is_begun else words_of(kind, folder)
         ended = subprocess.run(command(words), capture_output=True, text=True, check=False)  # noqa: S603
@@ -134,8 +134,7 @@ class Soak:
         left = [path.name for path in folder.glob("*") if path != scene]
         if left and fault not in ("SIGKILL", "no memory", "disk read-only"):
             return f"left {', '.join(left)}"
-        change("rw")
-        change(ROOM)
+        change(CURES.get(fault, ""))
         folder.mkdir(exist_ok=True)
         ended = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603
         return "" if ended.returncode == 0 else f"cannot be done again: {ended.stderr.strip()[-300:]}"

@@ -61,8 +61,9 @@ def _mistakes() -> tuple[type[Exception], ...]:
     from fis_tools.commands.arguments import UserMistake  # noqa: PLC0415 - takes long, and is rarely needed
     from fis_tools.formats.error import ControllerFileError  # noqa: PLC0415
     from fis_tools.model.extras import MissingExtra  # noqa: PLC0415
+    from fis_tools.model.weighing import NotMamdani  # noqa: PLC0415
 
-    return ControllerFileError, MissingExtra, UserMistake
+    return ControllerFileError, MissingExtra, NotMamdani, UserMistake
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -17,6 +17,7 @@ from fis_tools.analysis.arrays import Coverage, coverage
 from fis_tools.engines.inference import infer
 from fis_tools.model import (
     And,
+    Constant,
     Expression,
     FuzzySystem,
     Gaussian,
@@ -188,7 +189,7 @@ class Measures:
 
 
 def measure(system: FuzzySystem, reference: tuple[str, FuzzySystem] | None = None) -> Measures:
-    """Compute every index of a system without problems.
+    """Compute every index of a system without problems; outputs that are weighed have no terms to measure.
 
     Terms are compared with those of another system, called as in the reference, or with an even partition.
 
@@ -197,7 +198,7 @@ def measure(system: FuzzySystem, reference: tuple[str, FuzzySystem] | None = Non
     ValueError
         If the reference lacks a variable or one of its terms.
     """
-    variables = (*system.inputs, *system.outputs)
+    variables = [v for v in (*system.inputs, *system.outputs) if v not in system.weighed]
     words, other = reference or ("an even partition", None)
     return Measures(
         complexity=complexity(system),
@@ -275,6 +276,8 @@ def centre(variable: Variable, term: Term) -> float:
     match term.membership:
         case Gaussian(mean, _):
             return mean
+        case Constant(value):
+            return value
         case Triangular(_, peak, _):
             return peak
         case Trapezoidal(_, left_top, right_top, _):
@@ -395,7 +398,8 @@ def rule_consistency(system: FuzzySystem) -> RuleConsistency:
     answers and y₁ what this rule alone would; ``min(1, mu(y) / mu(y₁))`` with mu the membership of its
     consequent tells how much it is meant. The least over its consequents counts, and of several points the
     one that suits it best. Dividing by ``mu(y₁)`` is for terms at the ends of a range, whose centre of area
-    is not where they are highest.
+    is not where they are highest. Where an output is weighed, 1 less the distance from y to y₁ in parts of
+    its range counts instead.
 
     This index is our own. Its idea, to ask the whole system in the core of each antecedent and to let the
     worst rule count, is that of the rule meaning index (RMI) of M. Galende, M. J. Gacto, G. Sainz, R. Alcalá,
@@ -447,6 +451,10 @@ def _meanings(system: FuzzySystem, number: int, answers: Floats, own: Floats) ->
     for consequent in system.rules[number].consequents:
         place = names.index(consequent.variable)
         variable = system.outputs[place]
+        if system.weighs(variable):
+            off = np.abs(answers[:, place] - own[place]) / (variable.maximum - variable.minimum)
+            meant = np.minimum(meant, np.clip(1.0 - off, 0.0, 1.0))
+            continue
         function = sample(variable, variable.terms[variable.term_index(consequent.term)])
         like, most = (np.interp(y, variable.universe, function) for y in (answers[:, place], own[place]))
         meant = np.minimum(meant, like / most if most > 0 else like)

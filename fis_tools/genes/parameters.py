@@ -15,6 +15,7 @@ from fis_tools.engines import packing
 from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 from fis_tools.model.shapes import gaussian
+from fis_tools.model.weighing import require_mamdani
 
 Floats = NDArray[np.float64]
 
@@ -79,6 +80,7 @@ class SystemEncoding:
 
     def __post_init__(self) -> None:
         """Refuse systems that have no such genes."""
+        require_mamdani(self.systems, "tuning by these genes")
         for system in self.systems:
             if rule_table(system) is None:
                 raise ValueError(f"system {system.name!r} is not a full rule table; only those can be tuned")

@@ -1,12 +1,40 @@
 """What makes an output wrong by how it becomes a number: fuzzy sets where numbers belong, and the reverse."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from fis_tools.model.numbers import Linear, Number
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import MonotoneFunction
 from fis_tools.model.systems import FuzzySystem
 from fis_tools.model.variables import Variable
+
+
+class NotMamdani(ValueError):  # noqa: N818 - the sentence is the message
+    """Raised by what asks for outputs that are fuzzy sets, before it takes numbers for such."""
+
+
+def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
+    """Refuse systems with outputs that are weighed.
+
+    Parameters
+    ----------
+    systems : iterable of FuzzySystem
+    what : str
+        What asks for fuzzy sets, the beginning of a sentence.
+
+    Raises
+    ------
+    NotMamdani
+        If there is one.
+    """
+    for system in systems:
+        for output in system.weighed:
+            way = system.defuzzifier_of(output).replace("_", " ")
+            raise NotMamdani(
+                f"{what} is for Mamdani systems, whose rules conclude fuzzy sets, but output "
+                f"{output.name!r} of {system.name!r} is a {way} of numbers; show, audit, explain, bounds, "
+                "surface, plot, diff and export take it"
+            )
 
 
 def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
@@ -43,6 +71,11 @@ def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
                     "or linear) or shapes that only rise or fall (ramp, sigmoid, s_shape, z_shape, concave "
                     "or arc)"
                 )
+
+
+def has_sets(variable: Variable) -> bool:
+    """Return whether the terms of a variable are fuzzy sets, and not numbers."""
+    return not any(isinstance(term.membership, Number) for term in variable.terms)
 
 
 def number_problems(variable: Variable) -> Iterator[str]:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.model import FuzzySystem, Term, Variable
 from fis_tools.model.membership import sample
+from fis_tools.model.weighing import has_sets
 from fis_tools.render import lettering
 from fis_tools.render.membership_curves import memberships, peak
 from fis_tools.render.output_curves import output_curve
@@ -50,8 +51,12 @@ def one_panel(title: str, *, theme: Theme = LIGHT, in_space: bool = False) -> tu
 def memberships_figure(
     system: FuzzySystem, values: Mapping[str, float] | None = None, *, theme: Theme = LIGHT
 ) -> Figure:
-    """Draw the terms of all variables, one below the other, with the values that are given marked."""
-    variables, given = (*system.inputs, *system.outputs), dict(values or {})
+    """Draw the terms of all variables, one below the other, with the values that are given marked.
+
+    Outputs whose terms are numbers are left out.
+    """
+    variables = [v for v in (*system.inputs, *system.outputs) if has_sets(v)]
+    given = dict(values or {})
     tall = [
         2.0 + (0.3 if variable.name in given else 0.0) + 0.06 * len(variable.terms) for variable in variables
     ]

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fis_tools.engines.inference import Inference
+from fis_tools.model.weighing import require_mamdani
 from fis_tools.render import lettering
 from fis_tools.render.inference_view import conclusion_panel, output_panel, statement_panel
 from fis_tools.render.membership_curves import memberships
@@ -37,6 +38,7 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     system = inference.system
     strengths = inference.firing_strengths
     order = [int(p) for p in np.argsort(-strengths, kind="stable") if strengths[p] >= SHOWN_FROM]
+    require_mamdani((system,), "the picture of an inference")
     page = _Page(inference, order[:most_rules], theme)
     for column, variable in enumerate(system.inputs):
         memberships(variable, page.axes(column, _CURVES), float(inference.inputs[column]), theme=theme)

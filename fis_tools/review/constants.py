@@ -116,11 +116,13 @@ def _coasting(name: str, went: Sequence[Outcome], attributes: Mapping[str, str])
     """Return what tells of each decision on coasting on some flights whether the deputy coasts."""
     held = {key: float(attributes[key]) for key in (COAST_BELOW, COAST_MARGIN)}
     rows = [
-        np.column_stack([one.foreseen, np.broadcast_to(one.limits_m, (len(one.foreseen), 2))])
+        np.column_stack(
+            [one.foreseen, np.tile(np.array(one.limits_m, dtype=np.float64), (len(one.foreseen), 1))]
+        )
         for one in went
         if None not in one.limits_m
     ]
-    missed, nearest, farthest, least, greatest = np.concatenate([np.empty((0, 5)), *rows]).astype(float).T
+    missed, nearest, farthest, least, greatest = np.concatenate([np.empty((0, 5)), *rows]).T
 
     def decide(value: float) -> Decided:
         below, margin = ({**held, name: value}[key] for key in (COAST_BELOW, COAST_MARGIN))

@@ -6,6 +6,7 @@ The nouns of `fis_tools.model` know nothing of pages and pictures; `fis_tools.sh
 from fis_tools.formats.printed import html
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.model.extras import MissingExtra
+from fis_tools.model.weighing import has_sets
 
 
 def controller_tables(controller: FuzzyController) -> str:
@@ -19,7 +20,9 @@ def system_tables(system: FuzzySystem) -> str:
 
 
 def variable_picture(variable: Variable) -> str | None:
-    """Return a variable's membership functions as SVG; None, for its text, without matplotlib."""
+    """Return a variable's membership functions as SVG; None, for its text, without matplotlib or any."""
+    if not has_sets(variable):
+        return None
     try:
         from fis_tools import render  # noqa: PLC0415 - tables are shown without matplotlib
     except MissingExtra:

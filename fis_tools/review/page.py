@@ -13,6 +13,7 @@ from fis_tools.analysis.flights import read_outcome
 from fis_tools.findings.audit import audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
+from fis_tools.model.weighing import require_mamdani
 from fis_tools.review import carried, content, outcomes
 from fis_tools.review.colours import BRIGHTNESS, level_styles
 from fis_tools.review.constants import constants
@@ -78,11 +79,14 @@ def write(
 
     Raises
     ------
+    NotMamdani
+        If an output is a weighted average or sum.
     fis_tools.formats.error.ControllerFileError
         If a flight cannot be read, or its systems have other inputs than the controller's; if the evidence
         cannot be read, or is about another controller.
     """
     systems = controller.systems
+    require_mamdani(systems, "the review page, which computes inferences itself,")
     paths = unique(outcomes.recordings(flight_paths))
     flown = read_flights(paths, controller, all_periods)
     went = [read_outcome(path) for path in paths]

@@ -22,6 +22,7 @@ from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, O
 from fis_tools.model.membership import sample
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import validate
+from fis_tools.model.weighing import require_mamdani
 
 Floats = NDArray[np.float64]
 
@@ -40,8 +41,11 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     ------
     fis_tools.model.validate.InvalidSystem
         If something is wrong with the system.
+    NotMamdani
+        If an output is a weighted average or sum.
     """
     validate(system)
+    require_mamdani((system,), "scikit-fuzzy")
     inputs = {v.name: _with_terms(control.Antecedent(v.universe, v.name), v) for v in system.inputs}
     outputs = {v.name: _with_terms(_build_output(system, v), v) for v in system.outputs}
     labels = _unique_labels(system)

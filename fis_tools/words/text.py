@@ -12,6 +12,7 @@ from fis_tools.model import (
     Expression,
     FuzzySystem,
     Is,
+    Linear,
     Not,
     Or,
     Rule,
@@ -92,6 +93,9 @@ def shape_words(term: Term) -> str:
     shape = term.membership
     if isinstance(shape, Sampled):
         return f"sampled at {len(shape.values)} points"
+    if isinstance(shape, Linear):
+        factors = ", ".join(map(number, shape.coefficients))
+        return f"({factors}) times the inputs, plus {number(shape.constant)}"
     return shape.entry.phrase.format(**{name: number(getattr(shape, name)) for name in shape.entry.kinds})
 
 
@@ -209,6 +213,11 @@ def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
     result = f"   {variable.name} = {quantity(variable, output.value)}"
     if output.is_default:
         return [f"{result}, its default: no rule that concludes on it fires"]
+    if output.weighing is not None:
+        way = METHODS[system.defuzzifier_of(variable)]
+        numbers = zip(output.weighing.rules, output.weighing.strengths, output.weighing.numbers, strict=True)
+        rows = [[f"{w:.2f}", f"rule {rule + 1}", quantity(variable, z)] for rule, w, z in numbers if w > 0.0]
+        return [f"   {variable.name}", *aligned(rows, 6), f"{result}, the {way}"]
     return [
         f"   {variable.name}",
         *_bars(cuts),
@@ -223,4 +232,6 @@ METHODS = {
     "mom": "mean of the highest points",
     "som": "lowest of the highest points",
     "lom": "greatest of the highest points",
+    "weighted_average": "average of what the rules conclude, by their strengths",
+    "weighted_sum": "sum of what the rules conclude, by their strengths",
 }

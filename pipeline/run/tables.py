@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from fis_tools.formats.printed.csv import rows_as_text
 from pipeline.run import artifacts
 
-#: what a table may unpack to
-MOST_BYTES = 4 * 1024**3
+#: what a table may unpack to: so much, or so many times the size of its file, but no more than the last
+SMALL_BYTES, MOST_TIMES, MOST_BYTES = 256 * 1024**2, 64, 4 * 1024**3
 
 
 def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
@@ -49,8 +49,11 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     try:
         claimed = pq.read_metadata(path)
         unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
-        if max(unpacked, claimed.num_rows * 8) > MOST_BYTES:
-            raise ValueError(f"it unpacks to {unpacked} bytes, and at most {MOST_BYTES} are read")
+        # equal numbers in a row are packed as one
+        unpacked = max(unpacked, 8 * claimed.num_rows * claimed.num_columns)
+        most = min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * path.stat().st_size))
+        if unpacked > most:
+            raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
         table = pq.read_table(path)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise artifacts.ArtifactError(

@@ -32,6 +32,7 @@ from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import (
     IDEAL,
+    LINEAR,
     PERFECT,
     UNGUARDED,
     Actuators,
@@ -53,6 +54,7 @@ from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
     "IDEAL",
+    "LINEAR",
     "PERFECT",
     "SHIPPED",
     "STAGES",
@@ -94,7 +96,7 @@ SHIPPED = "shipped"
 @settings("monte_carlo")
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo:
-    """The evaluation: flights from starts drawn at rest, isotropic and uniform in distance, or from given."""
+    """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from given."""
 
     num_cases: Annotated[Count, Cure("; without scenarios there is nothing to fly")]
     min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
@@ -103,6 +105,9 @@ class MonteCarlo:
         Number, Field(ge=50, le=99.99, description="of the intervals in the summary, %")
     ]
     workers: Workers
+    max_speed_m_s: Annotated[
+        NotNegative, Field(le=100, description="of starts, in any direction, m/s; 0 for rest")
+    ] = 0.0
     table: Annotated[Text | None, Field(description="starts in place of drawn ones, as CSV text")] = None
 
     def __post_init__(self) -> None:

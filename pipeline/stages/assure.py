@@ -253,6 +253,7 @@ def _provenance(
             "num_cases": experiment.assurance.num_cases,
             "seed": experiment.seed,
             "start_distance_m": [shell.min_distance_m, shell.max_distance_m],
+            "start_speed_m_s": shell.max_speed_m_s,
             "sun": experiment.sun.mode,
             "safety": mission.safety.kind,
             "navigation": mission.navigation.mode,

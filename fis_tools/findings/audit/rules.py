@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
-from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, conjunctions
+from fis_tools.model import And, Constant, Expression, FuzzySystem, Is, Not, Or, Rule, conjunctions
 from fis_tools.words.amounts import Floats, amount, listed, percent, place, span
 from fis_tools.words.text import antecedent_words, consequent_words
 
@@ -153,6 +153,8 @@ def _table(system: FuzzySystem) -> tuple[NDArray[np.int64], Floats] | None:
     if found is None:
         return None
     cells, consequents = found
+    if system.weighed and not all(isinstance(t.membership, Constant) for t in system.outputs[0].terms):
+        return None
     output = system.outputs[0]
     centres = np.array([centre(output, term) for term in output.terms]) / span(output)
     numbers = np.zeros([len(variable.terms) for variable in system.inputs], dtype=np.int64)

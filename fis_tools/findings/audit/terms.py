@@ -18,7 +18,10 @@ from fis_tools.words.text import number
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Iterator[Finding]:
     """Yield the findings on the variables of a system."""
     yield from _unused(system)
+    yield from _weighed(system)
     for variable in (*system.inputs, *system.outputs):
+        if variable in system.weighed:
+            continue
         yield from _low(system, variable)
         yield from _covered(system, variable, measures, thresholds)
         yield from _alike(system, variable, thresholds)
@@ -27,6 +30,19 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Ite
         yield from _signs(system, variable)
         yield from _zero(system, variable, thresholds)
         yield from _even(system, variable, measures, thresholds)
+
+
+def _weighed(system: FuzzySystem) -> Iterator[Finding]:
+    for output in system.weighed:
+        yield Finding(
+            "weighed-output",
+            Severity.NOTE,
+            system.name,
+            f"{output.name} is a {system.defuzzifier_of(output).replace('_', ' ')}: how its terms cover the "
+            "range, overlap and are ordered says nothing, and is not looked at.",
+            f"Read the numbers of {output.name} one by one.",
+            output.name,
+        )
 
 
 def _unused(system: FuzzySystem) -> Iterator[Finding]:

@@ -7,8 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
-from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model import (
+    And,
+    Consequent,
+    Expression,
+    FuzzySystem,
+    Is,
+    Not,
+    Number,
+    Or,
+    Rule,
+    Term,
+    Variable,
+)
 from fis_tools.model.membership import sample
+from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import antecedent_words, number
 
 Floats = NDArray[np.float64]
@@ -108,6 +121,8 @@ def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
 
 
 def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -> bool:
+    if not (has_sets(before) and has_sets(after)):
+        return old == new
     is_same_universe = np.array_equal(before.universe, after.universe)
     return not is_same_universe or np.array_equal(sample(before, old), sample(after, new))
 
@@ -117,12 +132,16 @@ def _middle(variable: Variable, term: Term) -> float:
     mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
     if mean is not None:
         return float(mean)
+    if isinstance(term.membership, Number):
+        return term.membership.row(0)[-1]
     values = sample(variable, term)
     return float(np.mean(variable.universe[values == values.max()]))
 
 
 def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
     """Return the area under the lower of two functions over that under the higher one."""
+    if not (has_sets(before) and has_sets(after)):
+        return float(old.membership == new.membership)
     points = np.union1d(before.universe, after.universe)
     points = np.union1d(points, np.linspace(points[0], points[-1], 2001))
     one, other = (

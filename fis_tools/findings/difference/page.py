@@ -6,6 +6,7 @@ from html import escape
 from fis_tools.findings.difference import pictures, surfaces, words
 from fis_tools.findings.difference.change import Fact, Source, SystemDifference, VariableChange
 from fis_tools.formats.printed.html import POLICY
+from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import number, shape_words, with_unit
 
 _STYLE = """\
@@ -155,7 +156,7 @@ def _variable(change: VariableChange) -> list[str]:
         for term in change.terms:
             rows.append([escape(told) for told in (words.term_name(term), *words.term_words(change, term))])
         parts += [
-            pictures.draw(change),
+            pictures.draw(change) if has_sets(change.before) and has_sets(change.after) else "",
             _table("", ["term", f"membership function, before {words.TO} after", "how far"], rows),
         ]
     return parts

@@ -9,6 +9,7 @@ from fis_tools.findings.simplification.report import Simplification, SimplifiedS
 from fis_tools.findings.simplification.search import CAREFUL_DIGITS, Progress, Search
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest, validate
+from fis_tools.model.weighing import require_mamdani
 
 __all__ = ["Budget", "Change", "Simplification", "SimplifiedSystem", "Step", "simplify"]
 
@@ -40,11 +41,14 @@ def simplify(
     ------
     InvalidSystem
         If a system has problems, with one line for each.
+    NotMamdani
+        If an output is a weighted average or sum.
     ValueError
         If samples are for a system that there is not, or do not fit its inputs.
     """
     if isinstance(controller, FuzzySystem):
         controller = FuzzyController(controller.name, (controller,))
+    require_mamdani(controller.systems, "simplification")
     budget, samples = budget or Budget(), samples or {}
     names = [system.name for system in controller.systems]
     for name in samples:

@@ -19,6 +19,7 @@ from fis_tools.formats.exchange.dialect import (
     Said,
     corners_of,
     middle,
+    refuse_joined,
     say,
 )
 from fis_tools.formats.own import json as strict_json
@@ -104,6 +105,10 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     visible, found = _with_what_is_missing(visible)
     complete = replace(visible, outputs=tuple(_with_default(output) for output in visible.outputs))
     _refuse_problems(FuzzyController(visible.name, (complete,)))
+    try:
+        refuse_joined(complete)
+    except NotExpressible as error:
+        raise ControllerFileError(str(error)) from error
     if carried is None:
         return Reading(FuzzyController(visible.name, (complete,)), (*_assumptions(visible, dialect), *found))
     try:

@@ -28,6 +28,7 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     MembershipFunction,
+    MonotoneFunction,
     Or,
     OrOperator,
     Ramp,
@@ -84,6 +85,8 @@ class Dialect:
         becomes a flank outside of it, which changes nothing inside.
     has_unique_names : bool
         Whether all names of a file, terms too, must differ.
+    has_weighed_outputs : bool
+        Whether it is written and read with outputs that are weighted averages or sums.
     is_read : bool
         Whether there is a reader, so that a comment carries what has no place.
     """
@@ -103,6 +106,7 @@ class Dialect:
     has_output_aggregations: bool = True
     has_walls: bool = True
     has_unique_names: bool = False
+    has_weighed_outputs: bool = True
     is_read: bool = True
 
 
@@ -146,6 +150,12 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
     NotExpressible
         If the format cannot say it without changing what it computes.
     """
+    if system.weighed and not dialect.has_weighed_outputs:
+        raise NotExpressible(
+            f"output {system.weighed[0].name!r} is weighed, and {dialect.title} is written for Mamdani "
+            "systems alone; export as fll or json"
+        )
+    refuse_joined(system)
     for output in system.outputs:
         if output.accumulation != "max":
             raise NotExpressible(
@@ -193,6 +203,27 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
         )
     ends = np.cumsum([0, *map(len, groups)])
     return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)))
+
+
+def refuse_joined(system: FuzzySystem) -> None:
+    """Refuse rules that conclude one of Tsukamoto's terms together, which fuzzylite sees as one rule.
+
+    Raises
+    ------
+    NotExpressible
+        If there are some.
+    """
+    for output in system.weighed:
+        seen: dict[str, int] = {}
+        for place, rule in enumerate(system.rules, start=1):
+            for term in [c.term for c in rule.consequents if c.variable == output.name]:
+                shape = output.terms[output.term_index(term)].membership
+                if isinstance(shape, MonotoneFunction) and seen.setdefault(term, place) != place:
+                    raise NotExpressible(
+                        f"rules {seen[term]} and {place} conclude {term!r} of {output.name!r}: other "
+                        "programs add their strengths up before they look where the term has them, here "
+                        "each counts by itself; give each rule a term of its own"
+                    )
 
 
 def settle(system: FuzzySystem) -> FuzzySystem:

@@ -10,11 +10,12 @@ from itertools import groupby, pairwise
 
 from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say
-from fis_tools.formats.exchange.foreign import rule_words
+from fis_tools.formats.exchange.foreign import concluded_words, rule_words
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, OR
 from fis_tools.formats.own.mapping import to_mapping
 from fis_tools.model import (
+    Constant,
     FuzzyController,
     FuzzySystem,
     Term,
@@ -27,7 +28,7 @@ from fis_tools.model.membership import sample
 DIALECT = Dialect(title="an FCL file", is_nested=True, is_read=False)
 
 #: The words of IEC 61131-7 itself.
-_STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COA", "LM", "RM"}
+_STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COGS", "COA", "LM", "RM"}
 
 
 def write(controller: FuzzyController) -> Written:
@@ -50,10 +51,12 @@ def write(controller: FuzzyController) -> Written:
     for shown, variable in zip(system.inputs, original.inputs, strict=True):
         lines += [f"FUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable), "END_FUZZIFY", ""]
     for shown, variable in zip(system.outputs, original.outputs, strict=True):
-        lines += [f"DEFUZZIFY {shown.name}", _range(shown), *_term_lines(shown, variable)]
+        terms = _concluded_lines(shown) if system.weighs(shown) else _term_lines(shown, variable)
+        lines += [f"DEFUZZIFY {shown.name}", _range(shown), *terms]
         method = DEFUZZIFIERS[system.defuzzifier_of(shown)].fcl
         accumulation = AGGREGATIONS[shown.aggregation].fcl
-        lines += [f"  METHOD : {method};", f"  ACCU : {accumulation};", f"  DEFAULT := {shown.default!r};"]
+        joined = [] if system.weighs(shown) else [f"  ACCU : {accumulation};"]
+        lines += [f"  METHOD : {method};", *joined, f"  DEFAULT := {shown.default!r};"]
         lines += ["END_DEFUZZIFY", ""]
     place = 0
     blocks = groupby(
@@ -82,6 +85,14 @@ def _term_lines(shown: Variable, variable: Variable) -> Iterator[str]:
     for name, term in zip(shown.terms, variable.terms, strict=True):
         points = " ".join(f"({x!r}, {y!r})" for x, y in _points(variable, term))
         yield f"  TERM {name.name} := {points};"
+
+
+def _concluded_lines(output: Variable) -> Iterator[str]:
+    """Say what is concluded on an output that is weighed: a number as it is, else in fuzzylite's words."""
+    for term in output.terms:
+        word, values = concluded_words(term.membership, "fll")
+        said = [] if isinstance(term.membership, Constant) else [word]
+        yield f"  TERM {term.name} := {' '.join([*said, *map(repr, values)])};"
 
 
 def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
@@ -115,8 +126,15 @@ def _without_walls_at_the_ends(
 def _strangers(system: FuzzySystem) -> Iterator[str]:
     """Tell what the standard does not know."""
     words = {DEFUZZIFIERS[system.defuzzifier_of(output)].fcl for output in system.outputs}
-    words |= {AGGREGATIONS[output.aggregation].fcl for output in system.outputs}
-    words |= {AND[system.implication].fcl}
+    defuzzified = [output for output in system.outputs if not system.weighs(output)]
+    words |= {AGGREGATIONS[output.aggregation].fcl for output in defuzzified}
+    words |= {AND[system.implication].fcl} if defuzzified else set()
+    words |= {
+        concluded_words(term.membership, "fll")[0]
+        for output in system.weighed
+        for term in output.terms
+        if not isinstance(term.membership, Constant)
+    }
     for rule in system.rules:
         words |= {AND[system.and_operator_of(rule)].fcl, OR[system.or_operator_of(rule)].fcl}
     for word in sorted(words - _STANDARD):

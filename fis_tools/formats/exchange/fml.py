@@ -39,7 +39,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import SHAPES, words_of
 
-DIALECT = Dialect(title="an FML file", holds_units=True, has_unique_names=True)
+DIALECT = Dialect(title="an FML file", holds_units=True, has_unique_names=True, has_weighed_outputs=False)
 
 NAMESPACE = "http://www.ieee1855.org"
 
@@ -218,7 +218,7 @@ def _system(root: Element) -> FuzzySystem:
         if base.name != "mamdaniRuleBase":
             raise ControllerFileError(
                 f"line {base.line}: {base.name[:40]!r} cannot be read; expected 'mamdaniRuleBase': "
-                "Takagi-Sugeno, Tsukamoto and AnYa rules conclude no fuzzy sets"
+                "Takagi-Sugeno, Tsukamoto and AnYa rule bases are not read; export the system as .fll or .fis"
             )
     if len(bases) != 1 or len(rule_bases) != 1:
         raise ControllerFileError(

@@ -22,6 +22,7 @@ from fis_tools.model import (
     FuzzyController,
     FuzzySystem,
     Is,
+    Linear,
     MembershipFunction,
     Not,
     Or,
@@ -118,7 +119,13 @@ def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
         return {"values": [float(value) for value in membership.values]}
     name = membership.entry.name
     told = {} if name in _TOLD_BY_KEYS else {"shape": name}
-    return {**told, **{key: float(getattr(membership, key)) for key in _keys(name)}}
+    return {**told, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
+
+
+def _plain(parameter: float | tuple[float, ...]) -> float | list[float]:
+    if isinstance(parameter, tuple):
+        return [float(number) for number in parameter]
+    return float(parameter)
 
 
 def _rules_list(system: FuzzySystem) -> list[Any]:
@@ -318,6 +325,9 @@ def _term(value: Any, where: str) -> Term:
     name = _text(value["name"], f"{where}.name")
     if shape == "sampled":
         return Term(name, Sampled(tuple(_items(value["values"], f"{where}.values", _number))))
+    if shape == "linear":
+        coefficients = tuple(_items(value["coefficients"], f"{where}.coefficients", _number))
+        return Term(name, Linear(coefficients, _number(value["constant"], f"{where}.constant")))
     numbers = {key: _number(value[key], f"{where}.{key}") for key in _keys(shape)}
     return Term(name, SHAPES[shape](**numbers))
 

@@ -51,8 +51,11 @@ def system(way: str, *shapes: MembershipFunction, and_operator: str = "product")
 
 CONSTANTS = tuple(Constant(value) for value in (-1.5, -0.2, 0.7, 1.9))
 LINEARS = (Linear((0.1, -0.15), 0.5), Linear((0.0, 0.0), -1.0), Linear((-0.05, 0.2), 0.0))
-MONOTONE = (Ramp(-1.0, 1.0), Ramp(1.5, -0.5), SShape(-1.0, 2.0), ZShape(-2.0, 0.0), Arc(-1.0, 1.5))
-ENDLESS = (Sigmoid(0.3, 8.0), Sigmoid(-0.2, -6.0), Concave(0.5, 1.0), Concave(0.0, -1.0))
+RAMPS = (Ramp(-1.0, 1.0), Ramp(1.5, -0.5), Ramp(0.0, 2.0))
+CURVES = (SShape(-1.0, 2.0), SShape(-2.0, -1.0), SShape(0.0, 1.0), ZShape(-2.0, 0.0), ZShape(0.5, 2.0))
+MONOTONE = (*RAMPS, *CURVES, Arc(-1.0, 1.5))
+SIGMOIDS = (Sigmoid(0.3, 8.0), Sigmoid(-0.2, -6.0), Sigmoid(1.0, 9.0), Sigmoid(-1.0, 7.0), Sigmoid(0.0, -8.0))
+ENDLESS = (*SIGMOIDS, Concave(0.5, 1.0), Concave(0.0, -1.0), Concave(1.0, 1.5), Concave(-1.0, -1.5))
 
 
 def systems() -> dict[str, FuzzySystem]:
@@ -69,7 +72,7 @@ def systems() -> dict[str, FuzzySystem]:
 
 
 def mixed() -> FuzzySystem:
-    """One output by Mamdani, one by Takagi and Sugeno, weights other than one, inputs that fire no rule."""
+    """One output by Mamdani, one by Takagi and Sugeno, other weights than one, and gaps between rules."""
     terms = (Term("near", Triangular(0.0, 1.0, 3.0)), Term("far", Triangular(5.0, 8.0, 9.0)))
     x = Variable("x", "", 0.0, 10.0, terms, 1001)
     z = Variable("z", "", 0.0, 1.0, (Term("up", Triangular(0.0, 0.5, 1.0)),), 101, default=0.0)

@@ -35,6 +35,8 @@ from tests.fis_tools.engines.random_systems import (
     otherwise,
     random_general_system,
 )
+from tests.fis_tools.engines.weighed_systems import samples as weighed_samples
+from tests.fis_tools.engines.weighed_systems import systems as weighed_systems
 from tests.fis_tools.sample_controllers import (
     force,
     force_x_system,
@@ -231,3 +233,13 @@ def test_names_from_anywhere_are_no_danger(compiled: Callable[[FuzzyController],
     rows = np.random.default_rng(3).uniform(0, 1, (20, len(names)))
     for name, system in zip(("a_b", "a_b_2", "a_b_3", "unnamed", "switch", "1"), systems, strict=True):
         assert_equal(infer(library, name, system, rows), system, rows)
+
+
+def test_what_is_weighed_gives_what_python_gives(
+    compiled: Callable[[FuzzyController], ctypes.CDLL],
+) -> None:
+    systems = [replace(system, name=name) for name, system in weighed_systems().items()]
+    library = compiled(FuzzyController("weighed", tuple(systems)))
+    for system in systems:
+        rows = weighed_samples(system, 60)
+        assert_equal(infer(library, system.name, system, rows), system, rows)

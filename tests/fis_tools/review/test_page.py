@@ -473,6 +473,39 @@ def test_pointing_tells_and_zooming_shows_a_part(fresh):
     assert pixels(fresh, "#s1 canvas.strip") != before
 
 
+def test_terms_zoom_and_mark_where_the_system_is(fresh):
+    variable = paper_like_controller().systems[0].inputs[0]
+    middle = (variable.minimum + variable.maximum) / 2
+    fresh.evaluate(f"review.states[0].setInput(0, {middle})")
+    fresh.evaluate(DRAWN)
+    chart = fresh.locator("#s1 .pictures svg.chart").first
+
+    def ends() -> tuple[list[float], float]:
+        numbers = [
+            float(one.replace("−", "-"))
+            for one in chart.locator("text.tick[text-anchor=middle]").all_text_contents()
+        ]
+        return numbers, float(chart.locator("line.cursor").get_attribute("x1"))
+
+    (first, *_, last), mark = ends()
+    assert mark == pytest.approx((28 + 350) / 2)
+    chart.focus()
+    fresh.keyboard.press("+")
+    (nearer, *_, farther), mark = ends()
+    width = (variable.maximum - variable.minimum) / 4
+    assert middle - width <= nearer
+    assert farther <= middle + width
+    assert farther - nearer < last - first
+    assert mark == pytest.approx((28 + 350) / 2)
+    fresh.evaluate(f"review.states[0].setInput(0, {middle + width / 2})")
+    fresh.evaluate(DRAWN)
+    assert ends()[1] == pytest.approx(28 + 0.75 * 322)
+    fresh.get_by_role("group", name=f"Zoom of the terms of {variable.name}").first.get_by_role(
+        "button", name="show all"
+    ).click()
+    assert ends()[0][0] == first
+
+
 def test_pressing_on_membership_functions_sets_the_input(fresh):
     chart = fresh.locator("#s1 .live.inference svg.chart").first
     box = chart.bounding_box()

@@ -1,0 +1,100 @@
+"""Every command takes outputs that are weighed, or says in a sentence that it does not."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fis_tools.__main__ import main
+from fis_tools.formats import serialize
+from fis_tools.model import Constant, FuzzyController, Term
+from tests.fis_tools.engines.weighed_systems import systems
+
+NAMES = ("constant", "linear", "tsukamoto", "mixed")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("weighed")
+    found = {}
+    for name in NAMES:
+        found[name] = folder / f"{name}.json"
+        system = systems()[name]
+        found[name].write_text(serialize.dump_json(FuzzyController(name, (system,))), encoding="utf-8")
+    return found
+
+
+def test_a_file_of_ours_holds_what_is_weighed(files: dict[str, Path]) -> None:
+    for name, path in files.items():
+        assert serialize.load(path).systems == (systems()[name],)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("command", ["review", "simplify"])
+def test_what_needs_fuzzy_sets_says_so(
+    command: str, name: str, files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ending = {"review": "html", "simplify": "json"}[command]
+    assert main([command, str(files[name]), "-o", str(tmp_path / f"out.{ending}")]) == 2
+    assert (
+        "is for Mamdani systems, whose rules conclude fuzzy sets, but output 'y'" in capsys.readouterr().err
+    )
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_audit_says_what_does_not_apply(
+    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in NAMES:
+        assert main(["audit", str(files[name])]) == 0
+        told = capsys.readouterr().out
+        assert "y is a weighted average: how its terms cover the range, overlap and are ordered" in told
+        assert "y_0 and y_1" not in told
+
+
+def test_explain_tells_the_share_of_each_rule(
+    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At the middle of both inputs the middle rule, the fifth, concludes -1.5 almost alone."""
+    assert main(["explain", str(files["constant"]), "--inputs", "x0=5,x1=5"]) == 0
+    told = capsys.readouterr().out
+    assert "y = -1.4" in told
+    assert "5. If x0 is mid and x1 is mid then y is y_0" in told
+
+
+def test_pictures_leave_numbers_out(files: dict[str, Path], tmp_path: Path) -> None:
+    assert (
+        main(
+            ["plot", str(files["constant"]), "-o", str(tmp_path), "--only", "memberships", "--only", "rules"]
+        )
+        == 0
+    )
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_number_that_changed_is_told(
+    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    system = systems()["constant"]
+    (y,) = system.outputs
+    other = replace(y, terms=(Term("y_0", Constant(-1.0)), *y.terms[1:]))
+    changed = FuzzyController("constant", (replace(system, outputs=(other,)),))
+    path = tmp_path / "changed.json"
+    path.write_text(serialize.dump_json(changed), encoding="utf-8")
+    assert main(["diff", str(files["constant"]), str(path), "-o", str(tmp_path / "diff.html")]) == 0
+    told = capsys.readouterr().out + (tmp_path / "diff.html").read_text(encoding="utf-8")
+    assert "-1.5" in told
+
+
+@pytest.mark.parametrize("ending", ["fml", "fcl"])
+def test_formats_without_the_words_refuse(
+    ending: str, files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    status = main(["export", str(files["constant"]), "--format", ending])
+    told = capsys.readouterr()
+    if ending == "fml":
+        assert status == 2
+        assert "is weighed, and" in told.err
+    else:
+        assert "TERM y_0 := -1.5;" in told.out
+        assert "METHOD : COGS;" in told.out
