@@ -152,7 +152,7 @@ def _repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        if changed := differences(in_todays_words(config), new.config, {*own, "stages"}):
+        if changed := differences(in_todays_words(config), new.config, {*own, "stages", "engine"}):
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
                 "new run"

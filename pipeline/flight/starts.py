@@ -107,12 +107,15 @@ def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
     )
 
 
-def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
-    """Return the starts of an evaluation."""
+def evaluation_scenarios(
+    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice = slice(None)
+) -> list[Scenario]:
+    """Return the starts of an evaluation, or of some of its cases."""
     if monte_carlo.table is not None:
-        return _given(monte_carlo.table, seed, EVALUATION)
+        return _given(monte_carlo.table, seed, EVALUATION)[cases]
     shell, speed = (monte_carlo.min_distance_m, monte_carlo.max_distance_m), monte_carlo.max_speed_m_s
-    return [draw(seed, EVALUATION, case, shell, sun, speed) for case in range(monte_carlo.num_cases)]
+    drawn = range(monte_carlo.num_cases)[cases]
+    return [draw(seed, EVALUATION, case, shell, sun, speed) for case in drawn]
 
 
 def _given(table: str, seed: int, stage: int) -> list[Scenario]:

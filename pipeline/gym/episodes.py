@@ -50,9 +50,9 @@ class Episodes:
 
     def draw(self, generator: np.random.Generator) -> Scenario:
         """Draw a start, as an evaluation does."""
-        experiment = self.task.experiment
-        shell = experiment.monte_carlo.min_distance_m, experiment.monte_carlo.max_distance_m
-        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, experiment.sun)
+        cases, sun = self.task.experiment.monte_carlo, self.task.experiment.sun
+        shell = cases.min_distance_m, cases.max_distance_m
+        return draw(int(generator.integers(MOST_SEED)), EPISODES, 0, shell, sun, cases.max_speed_m_s)
 
     def start(self, episode: int, scenario: Scenario) -> None:
         """Put an episode at a start; the next step brings it to its first sample."""

@@ -27,6 +27,16 @@ def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
     artifacts.write_atomically(path, sink.getvalue().to_pybytes())
 
 
+def join_parquet(path: Path, parts: Sequence[Path]) -> None:
+    """Write one table of several, a part at a time, so that no more than one is in memory."""
+    first = pq.read_schema(parts[0])
+    unfinished = path.with_name(f".{path.name}{artifacts.UNFINISHED}")
+    with pq.ParquetWriter(unfinished, first, compression="zstd", use_dictionary=False) as writer:
+        for part in parts:
+            writer.write_table(pq.read_table(part, schema=first))
+    unfinished.replace(path)
+
+
 def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     """Read the columns of a run's table.
 

@@ -144,6 +144,19 @@ class Optimum:
     ]
 
 
+@settings("engine")
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """Who flies the parts of a campaign: this process, or several that Dask looks after."""
+
+    kind: Literal["local", "dask"] = "local"
+    processes: Workers = None
+    scheduler: Annotated[
+        Text | None, Field(description="address or file of one to join; None to start processes")
+    ] = None
+    part_cases: Annotated[Count, Field(description="flights of a part")] = 10000
+
+
 @settings("compare")
 @dataclass(frozen=True, kw_only=True)
 class Compare:
@@ -226,7 +239,7 @@ class Experiment:
         Of everything random.
     stages : tuple of str
         What is done, in order.
-    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report
+    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -251,6 +264,7 @@ class Experiment:
     telemetry: Telemetry
     report: Report
     controller: dict[str, Any] = field(hash=False)
+    engine: Engine = field(default_factory=Engine)
     reproducible: Annotated[
         Flag, Field(description="whether libraries compute alike on all x86-64 processors")
     ] = False
