@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, flights, inference, recording, tools
+from benchmarks import commands, gym, inference, recording, steps, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
-CAMPAIGNS = ("examples", "fuzz", "kills")
-PARTS = ("flights", "inference", "monte_carlo", "recording", "start", "tools", "training")
+CAMPAIGNS = ("examples", "fuzz", "kills", "soak")
+PARTS = ("gym", "inference", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 
 def processor() -> str:
@@ -36,7 +36,10 @@ def main() -> int:
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all unless given")
     parser.add_argument("--controller", default="paper_champion", help="an option of conf/controller")
     parser.add_argument("--generations", type=int, help="of the training; 500 unless given")
-    parser.add_argument("--flights", type=int, default=1000, help="flights that steps are counted over")
+    parser.add_argument("--flights", type=int, default=256, help="flights that steps are counted over")
+    parser.add_argument(
+        "--store", action="store_true", help="keep the ratios of steps as those to compare with"
+    )
     options = parser.parse_args()
     unknown = [part for part in options.parts if part not in PARTS]
     if unknown:
@@ -47,11 +50,12 @@ def main() -> int:
         f"Python {platform.python_version()}, numba {numba.__version__}, load {os.getloadavg()[0]:.1f}"
     )
     runs = {
-        "flights": lambda: flights.run(options.controller, options.flights),
+        "gym": gym.run,
         "inference": lambda: inference.run(options.controller),
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),
         "start": commands.run_start,
+        "steps": lambda: steps.run(options.flights, stores=options.store),
         "tools": lambda: tools.run(options.controller),
         "training": lambda: commands.run_training(options.generations),
     }

@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis.contribution import contributions
 from fis_tools.engines.compiler import compile as compile_system
-from fis_tools.model import rule_table, table_cells
+from fis_tools.model import FuzzySystem, rule_table, table_cells
 from fis_tools.words.text import antecedent_words, sentence
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -52,6 +53,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=777, help="of the starts")
     parser.add_argument("--cases", type=int, default=1000, help="flights of the Monte Carlo")
     parser.add_argument("--logged", type=int, default=100, help="flights whose rules are looked at")
+    parser.add_argument("--without", action="store_true", help="fly without each rule, and nothing else")
     parser.add_argument("--case", type=int, help="tell this solved case's burns, and nothing else")
     parser.add_argument("--picture", type=Path, help="with --case: draw it beside its plan, a PNG")
     options = parser.parse_args()
@@ -64,6 +66,8 @@ def main() -> None:
     if options.case is not None:
         return tell_flight(experiment, controller, options.case, options.picture)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, options.seed)
+    if options.without:
+        return print_without(experiment.mission, controller, scenarios)
     episodes = fly(experiment.mission, controller, scenarios)
     print_outcome({"none": episodes, "filter": fly(guarded.mission, controller, scenarios)})
     print_by_azimuth(episodes)
@@ -97,6 +101,41 @@ def print_outcome(by_safety: dict[str, Columns]) -> None:
             f"| {100.0 * told['success']['fraction']:.1f} % | {100.0 * all_seen:.1f} % "
             f"| {np.sum(episodes['violated'])} | {100.0 * told['safety_acted']['fraction']:.1f} % |"
         )
+
+
+def print_without(mission: Mission, controller: Controller, scenarios: list[Scenario]) -> None:
+    """Print how flights end where one rule is left out, and where all corners of the tables are."""
+    print("| without | if | then | delta-v (m/s) | rate (%) | success | outside |")
+    print("|---|---|---|---|---|---|---|")
+    print_row("nothing", mission, controller, scenarios)
+    for place, system in enumerate(controller.systems):
+        for number, rule in enumerate(system.rules):
+            fewer = replace(system, rules=system.rules[:number] + system.rules[number + 1 :])
+            systems = (*controller.systems[:place], fewer, *controller.systems[place + 1 :])
+            words = f"{system.name} {number + 1} | {antecedent_words(rule.antecedent)} | "
+            words += rule.consequents[0].term.replace("_", " ")
+            print_row(words, mission, replace(controller, systems=systems), scenarios)
+    without = replace(controller, systems=tuple(map(without_corners, controller.systems)))
+    left = sum(len(system.rules) for system in without.systems)
+    print_row(f"all corners: {left} rules", mission, without, scenarios)
+
+
+def without_corners(system: FuzzySystem) -> FuzzySystem:
+    """Return a table's system without the rules for which every input is at one of its ends."""
+    ends = np.array([len(variable.terms) - 1 for variable in system.inputs])
+    cells = table_cells(system.inputs)
+    is_corner = ((cells == 0) | (cells == ends)).all(axis=1)
+    return replace(system, rules=tuple(np.array(system.rules, dtype=object)[~is_corner]))
+
+
+def print_row(words: str, mission: Mission, controller: Controller, scenarios: list[Scenario]) -> None:
+    """Print how the flights of one controller end."""
+    told = summarise(fly(mission, controller, scenarios), 95.0)
+    cells = words if "|" in words else f"{words} | | "
+    print(
+        f"| {cells} | {told['delta_v_m_s']['mean']:.3f} | {told['inspection_rate_percent']['mean']:.2f} "
+        f"| {100.0 * told['success']['fraction']:.1f} % | {told['violated']['count']} |"
+    )
 
 
 def azimuths(starts: Mapping[str, NDArray[Any]]) -> Floats:

@@ -5,6 +5,7 @@ many runs were lost (could not be gone on with) and how many ended in other file
 """
 
 import argparse
+import math
 import os
 import random
 import signal
@@ -123,9 +124,10 @@ def differences(folder: Path, other: Path) -> list[str]:
     return [*unlike, *left, *stale]
 
 
-def campaign(kinds: Sequence[str], number: int, seed: int, cold_share: float, root: Path) -> dict[str, Tally]:
-    """Kill runs of some kinds by turns until there were so many kills."""
-    rng = random.Random(seed)  # noqa: S311
+def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
+    """Kill runs of some kinds by turns until there were so many kills, or the time is over."""
+    kinds, until = options.kinds, time.monotonic() + 60.0 * options.minutes
+    rng = random.Random(options.seed)  # noqa: S311
     tallies = {kind: Tally() for kind in kinds}
     alone: dict[str, tuple[Path, float]] = {}
     for kind in kinds:
@@ -134,12 +136,12 @@ def campaign(kinds: Sequence[str], number: int, seed: int, cold_share: float, ro
         alone[kind] = folder, run_alone(words_of(kind, folder), os.environ)
         for name in differences(folder, root / f"{kind}-first"):
             print(f"  {kind}: two runs left alone differ in {name}", flush=True)
-    while sum(tally.kills for tally in tallies.values()) < number:
+    while sum(tally.kills for tally in tallies.values()) < options.number and time.monotonic() < until:
         kind = min(kinds, key=lambda name: tallies[name].kills)
         tally, (reference, seconds) = tallies[kind], alone[kind]
         folder = root / f"{kind}-{tally.runs}"
         lost = len(tally.lost)
-        survive(kind, folder, seconds, rng, tally, rng.random() < cold_share)
+        survive(kind, folder, seconds, rng, tally, rng.random() < options.cold)
         if len(tally.lost) == lost and (unlike := differences(folder, reference)):
             tally.different.append(f"{kind} {folder.name}: {', '.join(unlike)}")
         print(f"  {kind}: {tally.kills} kills", file=sys.stderr, flush=True)
@@ -150,12 +152,13 @@ def main(arguments: Sequence[str]) -> int:
     """Run the campaign and print its table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks kills", description=__doc__)
     parser.add_argument("--number", type=int, default=200, help="of kills")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="after which no run is begun")
     parser.add_argument("--seed", type=int, default=1, help="of the moments")
     parser.add_argument("--cold", type=float, default=0.05, help="share of runs that compile everything")
     parser.add_argument("--kinds", nargs="*", choices=sorted(KINDS), default=list(KINDS))
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="kills-") as root:
-        tallies = campaign(options.kinds, options.number, options.seed, options.cold, Path(root))
+        tallies = campaign(options, Path(root))
     print("| kind | runs | kills | lost | different |\n|---|---|---|---|---|")
     for kind, tally in tallies.items():
         print(f"| {kind} | {tally.runs} | {tally.kills} | {len(tally.lost)} | {len(tally.different)} |")

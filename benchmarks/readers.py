@@ -17,12 +17,15 @@ import pyarrow.parquet as pq
 import telemetry
 from fis_tools.analysis.condition import read_conditions, read_region
 from fis_tools.formats import serialize
+from fis_tools.formats.exchange import fcl
 from fis_tools.model.validate import InvalidSystem
 from pipeline.command_line.config import compose_experiment
-from pipeline.controllers.source import read_forces
+from pipeline.controllers.played import read_played
+from pipeline.evaluation.assurance import requirements
 from pipeline.run import artifacts, tables
+from pipeline.settings import start_table
 from pipeline.settings.experiment import Mission
-from pipeline.settings.places import conf_folder
+from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
 from pipeline.training.evolution.checkpoint import CheckpointError, load
 from telemetry.file.recover import recover
@@ -96,7 +99,7 @@ def _minute() -> Mission:
 def _forces(content: bytes, folder: Path) -> object:
     path = folder / "forces.csv"
     path.write_bytes(content)
-    return read_forces(path, _minute())
+    return read_played(path, _minute())
 
 
 def _recording(content: bytes, folder: Path) -> object:
@@ -129,6 +132,17 @@ def _conditions(content: bytes, _folder: Path) -> object:
     text = content.decode("utf-8", "replace")
     system = _champion().systems[0]
     return read_region(system, text), read_conditions(text, [variable.name for variable in system.inputs])
+
+
+def _starts(content: bytes, _folder: Path) -> object:
+    tables = start_table.split(content.decode("utf-8-sig"), "starts.path")
+    for table in tables:
+        start_table.check_within(table, "starts.path", (15.0, 800.0))
+    return [start_table.numbers(table, "starts.path") for table in tables]
+
+
+def _requirements(content: bytes, _folder: Path) -> object:
+    return requirements.read(content.decode("utf-8", "replace"), "requirements.yaml")
 
 
 def _champion() -> Any:
@@ -183,6 +197,14 @@ def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
             "fis": lambda: Reader("fis", _controller("fis"), [(examples / "tipper.fis").read_bytes()]),
             "fll": lambda: Reader("fll", _controller("fll"), [(examples / "dimmer.fll").read_bytes()]),
             "fml": lambda: Reader("fml", _controller("fml"), [(examples / "pendulum.fml").read_bytes()]),
+            "fcl": lambda: Reader("fcl", _controller("fcl"), [fcl.write(one).text.encode()]),
+            "starts": lambda: Reader(
+                "starts", _starts, [(examples / "starts.csv").read_bytes()], "text", value_errors
+            ),
+            "requirements": lambda: Reader(
+                "requirements", _requirements, [requirements_path("inspection").read_bytes()], "text",
+                value_errors,
+            ),
             "settings": lambda: Reader(
                 "settings", _settings, [json.dumps(config).encode()], "tree", value_errors
             ),

@@ -27,6 +27,9 @@ examples:
 `python -m fis_tools COMMAND --help` tells more about each command.
 """
 
+#: as shells do for SIGINT
+INTERRUPTED = 130
+
 
 def build_parser(asked: str | None) -> argparse.ArgumentParser:
     """Build the parser of the command line; of the commands, only the one that is asked for is imported."""
@@ -64,7 +67,10 @@ def _mistakes() -> tuple[type[Exception], ...]:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line; return 0, 1 where a check fails, 2 for a mistake told in a sentence."""
+    """Run the command line.
+
+    Returns 0, 1 where a check fails, 2 for a mistake told in a sentence, 130 after Ctrl-C.
+    """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # what goes into a file must read back, in whichever locale it was written
         sys.stdout.reconfigure(encoding=None if sys.stdout.isatty() else "utf-8", errors="replace")
@@ -88,6 +94,9 @@ def main(words: Sequence[str] | None = None) -> int:
     except _mistakes() as mistake:
         print(f"error: {mistake}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
     return int(status)
 
 

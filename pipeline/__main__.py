@@ -2,7 +2,16 @@
 
 import sys
 
-from pipeline.command_line.cli import main
+
+def main() -> int:
+    """Load the program and run its command line; return the exit code."""
+    try:
+        from pipeline.command_line import cli  # noqa: PLC0415 - takes a while
+    except KeyboardInterrupt:
+        sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
+        return 130
+    return cli.main()
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 SEPARATORS = (",", "and")
+#: of conditions that are read
+MOST_CHARACTERS = 10_000
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,10 @@ def read_conditions(text: str, names: Sequence[str]) -> tuple[Condition, ...]:
     ValueError
         If it cannot be read; the message says where, and how conditions are written.
     """
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(
+            f"the conditions have {len(text)} characters, and at most {MOST_CHARACTERS} are read"
+        )
     words = _words(text, names)
     conditions = [_condition(words, names, text)]
     while words:

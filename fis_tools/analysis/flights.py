@@ -25,6 +25,8 @@ CONTROLLER_ATTACHMENT = "controller.json"
 TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
+#: fields of its control topic that say what coasting was decided by
+FORESEEN_FIELDS = ("coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,11 @@ class Outcome(NamedTuple):
         The meanings of the controller's attributes, by their names.
     asked : dict of str to (n,)
         What each system asked for at each of its inferences, fired or not.
+    foreseen : (n, 3)
+        By what coasting was decided on, each time: points that it would miss, least and greatest distance on
+        the way, m.
+    limits_m : (float or None, float or None)
+        The distances between which the flight was to stay.
     """
 
     delta_v_m_s: float | None
@@ -130,6 +137,8 @@ class Outcome(NamedTuple):
     reasons: dict[str, int]
     constants: dict[str, str]
     asked: dict[str, Floats]
+    foreseen: Floats = np.empty((0, 3))
+    limits_m: tuple[float | None, float | None] = (None, None)
 
 
 def is_flight(path: Path | str) -> bool:
@@ -196,11 +205,14 @@ def read_outcome(path: Path | str) -> Outcome:
     num_asked = len(np.unique(np.concatenate([np.empty(0), *inferred])))
     num_periods = num_fired = 0
     reasons: dict[str, int] = {}
+    foreseen = np.empty((0, 3))
     if control is not None and len(control):
         num_periods = len(control)
         num_fired = int(np.any(control["force_hill_n"] != 0.0, axis=1).sum())
         if control["force_asked_n"].size:
             num_asked = int(np.any(control["force_asked_n"] != 0.0, axis=1).sum())
+        foreseen = np.column_stack([control[name].astype(np.float64) for name in FORESEEN_FIELDS])
+        foreseen = foreseen[~np.isnan(foreseen).any(axis=1)]
         words = control["reason"].reshape(num_periods, -1)
         reasons = {str(word): int(np.any(words == word, axis=1).sum()) for word in np.unique(words)}
     return Outcome(
@@ -219,6 +231,8 @@ def read_outcome(path: Path | str) -> Outcome:
             for name, topic in topics.items()
             if name.startswith(TOPIC_PREFIX)
         },
+        foreseen=foreseen,
+        limits_m=limits,
     )
 
 

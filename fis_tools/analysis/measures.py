@@ -345,11 +345,13 @@ def integrity(variable: Variable, reference: Variable | None = None) -> Integrit
     crossed = widths * meant_widths[:, ::-1]
     narrow, wide = crossed.min(axis=1), crossed.max(axis=1)
     symmetry = np.divide(narrow, wide, out=np.ones_like(wide), where=wide > 0)
+    small, large = np.minimum(areas, meant_areas), np.maximum(areas, meant_areas)
     symmetry[[0, -1]] = 1.0
     return Integrity(
         displacement=1.0 - np.minimum(np.divide(moved, room, out=np.sign(moved), where=room > 0), 1.0),
         symmetry=np.clip(symmetry, 0.0, 1.0),
-        area=np.minimum(areas, meant_areas) / np.maximum(areas, meant_areas),
+        # terms between the points of a coarse universe have no area
+        area=np.divide(small, large, out=np.ones_like(large), where=large > 0),
     )
 
 

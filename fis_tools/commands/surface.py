@@ -1,8 +1,6 @@
 """`surface`: an output over two inputs, as numbers or a picture."""
 
 import argparse
-import csv
-import io
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from fis_tools.commands.arguments import (
     the_system,
     write,
 )
+from fis_tools.formats.printed.csv import rows_as_text
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.source import read_controller
 
@@ -104,9 +103,7 @@ def _draw(
 
 
 def _surface_csv(result: arrays.Surface) -> str:
-    lines = io.StringIO()
-    writer = csv.writer(lines, lineterminator="\n")
-    writer.writerow([result.x_variable.name, result.y_variable.name, result.output.name])
+    rows = [[result.x_variable.name, result.y_variable.name, result.output.name]]
     for (row, column), value in np.ndenumerate(result.values):
-        writer.writerow([repr(float(number)) for number in (result.x[column], result.y[row], value)])
-    return lines.getvalue()
+        rows.append([repr(float(number)) for number in (result.x[column], result.y[row], value)])
+    return rows_as_text(rows)

@@ -48,6 +48,17 @@ class Compiled:
             return self.dispatcher(*args, **kwargs)
         return self.dispatcher(*args)
 
+    def prepared(self, *args: Any) -> Callable[..., Any]:
+        """Return the code for arguments of these types, compiled.
+
+        A call of it does not ask for types, which takes numba longer than a short function does where many
+        arrays are given. It must be given the very types again.
+        """
+        compile_for = getattr(self.dispatcher, "compile", None)
+        if compile_for is None:  # numba is switched off
+            return cast(Callable[..., Any], self.dispatcher)
+        return cast(Callable[..., Any], compile_for(tuple(map(self.dispatcher.typeof_pyval, args))))
+
     def __getattr__(self, name: str) -> Any:
         # Only names that are not set yet get here. Among them is `_numba_type_`, by which numba asks a global
         # of a function that it compiles for its type: the type is that of the dispatcher.

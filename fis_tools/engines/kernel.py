@@ -70,7 +70,7 @@ SCRATCH = np.dtype(
 )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def fuzzify(values: Floats, system: Any, inputs: Floats, scratch: Any) -> None:
     """Write the memberships in the terms of all inputs, linear between the points of their universes."""
     slot = 0
@@ -88,7 +88,7 @@ def fuzzify(values: Floats, system: Any, inputs: Floats, scratch: Any) -> None:
             slot += 1
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
     """Write the height at which each output term is cut: the strongest of its rules."""
     terms, inputs = system.output_terms, system.num_inputs
@@ -106,7 +106,7 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
         store(scratch.cuts, term, cut)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def grid_sums(values: Floats, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the sum of the aggregated heights on the grid, and area and moment below the lines between them.
 
@@ -130,7 +130,7 @@ def grid_sums(values: Floats, system: Any, scratch: Any) -> tuple[Vector, Vector
     return total, area, moment - middle * (0.5 * (last - first)) + (first - last) / 6.0
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def points_below(values: Floats, foot: int, direction: int, num_points: int, cut: Vector) -> Vector:
     """Return how many points of a flank lie below the cut, counted from its foot in a direction.
 
@@ -149,7 +149,7 @@ def points_below(values: Floats, foot: int, direction: int, num_points: int, cut
     return below
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def heights_in(
     values: Floats, system: Any, segment: Vector, fraction: Vector, scratch: Any
 ) -> tuple[Vector, Vector, Vector]:
@@ -167,7 +167,7 @@ def heights_in(
     return left, inside, right
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def neighbours(
     segment: Vector, fraction: Vector, left: Vector, right: Vector, found: int, scratch: Any
 ) -> tuple[Vector, Vector, Vector, Vector]:
@@ -187,7 +187,7 @@ def neighbours(
     return start, left, end, right
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
     """Return the area and moment that the points inserted at cut crossings add to the grid's."""
     terms, points = system.output_terms, system.output_points
@@ -220,7 +220,7 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
     return area, moment
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def infer(
     values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, outputs: Floats
 ) -> None:

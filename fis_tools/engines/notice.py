@@ -4,6 +4,7 @@ numba tells its listeners when it compiles (``numba.core.event``, in its documen
 Functions that come from the cache, and those of other packages, are not told.
 """
 
+import _thread
 import sys
 import threading
 import time
@@ -78,6 +79,7 @@ class _Notice(event.Listener):
         self._spent_s = 0.0
         self._is_over = threading.Event()
         self._ticker: threading.Thread | None = None
+        self._hook: Any = None
 
     def watch(self, dispatcher: Any, place: Path | Refused | None) -> None:
         self._watched.add(dispatcher)
@@ -93,6 +95,7 @@ class _Notice(event.Listener):
         if len(self._names) == 1:
             while self._untold:
                 _write(f"  compiled code is not kept: {self._untold.pop()}")
+            self._hook, sys.unraisablehook = sys.unraisablehook, self._heed
             self._is_over.clear()
             self._ticker = threading.Thread(target=self._tick, args=(time.monotonic(),), daemon=True)
             self._ticker.start()
@@ -103,7 +106,15 @@ class _Notice(event.Listener):
         if len(self._names) == 1 and self._ticker is not None:
             self._is_over.set()
             self._ticker.join()
+            sys.unraisablehook = self._hook
         self._names.pop()
+
+    def _heed(self, unraisable: Any) -> None:
+        """Interrupt again where Ctrl-C came in a callback from LLVM, out of which nothing can be raised."""
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            threading.Timer(REFRESH_S, _thread.interrupt_main).start()
+        else:
+            self._hook(unraisable)
 
     def _tick(self, began: float) -> None:
         """Show what is going on until it is over."""

@@ -21,8 +21,6 @@ from fis_tools.model.shape import (
 
 #: Sampled memberships below this are taken as zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
-#: Memberships that rounding may put outside [0, 1].
-ROUNDING = 1e-12
 
 
 def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
@@ -231,9 +229,7 @@ class SigmoidDifference(_TwoSigmoids):
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
         first, second = self._sigmoids
-        difference = first.at(x) - second.at(x)
-        # as scikit-fuzzy has it where it is positive, but for what rounding leaves below zero
-        return np.where(difference < -ROUNDING, -difference, difference)
+        return np.abs(first.at(x) - second.at(x))
 
 
 @shape(

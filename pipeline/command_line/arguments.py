@@ -25,7 +25,7 @@ OPTIONS: Mapping[tuple[str, ...], Mapping[str, Any]] = {
     ("--resolve",): {"action": "store_true"},
     ("--config-dir", "-cd"): {"type": Path},
 }
-RESUME = "resume="
+RESUME, COMPARE = "resume=", "compare="
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class Asked:
     config_dir : Path, optional
         The user's own folder of configurations.
     resume : Path, optional
-        The folder of a run to go on with.
+        The folder of a run, or of a sweep, to go on with.
+    compare : tuple of (Path, Path), optional
+        The folders of two runs to be compared.
     overrides : tuple of str
     """
 
@@ -53,6 +55,7 @@ class Asked:
     resolve: bool
     config_dir: Path | None
     resume: Path | None
+    compare: tuple[Path, Path] | None
     overrides: tuple[str, ...]
 
     @property
@@ -78,7 +81,7 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     first = arguments[0] if arguments else ""
     if first and first[0] not in "+-~" and "=" not in first:
         raise ConfigError(
-            f"there is no subcommand {first} (verify is the only one); an experiment is started with "
+            f"there is no subcommand {first} (there are summary and verify); an experiment is started with "
             "+experiment=NAME and settings with key=value, see python -m pipeline --help"
         )
     parser = _Parser(add_help=False, allow_abbrev=False)
@@ -92,9 +95,18 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     if folder is not None and not folder.is_dir():
         raise ConfigError(f"--config-dir {folder} is no folder; give one with experiments of your own")
     resumed = [word.removeprefix(RESUME) for word in words if word.startswith(RESUME)]
-    overrides = tuple(word for word in words if not word.startswith(RESUME))
+    compared = (
+        [] if options.multirun else [word for word in words if word.startswith(COMPARE) and "," in word]
+    )
+    overrides = tuple(word for word in words if not word.startswith(RESUME) and word not in compared)
+    if compared and (len(words) > 1 or compared[0].count(",") > 1):
+        raise ConfigError(f"{compared[0]} compares two runs and takes nothing else: compare=RUN_A,RUN_B")
+    one, _, other = compared[0].removeprefix(COMPARE).partition(",") if compared else ("", "", "")
     return Asked(
-        **vars(options), resume=Path(resumed[-1]).expanduser() if resumed else None, overrides=overrides
+        **vars(options),
+        resume=Path(resumed[-1]).expanduser() if resumed else None,
+        compare=(Path(one).expanduser(), Path(other).expanduser()) if compared else None,
+        overrides=overrides,
     )
 
 

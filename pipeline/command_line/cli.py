@@ -13,7 +13,7 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.command_line import runs
+from pipeline.command_line import runs, sweeps
 from pipeline.command_line.arguments import Asked, read_arguments
 from pipeline.command_line.config import compose_jobs, compose_node, job_of, options
 from pipeline.command_line.overrides import (
@@ -21,14 +21,17 @@ from pipeline.command_line.overrides import (
     ConfigError,
     check_overrides,
     check_sweeps,
+    differences_of,
     first_line,
+    folder_names,
     parse,
     rewrite_paths,
     single_runs,
 )
 from pipeline.command_line.runs import MISTAKE, OK
-from pipeline.run import artifacts, maker
+from pipeline.run import artifacts, maker, reproducible
 from pipeline.run.runner import Interrupted
+from pipeline.run.sweep import SWEEP, SweptRun
 
 INTERRUPTED = 130
 
@@ -46,9 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
+    words = sys.orig_argv[1:] if arguments is None else ["-m", "pipeline", *arguments]
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         return _dispatch(arguments)
+    except reproducible.NotInForce:
+        return reproducible.start_anew(words)
     except Interrupted as interrupt:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED
@@ -58,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError, MemoryError) as error:
         if os.environ.get("HYDRA_FULL_ERROR") == "1":
             raise
-        sys.stderr.write(f"error: {runs.sentence(error)}\n")
+        sys.stderr.write(runs.told(error))
         return MISTAKE
 
 
@@ -68,15 +74,23 @@ def _dispatch(arguments: Sequence[str]) -> int:
         from pipeline.command_line.verify import verify  # noqa: PLC0415 - it reads recordings
 
         return verify(arguments[1:])
+    if arguments[:1] == ["summary"]:
+        from pipeline.command_line.summary import summary  # noqa: PLC0415 - it draws pictures
+
+        return summary(arguments[1:])
     asked = read_arguments(arguments)
     if asked.version:
         sys.stdout.write(f"{maker.DISTRIBUTION} {maker.product_version()}\n")
         return OK
-    if asked.help or not (asked.overrides or asked.resume or asked.cfg):
+    if asked.help or not (asked.overrides or asked.resume or asked.compare or asked.cfg):
         from pipeline.command_line.guide import help_text  # noqa: PLC0415 - it loads compiled code
 
         sys.stdout.write(help_text(asked.folders) + "\n")
         return OK if asked.help else MISTAKE
+    if asked.compare is not None:
+        from pipeline.command_line.summary import compare  # noqa: PLC0415 - as above
+
+        return compare(*asked.compare)
     return _experiment(asked)
 
 
@@ -87,6 +101,8 @@ def _experiment(asked: Asked) -> int:
     check_overrides(overrides, groups)
     check_sweeps(overrides, asked.multirun)
     if asked.resume is not None:
+        if (asked.resume / SWEEP).exists() and not overrides:
+            return sweeps.resume(asked.resume)
         return runs.resume(asked.resume, overrides)
     folder = None if asked.multirun else _run_folder(overrides)
     if folder is not None:
@@ -103,9 +119,26 @@ def _experiment(asked: Asked) -> int:
         sys.stdout.write(_printed(compose_node(jobs[0], asked.config_dir), asked))
         return OK
     own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
-    return runs.start(
-        compose_jobs(jobs, asked.config_dir, is_sweep=asked.multirun), [[*own, *words] for words in jobs]
-    )
+    if not asked.multirun:
+        (job,) = compose_jobs(jobs, asked.config_dir)
+        runs.check_before(job.experiment)
+        return runs.start(job, [*own, *jobs[0]])
+    return _sweep(asked, overrides, jobs, own)
+
+
+def _sweep(
+    asked: Asked, overrides: Sequence[Override], jobs: Sequence[Sequence[str]], own: Sequence[str]
+) -> int:
+    """Run every combination of values, each in a folder that is named by them."""
+    groups = options(asked.folders)
+    differing = differences_of(overrides, groups)
+    composed = compose_jobs(jobs, asked.config_dir, names=folder_names(differing))
+    folder = composed[0].sweep_folder
+    swept = [
+        SweptRun(job.folder.relative_to(folder).as_posix(), differs, (*own, *words))
+        for job, differs, words in zip(composed, differing, jobs, strict=True)
+    ]
+    return sweeps.start(composed, swept, folder)
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:

@@ -51,6 +51,11 @@ class Composed:
     folder: Path
     node: DictConfig = field(repr=False)
 
+    @property
+    def sweep_folder(self) -> Path:
+        """The folder of the sweep that the run is of, if it is of one."""
+        return Path(self.node.hydra.sweep.dir)
+
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:
     """List the groups of some configuration folders and the options of each, `NOT_CHOSEN` aside.
@@ -92,9 +97,11 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
 
 
 def compose_jobs(
-    jobs: Sequence[Sequence[str]], config_dir: Path | None = None, *, is_sweep: bool = False
+    jobs: Sequence[Sequence[str]], config_dir: Path | None = None, names: Sequence[str] | None = None
 ) -> list[Composed]:
-    """Compose the configurations of several runs, see `compose_experiment`; those of a sweep share a folder.
+    """Compose the configurations of several runs, see `compose_experiment`.
+
+    Those of a sweep have names, which their folders take in the sweep's.
 
     Raises
     ------
@@ -102,12 +109,12 @@ def compose_jobs(
     """
     composed: list[Composed] = []
     for index, overrides in enumerate(jobs):
-        numbered = [*overrides, f"hydra.job.num={index}"] if is_sweep else overrides
-        node = compose_node(numbered, config_dir)
+        own = [f"hydra.job.num={index}", f"hydra.sweep.subdir={quoted(names[index])}"] if names else []
+        node = compose_node([*own, *overrides], config_dir)
         if composed:
             # resolvers such as `now` give all runs of a sweep the same value
             OmegaConf.copy_cache(composed[0].node, node)
-        composed.append(_resolved(node, config_dir, is_sweep))
+        composed.append(_resolved(node, config_dir, names is not None))
     return composed
 
 
@@ -179,7 +186,12 @@ def read_starts(config: dict[str, Any]) -> None:
     cases["num_cases"] = start_table.num_rows(cases["table"])
 
 
-def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection[str]) -> list[str]:
+def differences(
+    then: Mapping[str, Any],
+    now: Mapping[str, Any],
+    but: Collection[str],
+    words: tuple[str, str] = ("then", "now"),
+) -> list[str]:
     """Name the keys in which two configurations differ, each with both values, in short.
 
     Parameters
@@ -188,6 +200,8 @@ def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection
         Plain data.
     but : collection of str
         Keys of the first level that do not count.
+    words : (str, str)
+        What the two are called.
 
     Returns
     -------
@@ -202,7 +216,7 @@ def differences(then: Mapping[str, Any], now: Mapping[str, Any], but: Collection
             for name in sorted({*one, *other}):
                 yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
         else:
-            yield f"{key} (then {_short(one)}, now {_short(other)})"
+            yield f"{key} ({words[0]} {_short(one)}, {words[1]} {_short(other)})"
 
     first, second = (
         {key: value for key, value in config.items() if key not in but} for config in (then, now)

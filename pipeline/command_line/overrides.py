@@ -16,8 +16,13 @@ CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
 #: how the files end that a group takes in place of an option
 SUFFIXES = {CONTROLLER: (".json", ".yaml", ".yml"), "starts": (TABLE_SUFFIX,)}
+#: keys that name a folder
+FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
 #: the keys of Hydra's own that have an effect here
 HYDRA_KEYS = ("hydra.run.dir", "hydra.searchpath", "hydra.sweep.dir", "hydra.sweep.subdir")
+
+#: of a folder that is named by what a run differs in
+LONGEST_NAME = 120
 
 
 class ConfigError(ValueError):
@@ -47,7 +52,8 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
 
-    So ``starts=PATH``. Several paths in a sweep, ``controller=a.json,b.json``, are rewritten together.
+    So ``starts=PATH``. A folder with a name that Hydra's grammar would take apart, such as ``seed=1``, is
+    quoted. Several paths in a sweep, ``controller=a.json,b.json``, are rewritten together.
 
     Raises
     ------
@@ -59,7 +65,9 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
         key, _, value = text.partition("=")
         paths = _values(text, value) if key in SUFFIXES else []
         are_paths = [path.lower().endswith(SUFFIXES[key]) for path in paths]
-        if not any(are_paths):
+        if key in FOLDERS and "=" in value and value[:1] not in "'\"":
+            rewritten.append(f"{key}={quoted(value)}")
+        elif not any(are_paths):
             rewritten.append(text)
         elif all(are_paths):
             rewritten += [f"{key}=file", f"{key}.path=" + ",".join(quoted(path) for path in paths)]
@@ -140,6 +148,34 @@ def single_runs(overrides: Sequence[Override], groups: Mapping[str, Sequence[str
     """Yield the overrides of each run of a sweep: every value of one with every value of the others."""
     for chosen in product(*(_written(override, groups) for override in overrides)):
         yield list(chosen)
+
+
+def differences_of(
+    overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]
+) -> list[dict[str, str]]:
+    """Return for each run of a sweep, in the order of `single_runs`, what it differs in: key to value."""
+    swept = [override for override in overrides if override.is_sweep_override()]
+    keys = [_told_key(override.key_or_group) for override in swept]
+    values = [_choices(override, groups.get(override.key_or_group, ())) for override in swept]
+    return [dict(zip(keys, chosen, strict=True)) for chosen in product(*values)]
+
+
+def _told_key(key: str) -> str:
+    """Return a key as it is typed: paths stand in a group's place, see `rewrite_paths`."""
+    group = key.removesuffix(".path")
+    return group if group in SUFFIXES else key
+
+
+def folder_names(differing: Sequence[Mapping[str, str]]) -> list[str]:
+    """Name the folders of a sweep by what its runs differ in, such as ``seed=1``; each name is another."""
+    names = []
+    for number, differs in enumerate(differing):
+        told = "+".join(f"{key}={value.rsplit('/', 1)[-1]}" for key, value in differs.items())
+        name = re.sub(r"[^\w.+=-]+", "-", told) or str(number)
+        if len(name) > LONGEST_NAME or name in names:
+            name = f"{number}-{name[:LONGEST_NAME]}"
+        names.append(name)
+    return names
 
 
 def _written(override: Override, groups: Mapping[str, Sequence[str]]) -> list[str]:

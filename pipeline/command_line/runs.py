@@ -14,7 +14,8 @@ from pipeline.command_line.arguments import Asked
 from pipeline.command_line.config import Composed, compose_experiment, differences
 from pipeline.command_line.overrides import EXPERIMENT, ConfigError
 from pipeline.flight.chief import num_chief_steps
-from pipeline.run import artifacts
+from pipeline.flight.course import check_perigee
+from pipeline.run import artifacts, reproducible
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
 from pipeline.settings.experiment import Experiment
@@ -22,7 +23,7 @@ from pipeline.settings.keys import in_todays_words
 from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import experiment_from
 
-OK, MISTAKE = 0, 2
+OK, FAULT, MISTAKE = 0, 1, 2
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry",), "assure": ("assurance",), "report": ("report",)}
@@ -38,28 +39,23 @@ def sentence(error: Exception) -> str:
     )
 
 
-def start(jobs: Sequence[Composed], commands: Sequence[Sequence[str]]) -> int:
-    """Run new runs, one after the other; return the exit code.
+def told(error: Exception) -> str:
+    """Return what is printed of an error that a person can mend, with what is noted with it."""
+    return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
+
+
+def start(job: Composed, command: Sequence[str]) -> int:
+    """Run a new run; return the exit code.
 
     Parameters
     ----------
-    jobs : sequence of Composed
-    commands : sequence of sequence of str
-        What to type for each.
+    job : Composed
+    command : sequence of str
+        What to type for it.
     """
-    for job in jobs:
-        check_before(job.experiment)
-    return max([_start(job, command) for job, command in zip(jobs, commands, strict=True)], default=OK)
-
-
-def _start(job: Composed, command: Sequence[str]) -> int:
-    try:
-        with held(job.folder):
-            _check_vacant(job)
-            return _run(job.config, job.experiment, job.folder, command=command)
-    except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
-        return MISTAKE
+    with held(job.folder):
+        _check_vacant(job)
+        return _run(job.config, job.experiment, job.folder, command=command)
 
 
 def _check_vacant(job: Composed) -> None:
@@ -94,22 +90,29 @@ def _run(
     try:
         run_stages(experiment, config, shown, stages, command)
     except (ValueError, OSError, MemoryError) as error:
-        if os.environ.get("HYDRA_FULL_ERROR") == "1":
-            raise
-        sys.stderr.write(f"error: {sentence(error)}\n(what the program was doing: {shown / artifacts.LOG})\n")
-        return MISTAKE
+        error.add_note(f"(what the program was doing: {shown / artifacts.LOG})")
+        raise
     sys.stdout.write(f"{shown}\n")
     return OK
 
 
-def resume(folder: Path, overrides: Sequence[Override]) -> int:
-    """Resume a run with its own configuration; return the exit code."""
+def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] | None = None) -> int:
+    """Resume a run with its own configuration; return the exit code.
+
+    Parameters
+    ----------
+    folder : Path
+    overrides : sequence of Override
+        Those that were given, which must say nothing new.
+    command : sequence of str, optional
+        The words with which it is started, for a run that was announced and not begun.
+    """
     _config_of(folder)
     with held(folder):
-        return _resume(folder, overrides)
+        return _resume(folder, overrides, command)
 
 
-def _resume(folder: Path, overrides: Sequence[Override]) -> int:
+def _resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] | None) -> int:
     config = _config_of(folder)
     experiment = _experiment_of(folder, config)
     for override in overrides:
@@ -125,7 +128,8 @@ def _resume(folder: Path, overrides: Sequence[Override]) -> int:
         sys.stdout.write(f"{folder}\n")
         return OK
     check_before(replace(experiment, stages=tuple(left)))
-    return _run(config, replace(experiment, resume=True), folder, left)
+    command = None if (folder / artifacts.MANIFEST).exists() else command
+    return _run(config, replace(experiment, resume=True), folder, left, command)
 
 
 def repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
@@ -148,7 +152,7 @@ def _repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        if changed := differences(in_todays_words(config), new.config, {*own, "stages"}):
+        if changed := differences(in_todays_words(config), new.config, {*own, "stages", "engine"}):
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
                 "new run"
@@ -190,7 +194,10 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise what a stage would raise, before any folder is made."""
+    if experiment.reproducible:
+        reproducible.require()
     num_chief_steps(experiment.mission)
+    check_perigee(experiment.mission)
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(

@@ -1,37 +1,67 @@
-"""The command ``python -m pipeline verify RUN``: whether its files are intact and its flights repeat."""
+"""The command ``verify``: whether a run's files are intact and its flights repeat.
+
+With another run, whether the two made the same files, and if not, whether they could be expected to.
+"""
 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.command_line.config import differences
 from pipeline.command_line.overrides import ConfigError
-from pipeline.run import artifacts
-from pipeline.run.integrity import Integrity, check_files
+from pipeline.run import artifacts, reproducible
+from pipeline.run.integrity import Integrity, check_files, put_beside
 from pipeline.run.maker import present_maker, unlike
 
 OK, DIFFERENT = 0, 1
 
 
 def verify(words: Sequence[str]) -> int:
-    """Check a run, print what was found, and return the exit code: 1 where something differs.
+    """Check a run, or compare two; print what was found, and return the exit code: 1 where something differs.
 
     Raises
     ------
     ConfigError, ValueError, OSError
         If no run is given, or it cannot be read.
+    pipeline.run.reproducible.NotInForce
+        If the run was made for all processors alike, and this process is not.
     """
-    if len(words) != 1:
-        raise ConfigError("verify takes the folder of one run: python -m pipeline verify outputs/NAME/TIME")
-    folder = Path(words[0]).expanduser()
-    found = check_files(folder)
-    sys.stdout.write("\n".join(_told(found)) + "\n")
-    makers = artifacts.read_manifest(folder).get("makers", [])
-    differing = [unlike(maker, present_maker()) for maker in makers]
-    for told in filter(None, differing):
-        sys.stdout.write(
-            f"made by another maker ({'; '.join(told)}): flights may differ in the last digits\n"
+    if len(words) not in (1, 2):
+        raise ConfigError(
+            "verify takes the folder of a run, and of another one to compare it with: "
+            "python -m pipeline verify outputs/NAME/TIME"
         )
+    folder, *others = (Path(word).expanduser() for word in words)
+    if others:
+        return _compare(folder, others[0])
+    found = check_files(folder)
+    if artifacts.read_config(folder).get("reproducible") is True:
+        reproducible.require()
+    sys.stdout.write("\n".join(_told(found)) + "\n")
+    for maker in artifacts.read_manifest(folder).get("makers", []):
+        _tell_unlike("made by another maker", unlike(maker, present_maker()))
     return OK if _fly_again(folder) and found.is_whole else DIFFERENT
+
+
+def _compare(folder: Path, other: Path) -> int:
+    """Say in what two runs differ, and whether that is to be expected."""
+    found = put_beside(folder, other)
+    configs = artifacts.read_config(folder), artifacts.read_config(other)
+    for told in differences(*configs, but=("hydra",), words=("here", "there")):
+        sys.stdout.write(f"configuration: {told}\n")
+    sys.stdout.write(f"files: {len(found.equal)} equal to the last bit\n")
+    sys.stdout.writelines(f"  {name} differs\n" for name in found.different)
+    sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in found.single)
+    makers = [artifacts.read_manifest(place).get("makers", []) for place in (folder, other)]
+    for one in makers[0]:
+        for two in makers[1]:
+            _tell_unlike("makers differ", unlike(one, two))
+    return DIFFERENT if found.different or found.single else OK
+
+
+def _tell_unlike(what: str, differing: Sequence[str]) -> None:
+    if differing:
+        sys.stdout.write(f"{what} ({'; '.join(differing)}): results may differ in the last digits\n")
 
 
 def _told(found: Integrity) -> list[str]:

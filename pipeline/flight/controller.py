@@ -26,6 +26,7 @@ from pipeline.flight.signals import (
     needs_of,
     slot,
 )
+from pipeline.flight.turns import AIMED, Turns
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -104,9 +105,11 @@ class Controller:
     systems : tuple of FuzzySystem
         At most three; none for a plan.
     force_axes : str
-        ``body`` or ``hill``, the axes of the systems' outputs.
+        ``body`` or ``hill``, the axes of the systems' outputs or of the plan.
     plan : (K, 3) array, optional
-        Forces in Hill axes, N, one row a control period; periods beyond the last row are flown without force.
+        Forces, N, one row a control period; periods beyond the last row are flown without force.
+    turns : Turns
+        Played beside a plan.
     planner : Planner, optional
     regulator : Regulator, optional
     fuzzy : FuzzyController, optional
@@ -117,9 +120,15 @@ class Controller:
     systems: tuple[FuzzySystem, ...]
     force_axes: str = "body"
     plan: Floats | None = None
+    turns: Turns = AIMED
     planner: Planner | None = None
     regulator: Regulator | None = None
     fuzzy: FuzzyController | None = None
+
+    @property
+    def plays_turns(self) -> bool:
+        """Whether it plays attitudes or torques."""
+        return len(self.turns.attitudes) > 0 or len(self.turns.torques) > 0
 
     @property
     def is_of_a_kind(self) -> bool:
@@ -187,9 +196,9 @@ def coast() -> Controller:
     return Controller("coast", (), "hill", plan=np.zeros((0, 3)))
 
 
-def open_loop(name: str, plan: Floats) -> Controller:
-    """Return the controller that plays forces of shape (K, 3), Hill axes, N."""
-    return Controller(name, (), "hill", plan=np.asarray(plan, dtype=np.float64))
+def open_loop(name: str, plan: Floats, force_axes: str = "hill", turns: Turns = AIMED) -> Controller:
+    """Return the controller that plays forces of shape (K, 3), N, and turns."""
+    return Controller(name, (), force_axes, plan=np.asarray(plan, dtype=np.float64), turns=turns)
 
 
 def law_of(controller: Controller, mission: Mission) -> Law:

@@ -20,15 +20,29 @@ Drawn = tuple[tuple[str, float], ...]
 
 
 def drawn(mission: Mission, scenario: Scenario) -> Drawn:
-    """Return the settings that are a case's own; none where nothing is dispersed."""
-    if not mission.dispersions:
+    """Return the settings that are a case's own, given or drawn; none where nothing is dispersed.
+
+    Raises
+    ------
+    SettingError
+        If a case was given more or fewer than are dispersed.
+    """
+    dispersed = distributions(mission.dispersions)
+    if scenario.settings is not None:
+        if len(scenario.settings) != len(dispersed):
+            raise SettingError(
+                f"a case was given {len(scenario.settings)} settings of its own, but dispersions name "
+                f"{len(dispersed)}; give one for each key, in their sorted order"
+            )
+        return tuple(zip((one.key for one in dispersed), scenario.settings, strict=True))
+    if not dispersed:
         return ()
     seed, stage, case = scenario.noise
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
     # as the start has drawn: direction, distance, the Sun's angle and elevation
     generator.standard_normal(3)
     generator.uniform(size=3)
-    return tuple((one.key, one.value(generator.uniform())) for one in distributions(mission.dispersions))
+    return tuple((one.key, one.value(generator.uniform())) for one in dispersed)
 
 
 def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius, sun_direction_h, visible_share
+from pipeline.flight.course import semi_major_axis
+from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
 from pipeline.settings.experiment import Light, Mission, Orbit, SettingError
 
 Floats = NDArray[np.float64]
@@ -32,7 +33,7 @@ def shadowing_radius(orbit: Orbit, light: Light) -> float:
     SettingError
         If the orbit lies inside the Earth.
     """
-    radius = orbit_radius(orbit.mean_motion_rad_s) if orbit.radius_m is None else orbit.radius_m
+    radius = semi_major_axis(orbit)
     if not radius > EARTH_RADIUS_M:
         raise SettingError(
             f"the orbit's radius is {radius:,.0f} m, inside the Earth whose shadow light.shadow="

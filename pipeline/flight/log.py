@@ -24,7 +24,8 @@ class Scenario:
     """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and where the Sun is at k = 0 (rad).
 
     The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane. `noise` is the
-    seed, the stage and the case that errors of navigation and thrusters are drawn from.
+    seed, the stage and the case that errors of navigation and thrusters are drawn from; `settings` are values
+    of the dispersed keys, in the order of the sorted keys, where these are given and not drawn.
     """
 
     position_m: Floats
@@ -32,6 +33,7 @@ class Scenario:
     sun_angle_rad: float
     sun_elevation_rad: float = 0.0
     noise: tuple[int, int, int] = (0, 0, 0)
+    settings: tuple[float, ...] | None = None
 
     def generator(self, what: int) -> np.random.Generator:
         """Return what draws the errors of one kind in the flight from here."""

@@ -39,6 +39,7 @@ from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
 from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
+from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -125,9 +126,11 @@ def fly_population(
         m starts.
     workers : int, optional
         Threads; one for each processor unless given. The result does not depend on it.
-    tracks : (n * m, K+1, 3 or 8) float32, optional
-        Filled with positions, m, Hill axes; with eight columns also with velocities, m/s, the delta-v spent,
-        m/s, and the number of points not yet inspected.
+    tracks : (n * m, K+1, 3 or 15) float32, optional
+        Filled with positions, m, Hill axes; where there is room for them also with velocities, m/s, the
+        delta-v spent, m/s, the number of points not yet inspected, the force fired over the control period
+        that follows, N, the boresight, both in Hill axes, and how fast the deputy turns relative to Hill,
+        rad/s: columns as in `pipeline.flight.kernel.arrays`.
     openings : (m, 3) array, optional
         What is fired from each start in the first control period in place of what the rules decide, N, Hill
         axes.
@@ -159,6 +162,7 @@ def fly_population(
             *_parts_in_use(world, law, cases.starts),
             cases.fixes(),
             cases.firing(),
+            world.course if world.course.is_on else None,
             law,
             numbers.values,
             numbers.rules,
@@ -244,7 +248,7 @@ def fly_all(
     """
     if mission.dispersions:
         return _fly_dispersed(mission, controller, scenarios, workers, tracks)
-    if is_by_the_reference(mission):
+    if is_by_the_reference(mission, controller):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
@@ -337,9 +341,13 @@ def law_for(
     return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
 
 
-def is_by_the_reference(mission: Mission) -> bool:
-    """Tell whether a mission asks for scikit-learn's clusters, which only the readable reference flies by."""
-    return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
+def is_by_the_reference(mission: Mission, controller: Controller | None = None) -> bool:
+    """Tell whether only the readable reference flies this.
+
+    So it is for scikit-learn's clusters, and for attitudes and torques that are played.
+    """
+    plays_turns = controller is not None and controller.plays_turns
+    return plays_turns or (mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn")
 
 
 def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
@@ -360,7 +368,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
     channels = channels_of(
         controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
     )
-    return loop.fly(mission, scenario, channels, infer)
+    return loop.fly(mission, scenario, channels, infer, turns=controller.turns)
 
 
 def _outcomes_of_logs(
@@ -374,7 +382,7 @@ def _outcomes_of_logs(
     for case, scenario in enumerate(scenarios):
         log = fly_logged(mission, controller, scenario)
         if tracks is not None:
-            tracks[case] = tracked(log)[:, : tracks.shape[2]]
+            tracks[case] = tracked(mission, log)[:, : tracks.shape[2]]
         inspectable[case] = log.is_inspectable.sum()
         distance = np.linalg.norm(log.position_m, axis=1)
         outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
@@ -390,16 +398,20 @@ def _outcomes_of_logs(
     return _outcomes(rows, inspectable)
 
 
-def tracked(log: FlightLog) -> Floats:
-    """Return the track of a logged flight, (K+1, 8), in double precision; see `fly_population`."""
+def tracked(mission: Mission, log: FlightLog) -> Floats:
+    """Return the track of a logged flight, (K+1, 15), in double precision; see `fly_population`."""
     left = np.count_nonzero(~log.is_inspected, axis=1)
-    return np.column_stack([log.position_m, log.velocity_m_s, log.delta_v_m_s, left])
+    fired = np.vstack([log.force_hill_n, np.zeros(3)])
+    boresights = [dcm_b_from_h(turned).T @ mission.sensor.boresight for turned in log.quaternion_b_from_h]
+    turn_rates = np.linalg.norm(log.angular_velocity_b_rad_s, axis=1)
+    columns = [log.position_m, log.velocity_m_s, log.delta_v_m_s, left, fired, boresights, turn_rates]
+    return np.column_stack(columns)
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
     """Fly one episode and keep everything that happened."""
     mission = mission_of_case(mission, scenario)
-    if is_by_the_reference(mission):
+    if is_by_the_reference(mission, controller):
         return _fly_reference(mission, controller, scenario)
     world = pack_world(mission)
     law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
@@ -411,6 +423,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         *_parts_in_use(world, law, cases.starts),
         cases.fixes(),
         cases.firing(),
+        world.course if world.course.is_on else None,
         law,
         numbers.values,
         numbers.rules,

@@ -21,11 +21,16 @@ from pipeline.settings.start_table import numbers
 #: starts are sought, ``HARD + r``; and those on which the champion is chosen
 EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
 
+#: place in the spawn key of what is drawn for a start's velocity, after the case
+SPEED = 3
+
 OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 
 
-def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun) -> Scenario:
-    """Draw one start: isotropic direction, distance uniform in the shell, at rest.
+def draw(
+    seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun, max_speed_m_s: float = 0.0
+) -> Scenario:
+    """Draw one start: isotropic direction, distance uniform in the shell; likewise its velocity.
 
     Parameters
     ----------
@@ -35,6 +40,8 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
         Least and greatest distance.
     sun : Sun
         Fixed, random, or by turns: even cases fixed, odd ones random.
+    max_speed_m_s : float
+        Up to which the speed is uniform; 0 for rest.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
     direction = generator.standard_normal(3)
@@ -49,9 +56,18 @@ def draw(seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Su
     elif sun.elevation_range_deg is not None:
         low, high = sun.elevation_range_deg
         elevation_deg = low + share * (high - low)
-    return Scenario(
+    start = Scenario(
         distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
     )
+    return replace(start, velocity_m_s=_velocity(start, max_speed_m_s)) if max_speed_m_s > 0.0 else start
+
+
+def _velocity(start: Scenario, max_speed: float) -> NDArray[np.float64]:
+    """Draw the velocity of a start."""
+    generator = start.generator(SPEED)
+    direction = generator.standard_normal(3)
+    velocity: NDArray[np.float64] = generator.uniform(0.0, max_speed) * direction / np.linalg.norm(direction)
+    return velocity
 
 
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
@@ -59,8 +75,8 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
     if starts.table is not None:
         return _given(starts.table, seed, TRAINING)
     stage = TRAINING + (round_index if starts.redraw else 0)
-    shell = (starts.min_distance_m, starts.max_distance_m)
-    drawn = [draw(seed, stage, case, shell, sun) for case in range(starts.num_cases)]
+    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
+    drawn = [draw(seed, stage, case, shell, sun, speed) for case in range(starts.num_cases)]
     if starts.kind == "random":
         return drawn
     return [
@@ -71,14 +87,14 @@ def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0
 
 def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
     """Return the starts among which the hard ones of a round of training are sought."""
-    shell = (starts.min_distance_m, starts.max_distance_m)
-    return [draw(seed, HARD + round_index, case, shell, sun) for case in range(starts.hard_from)]
+    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
+    return [draw(seed, HARD + round_index, case, shell, sun, speed) for case in range(starts.hard_from)]
 
 
 def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
     """Return the starts on which the champion is chosen: of training's kind, flown by no training."""
-    shell = (starts.min_distance_m, starts.max_distance_m)
-    return [draw(seed, VALIDATION, case, shell, sun) for case in range(num_cases)]
+    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
+    return [draw(seed, VALIDATION, case, shell, sun, speed) for case in range(num_cases)]
 
 
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
@@ -91,12 +107,15 @@ def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
     )
 
 
-def evaluation_scenarios(monte_carlo: MonteCarlo, sun: Sun, seed: int) -> list[Scenario]:
-    """Return the starts of an evaluation."""
+def evaluation_scenarios(
+    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice = slice(None)
+) -> list[Scenario]:
+    """Return the starts of an evaluation, or of some of its cases."""
     if monte_carlo.table is not None:
-        return _given(monte_carlo.table, seed, EVALUATION)
-    shell = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
-    return [draw(seed, EVALUATION, case, shell, sun) for case in range(monte_carlo.num_cases)]
+        return _given(monte_carlo.table, seed, EVALUATION)[cases]
+    shell, speed = (monte_carlo.min_distance_m, monte_carlo.max_distance_m), monte_carlo.max_speed_m_s
+    drawn = range(monte_carlo.num_cases)[cases]
+    return [draw(seed, EVALUATION, case, shell, sun, speed) for case in drawn]
 
 
 def _given(table: str, seed: int, stage: int) -> list[Scenario]:

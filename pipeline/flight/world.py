@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
 from pipeline.flight.chief import num_chief_steps
+from pipeline.flight.course import chief_course
 from pipeline.flight.kernel.arrays import POINTS, World
 from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.light import (
@@ -92,6 +93,12 @@ def chief_attitudes(mission: Mission) -> Floats:
     return attitudes
 
 
+def hill_rate_b(mission: Mission) -> Floats:
+    """Return the rate of Hill axes in body axes at the start, rad/s, shape (3,)."""
+    dcm = dcm_b_from_h(np.array(mission.deputy.initial_quaternion, dtype=np.float64))
+    return np.asarray(mission.orbit.mean_motion_rad_s * dcm[:, 2])
+
+
 def pack_world(mission: Mission) -> World:
     """Turn a mission into the numbers that the compiled episode reads."""
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
@@ -136,6 +143,8 @@ def pack_world(mission: Mission) -> World:
         num_edge_cells=surface.occlusion.edge,
         chief_axes=axes,
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
+        attitude_at_start=np.array(deputy.initial_quaternion, dtype=np.float64),
+        rate_at_start=np.array(mission.rate_at_start_rad_s) + hill_rate_b(mission),
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,
         inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
@@ -150,4 +159,5 @@ def pack_world(mission: Mission) -> World:
         has_clusters=mission.guidance.kind == "clusters",
         coasts_when_complete=mission.coast_when_complete,
         guard=guard_of(mission),
+        course=chief_course(mission),
     )

@@ -145,7 +145,7 @@ def slopes_of(gain: Floats, normals: Floats) -> Floats:
     return slopes
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "nnan"})
+@compiled(nogil=True, error_model="numpy")
 def price_pair(
     one_slopes: Floats,
     other_slopes: Floats,

@@ -27,7 +27,7 @@ PERSONS_PER_GENE, GENERATIONS = 8, 100
 NEVER = -1e3
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@compiled(nogil=True, error_model="numpy")
 def price_burns(
     genes: Floats,
     num_burns: int,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.flight.log import Scenario
 from pipeline.flight.starts import starts_in
 from pipeline.run import artifacts, tables
-from pipeline.settings.experiment import SHIPPED, Experiment, Mission, Sun
+from pipeline.settings.experiment import LINEAR, SHIPPED, Experiment, Mission, Sun
 
 Column = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -82,18 +82,28 @@ def terms_of(mission: Mission) -> dict[str, Any]:
         del terms[key]
     for key in ("attitude_period_s", "control_period_s", "duration_s"):
         terms[key] = getattr(mission, key)
+    moved = asdict(mission.dynamics)
+    terms["dynamics.model"] = moved.pop("model")
+    if terms["dynamics.model"] != LINEAR.model:
+        terms |= {f"dynamics.{key}": value for key, value in moved.items()}
+    return _plain(terms)
+
+
+def _plain(terms: Mapping[str, Any]) -> dict[str, Any]:
+    """Return terms as a file tells them."""
     plain: dict[str, Any] = json.loads(json.dumps(terms))
     return plain
 
 
 def _without_choice(mission: Mission) -> dict[str, Any]:
     """Return the terms that settings have where none is given: those of the paper."""
-    return {
+    terms = {
         f"{group}.{field.name}": field.default
         for group in GROUPS
         for field in fields(type(getattr(mission, group)))
         if field.default is not MISSING
     }
+    return _plain(terms | {"dynamics.model": LINEAR.model})
 
 
 def read_solved(folder: Path) -> Solved:

@@ -41,6 +41,22 @@ def orbit_radius(mean_motion: float) -> float:
 
 
 @compiled
+def share_at(sun_height: float, orbit_radius: float) -> float:
+    """Return what `visible_share` does, for a Sun whose direction has this component along i."""
+    sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / orbit_radius)
+    apart = acos(max(-1.0, min(1.0, -sun_height)))
+    if apart >= sun + earth:
+        return 1.0
+    if apart <= abs(earth - sun):
+        return 0.0 if earth >= sun else 1.0 - (earth / sun) ** 2
+    along = (apart * apart + sun * sun - earth * earth) / (2.0 * apart)
+    across = sqrt(max(0.0, sun * sun - along * along))
+    hidden = sun * sun * acos(max(-1.0, min(1.0, along / sun)))
+    hidden += earth * earth * acos(max(-1.0, min(1.0, (apart - along) / earth))) - apart * across
+    return min(1.0, max(0.0, 1.0 - hidden / (pi * sun * sun)))
+
+
+@compiled
 def visible_share(sun_h: Floats, orbit_radius: float) -> float:
     """Return the share of the Sun's disc that the Earth leaves visible from the chief, 0 to 1.
 
@@ -54,24 +70,14 @@ def visible_share(sun_h: Floats, orbit_radius: float) -> float:
     orbit_radius : float
         Of the chief's orbit, greater than the Earth's radius, m.
     """
-    sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / orbit_radius)
-    apart = acos(max(-1.0, min(1.0, -sun_h[0])))
-    if apart >= sun + earth:
-        return 1.0
-    if apart <= abs(earth - sun):
-        return 0.0 if earth >= sun else 1.0 - (earth / sun) ** 2
-    along = (apart * apart + sun * sun - earth * earth) / (2.0 * apart)
-    across = sqrt(max(0.0, sun * sun - along * along))
-    hidden = sun * sun * acos(max(-1.0, min(1.0, along / sun)))
-    hidden += earth * earth * acos(max(-1.0, min(1.0, (apart - along) / earth))) - apart * across
-    return min(1.0, max(0.0, 1.0 - hidden / (pi * sun * sun)))
+    return share_at(sun_h[0], orbit_radius)
 
 
 def least_sun_height(orbit_radius: float, min_share: float) -> float:
     """Return how high the Sun must stand for a share of its disc to be visible, as the cosine to zenith.
 
     The Sun's disc comes out from behind the Earth the more the higher it stands over the chief's horizon, so
-    that one number tells light from shadow; found by bisection of `visible_share`.
+    that one number tells light from shadow; found by bisection of `share_at`.
 
     Parameters
     ----------
@@ -85,14 +91,14 @@ def least_sun_height(orbit_radius: float, min_share: float) -> float:
     float
         Least component of the Sun's direction along i; -2, which it always exceeds, without a shadow.
     """
-    if visible_share(np.array([-1.0, 0.0, 0.0]), orbit_radius) >= min_share:
+    if share_at(-1.0, orbit_radius) >= min_share:
         return -2.0
     dark, lit = pi, 0.5 * pi
     while True:  # to the last bit
         middle = 0.5 * (dark + lit)
         if middle in (dark, lit):
             return cos(lit)
-        share = visible_share(np.array([cos(middle), sin(middle), 0.0]), orbit_radius)
+        share = share_at(cos(middle), orbit_radius)
         dark, lit = (dark, middle) if share >= min_share else (middle, lit)
 
 

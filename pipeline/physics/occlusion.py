@@ -75,7 +75,7 @@ def centre_of(edge: int, cell: int) -> Floats:
     return unit
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def meets(triangle: Floats, origin: Floats, direction: Floats) -> bool:
     """Tell whether a ray meets a triangle, given by a corner and two edges, shape (3, 3)."""
     a, b, c = direction[0], direction[1], direction[2]

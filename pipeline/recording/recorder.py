@@ -19,6 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
+from pipeline.controllers.played import to_mapping
 from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of, filter_of
@@ -143,6 +144,7 @@ class FlightRecorder:
             position_m=tuple(scenario.position_m.tolist()),
             velocity_m_s=tuple(scenario.velocity_m_s.tolist()),
             noise=scenario.noise if self._is_noisy else None,
+            settings=scenario.settings,
             sun_angle_rad=float(scenario.sun_angle_rad),
             sun_elevation_rad=float(scenario.sun_elevation_rad),
             product_version=self._product_version,
@@ -277,9 +279,9 @@ def describe(system: FuzzySystem) -> FisDescription:
 def controller_text(controller: Controller) -> str:
     """Write a controller as JSON.
 
-    A fuzzy one is written whole, as `fis_tools.formats.serialize` reads it. One that plays forces made
-    beforehand is only named, ``{"kind": "open_loop", "name": ...}``, for its forces are on the control's
-    topic; one without any force is of kind ``coast``, and one that plans of the kind that it is named after.
+    A fuzzy one is written whole, as `fis_tools.formats.serialize` reads it, and one that plays a flight with
+    what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, and
+    one that plans of the kind that it is named after.
     """
     if controller.is_of_a_kind:
         return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
@@ -287,8 +289,10 @@ def controller_text(controller: Controller) -> str:
         attributes = (("force_axes", controller.force_axes),)
         fuzzy = controller.fuzzy or FuzzyController(controller.name, controller.systems, attributes)
         return serialize.dump_json(fuzzy)
-    kind = "open_loop" if len(controller.plan) else "coast"
-    return json.dumps({"kind": kind, "name": controller.name}, ensure_ascii=False) + "\n"
+    played = to_mapping(controller)
+    if not len(controller.plan) and not controller.plays_turns:
+        played = {"kind": "coast", "name": controller.name}
+    return json.dumps(played, ensure_ascii=False) + "\n"
 
 
 def directions(vectors: Floats) -> Floats:

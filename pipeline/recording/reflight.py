@@ -12,6 +12,7 @@ import numpy as np
 import telemetry
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.controllers.played import from_mapping
 from pipeline.flight.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
@@ -114,6 +115,7 @@ def _start_of(recording: Recording) -> Scenario:
         episode.sun_angle_rad,
         episode.sun_elevation_rad or 0.0,
         _noise_of(episode.noise),
+        episode.settings,
     )
 
 
@@ -134,7 +136,9 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
         ) from error
     if "systems" in told:
         return from_fuzzy(serialize.from_mapping(told))
-    if told.get("kind") == "open_loop":
+    if told.get("kind") == "open_loop" and "forces_n" in told:
+        return from_mapping(told)
+    if told.get("kind") == "open_loop":  # of recordings that only name it
         forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
         return open_loop(str(told.get("name")), forces)
     return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from pipeline.controllers.of_run import controller_of_run
@@ -342,9 +341,9 @@ def _command_kept_by_hydra(folder: Path) -> list[str]:
 def _kept_by_hydra(path: Path, *keys: str) -> list[Any]:
     """Return a list from a file that Hydra wrote, empty where there is none."""
     try:
-        node = yaml.safe_load(path.read_text(encoding="utf-8"))
+        node = artifacts.parse_config(path.read_bytes())
         for key in keys:
             node = node[key]
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+    except (OSError, ValueError, KeyError, TypeError):
         return []
     return node if isinstance(node, list) else []

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
+from fis_tools.formats.printed.html import POLICY
 from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
@@ -72,6 +74,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     controller = contents.controller
     systems = controller.systems if controller else ()
     return environment.get_template("report.html").render(
+        policy=Markup(POLICY),  # noqa: S704 - of this product
         title=experiment.report.title,
         name=experiment.name,
         controller=controller,

@@ -8,9 +8,10 @@ is (`docs/reference/run-folder.md`).
 
 import hashlib
 import json
+import math
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,6 +34,7 @@ CONTROLLER: Final = "controller.json"
 EPISODES: Final = "evaluate/episodes.parquet"
 TRAJECTORIES: Final = "evaluate/trajectories.parquet"
 SUMMARY: Final = "evaluate/summary.json"
+EPISODE_PARTS: Final = "evaluate/.parts"
 BESIDE_OPTIMUM: Final = "evaluate/optimum.parquet"
 OPTIMUM_CASES: Final = "optimum/cases.parquet"
 OPTIMUM_PLANS: Final = "optimum/plans"
@@ -167,8 +169,35 @@ def drop_unfinished(folder: Path) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write plain data as JSON; numbers that are not finite are refused, for JSON has none."""
-    write_atomically(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    """Write plain data as JSON.
+
+    Raises
+    ------
+    ArtifactError
+        If a number is not finite, for JSON has none.
+    WriteError
+        See `write_atomically`.
+    """
+    try:
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    except ValueError as error:
+        key = next(_not_finite(content), "a number")
+        raise ArtifactError(
+            f"{path} is not written, for {key} is not finite; settings or files that were read make no sense"
+        ) from error
+    write_atomically(path, text + "\n")
+
+
+def _not_finite(content: Any, key: str = "") -> Iterator[str]:
+    """Name the numbers that JSON cannot hold, by the keys that lead to them."""
+    if isinstance(content, float) and not math.isfinite(content):
+        yield key
+    elif isinstance(content, Mapping):
+        for name, value in content.items():
+            yield from _not_finite(value, f"{key}.{name}".lstrip("."))
+    elif isinstance(content, list | tuple):
+        for index, value in enumerate(content):
+            yield from _not_finite(value, f"{key}[{index}]")
 
 
 def require(folder: Path, name: str) -> Path:

@@ -1,4 +1,4 @@
-"""Compares the files of a run with the hashes in its manifest."""
+"""Compares the files of a run with the hashes in its manifest, and with those of another run."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,38 @@ class Integrity:
     def is_whole(self) -> bool:
         """Whether every file that the manifest tells of is as it was written."""
         return not self.changed and not self.missing
+
+
+@dataclass(frozen=True)
+class Beside:
+    """The files of a run beside those of another, by the hashes in their manifests.
+
+    Parameters
+    ----------
+    equal, different, single : tuple of str
+        Paths in the runs' folders; the last are in one of them alone.
+    """
+
+    equal: tuple[str, ...]
+    different: tuple[str, ...]
+    single: tuple[str, ...]
+
+
+def put_beside(folder: Path, other: Path) -> Beside:
+    """Compare what two runs have made; their configurations do not count.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If a folder holds no run, or its manifest cannot be read.
+    """
+    one, two = (dict(artifacts.read_manifest(place).get("sha256", {})) for place in (folder, other))
+    names = sorted({*one, *two} - {artifacts.CONFIG})
+    return Beside(
+        equal=tuple(name for name in names if name in one and one[name] == two.get(name)),
+        different=tuple(name for name in names if name in one and name in two and one[name] != two[name]),
+        single=tuple(name for name in names if name not in one or name not in two),
+    )
 
 
 def check_files(folder: Path) -> Integrity:

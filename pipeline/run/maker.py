@@ -1,7 +1,7 @@
 """What makes the files of a run: this product, its libraries, and the processor that they are compiled for.
 
-Two makers that are equal make the same files from the same configuration, bit for bit. Between processors of
-different types the last digits may differ; `pipeline.run.reproducible` keeps them alike.
+Two makers that are equal make the same files from the same configuration, bit for bit. What is compiled
+rounds alike on all processors; libraries may not, unless `pipeline.run.reproducible` makes them.
 """
 
 import hashlib
@@ -14,6 +14,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
+
+from pipeline.run import reproducible
 
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
@@ -34,6 +36,8 @@ LIBRARIES: Final = (
 )
 #: packages whose sources make results
 PACKAGES: Final = ("pipeline", "fis_tools", "telemetry")
+#: what of a processor's description decides last digits; the rest is for the record
+ROUNDING: Final = ("machine", "libm", "numpy", "blas")
 
 
 def present_maker() -> dict[str, Any]:
@@ -61,9 +65,12 @@ def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
             told.append(f"{name} {value}, now {now}")
     if one.get("sources") != other.get("sources"):
         told.append("other sources" if one.get("sources") else "unknown sources")
-    for name, value in one.get("processor", {}).items():
-        if other.get("processor", {}).get(name) != value:
-            told.append(f"another {name} of the processor" if name == "features" else f"{name} {value}")
+    here, there = one.get("processor", {}), other.get("processor", {})
+    told += [
+        f"{name} {here[name]}, now {there.get(name)}"
+        for name in ROUNDING
+        if name in here and here[name] != there.get(name)
+    ]
     return told
 
 
@@ -79,19 +86,29 @@ def sources_hash() -> str:
 
 
 @cache
-def processor() -> dict[str, str]:
-    """Describe what decides the last digits: the machine, what is compiled for it, and its mathematics."""
-    from llvmlite import binding  # noqa: PLC0415 - only runs need it
+def processor() -> dict[str, Any]:
+    """Describe the processor, what is compiled for it, and the variants that libraries chose."""
+    from llvmlite import binding  # noqa: PLC0415 - only runs need them
+    from threadpoolctl import threadpool_info  # noqa: PLC0415
 
+    own = binding.get_host_cpu_features()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
-        features = binding.get_host_cpu_features().flatten()
+        features = own.flatten()
+    has_fma = own.get("fma", False) and own.get("avx2", False) and not reproducible.is_libm_fixed()
+    blas = {
+        f"{one.get('architecture')} x{one['num_threads']}"
+        for one in threadpool_info()
+        if one["user_api"] == "blas"
+    }
     return {
         "machine": platform.machine(),
         "compiled_for": os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name(),
         "features": ",".join(sorted(word for word in features.split(",") if word.startswith("+"))),
-        "libm": " ".join(platform.libc_ver()).strip() or "unknown",
-        "blas": os.environ.get("OPENBLAS_CORETYPE", "by processor"),
+        "libm": " ".join((*platform.libc_ver(), "with fma" if has_fma else "without fma")).strip(),
+        "numpy": " ".join(reproducible.numpy_variants()) or "baseline",
+        "blas": ", ".join(sorted(blas)) or "unknown",
+        "reproducible": reproducible.is_in_force(),
     }
 
 

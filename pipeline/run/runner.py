@@ -4,12 +4,12 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.run import artifacts
+from pipeline.run import artifacts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
@@ -62,9 +62,13 @@ def run_stages(
 
     Raises
     ------
+    pipeline.run.reproducible.NotInForce
+        If the experiment is to be reproducible, and this process is not.
     Interrupted
         After an interrupt from the keyboard; the manifest then tells what is finished.
     """
+    if experiment.reproducible:
+        reproducible.require()
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     earlier = artifacts.read_manifest(folder) if (folder / artifacts.MANIFEST).exists() else {}
@@ -92,6 +96,7 @@ def run_stages(
             except Exception:  # raised again below: here the run's own log learns of it too
                 _LOG.exception("stage %s failed", name)
                 raise
+            _check_there(folder)
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             # what came after is made from files that are no longer there
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
@@ -100,17 +105,24 @@ def run_stages(
             artifacts.write_manifest(folder, config, finished, **known)
 
 
+def _check_there(folder: Path) -> None:
+    """Refuse to tell of files that somebody has taken away."""
+    if not (folder / artifacts.CONFIG).exists():
+        raise artifacts.WriteError(
+            f"{folder} has been deleted or moved while the run was at work; start the run again"
+        )
+
+
 def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the makers of a run with the present one last; tell in what it differs from the one before."""
     before = [dict(one) for one in earlier.get("makers", [])]
     if not before and "versions" in earlier:  # a run of a version that kept the last one alone
         before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
     now = present_maker()
-    if before and before[-1] != now:
-        told = "; ".join(unlike(before[-1], now)) or "another revision"
+    if before and (differing := unlike(before[-1], now)):
         sys.stderr.write(
-            f"note: another maker began this run ({told}); what is made now may differ from what it would "
-            "have made, and the manifest names both\n"
+            f"note: another maker began this run ({'; '.join(differing)}); what is made now may differ from "
+            "what it would have made, and the manifest names both\n"
         )
     return before if before and before[-1] == now else [*before, now]
 
@@ -142,10 +154,24 @@ def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
     return f"interrupted in the stage {stage} ({done}); {kept}. To go on: python -m pipeline resume={folder}"
 
 
+class _Log(logging.FileHandler):
+    """A log that does without what the disk refuses: the run itself tells of that."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
+        """Tell an error that is none of the disk's."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+    def close(self) -> None:
+        """Close the file, whatever of it could not be written."""
+        with suppress(OSError):
+            super().close()
+
+
 @contextmanager
 def _logged_to(path: Path) -> Iterator[None]:
     """Append what the packages log to a file."""
-    handler = logging.FileHandler(path, encoding="utf-8")
+    handler = _Log(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     loggers = [logging.getLogger(name) for name in ("pipeline", "fis_tools", "telemetry")]
     levels = [logger.level for logger in loggers]

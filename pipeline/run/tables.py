@@ -1,7 +1,5 @@
 """Tables of a run's folder: Parquet and CSV, written whole or not at all, and read back as columns."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +9,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from fis_tools.formats.printed.csv import rows_as_text
 from pipeline.run import artifacts
 
-#: what a table may unpack to
-MOST_BYTES = 4 * 1024**3
+#: what a table may unpack to: so much, or so many times the size of its file, but no more than the last
+SMALL_BYTES, MOST_TIMES, MOST_BYTES = 256 * 1024**2, 64, 4 * 1024**3
 
 
 def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
@@ -26,6 +25,16 @@ def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
     # measured numbers hardly repeat: dictionaries of them would take six times as long and more room
     pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=False)
     artifacts.write_atomically(path, sink.getvalue().to_pybytes())
+
+
+def join_parquet(path: Path, parts: Sequence[Path]) -> None:
+    """Write one table of several, a part at a time, so that no more than one is in memory."""
+    first = pq.read_schema(parts[0])
+    unfinished = path.with_name(f".{path.name}{artifacts.UNFINISHED}")
+    with pq.ParquetWriter(unfinished, first, compression="zstd", use_dictionary=False) as writer:
+        for part in parts:
+            writer.write_table(pq.read_table(part, schema=first))
+    unfinished.replace(path)
 
 
 def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
@@ -40,8 +49,11 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     try:
         claimed = pq.read_metadata(path)
         unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
-        if max(unpacked, claimed.num_rows * 8) > MOST_BYTES:
-            raise ValueError(f"it unpacks to {unpacked} bytes, and at most {MOST_BYTES} are read")
+        # equal numbers in a row are packed as one
+        unpacked = max(unpacked, 8 * claimed.num_rows * claimed.num_columns)
+        most = min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * path.stat().st_size))
+        if unpacked > most:
+            raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
         table = pq.read_table(path)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise artifacts.ArtifactError(
@@ -52,8 +64,4 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
 
 def write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Write rows under a header."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
-    artifacts.write_atomically(path, text.getvalue())
+    artifacts.write_atomically(path, rows_as_text([names, *rows]))

@@ -47,6 +47,14 @@ def _unit_vector(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
+def _quaternion(values: tuple[float, ...]) -> tuple[float, ...]:
+    if len(values) != 4:
+        raise ValueError(
+            f"{{key}} has {len(values)} numbers; it must have four, [q1, q2, q3, q4], scalar last"
+        )
+    return _unit_vector(values)
+
+
 def _pair(values: tuple[float, ...]) -> tuple[float, ...]:
     if len(values) != 2:
         raise ValueError(f"{{key}} is {list(values)}; it must be a lower and an upper bound, [low, high]")
@@ -144,6 +152,7 @@ Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]
+Quaternion = Annotated[tuple[Number, ...], AfterValidator(_quaternion)]
 Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]
 #: a lower and a greater upper bound: of numbers, of positive ones, of those not below zero
 Interval = Annotated[tuple[Number, ...], AfterValidator(_pair)]

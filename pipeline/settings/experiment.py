@@ -32,12 +32,14 @@ from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import (
     IDEAL,
+    LINEAR,
     PERFECT,
     UNGUARDED,
     Actuators,
     Attitude,
     Chief,
     Deputy,
+    Dynamics,
     Guidance,
     Light,
     Mission,
@@ -52,6 +54,7 @@ from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
     "IDEAL",
+    "LINEAR",
     "PERFECT",
     "SHIPPED",
     "STAGES",
@@ -62,6 +65,7 @@ __all__ = [
     "Chief",
     "Compare",
     "Deputy",
+    "Dynamics",
     "Encoding",
     "Experiment",
     "Guidance",
@@ -92,7 +96,7 @@ SHIPPED = "shipped"
 @settings("monte_carlo")
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo:
-    """The evaluation: flights from starts drawn at rest, isotropic and uniform in distance, or from given."""
+    """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from given."""
 
     num_cases: Annotated[Count, Cure("; without scenarios there is nothing to fly")]
     min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
@@ -101,6 +105,9 @@ class MonteCarlo:
         Number, Field(ge=50, le=99.99, description="of the intervals in the summary, %")
     ]
     workers: Workers
+    max_speed_m_s: Annotated[
+        NotNegative, Field(le=100, description="of starts, in any direction, m/s; 0 for rest")
+    ] = 0.0
     table: Annotated[Text | None, Field(description="starts in place of drawn ones, as CSV text")] = None
 
     def __post_init__(self) -> None:
@@ -135,6 +142,19 @@ class Optimum:
     reference: Annotated[
         Text | None, Field(description="cases that evaluations are measured by: `SHIPPED`, or a run's folder")
     ]
+
+
+@settings("engine")
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """Who flies the parts of a campaign: this process, or several that Dask looks after."""
+
+    kind: Literal["local", "dask"] = "local"
+    processes: Workers = None
+    scheduler: Annotated[
+        Text | None, Field(description="address or file of one to join; None to start processes")
+    ] = None
+    part_cases: Annotated[Count, Field(description="flights of a part")] = 10000
 
 
 @settings("compare")
@@ -219,11 +239,13 @@ class Experiment:
         Of everything random.
     stages : tuple of str
         What is done, in order.
-    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report
+    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
         file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or of a kind that plans.
+    reproducible : bool
+        Whether libraries compute alike on all x86-64 processors.
     resume : bool
         Whether to go on from a checkpoint in the run's folder; no part of the configuration.
     """
@@ -242,6 +264,10 @@ class Experiment:
     telemetry: Telemetry
     report: Report
     controller: dict[str, Any] = field(hash=False)
+    engine: Engine = field(default_factory=Engine)
+    reproducible: Annotated[
+        Flag, Field(description="whether libraries compute alike on all x86-64 processors")
+    ] = False
     resume: bool = False
 
     def __post_init__(self) -> None:

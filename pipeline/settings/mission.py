@@ -15,6 +15,7 @@ from pipeline.settings.checks import (
     NotNegative,
     Number,
     Positive,
+    Quaternion,
     SettingError,
     Share,
     Text,
@@ -52,6 +53,27 @@ class Orbit:
     ] = None
 
 
+@settings("dynamics")
+@dataclass(frozen=True, kw_only=True)
+class Dynamics:
+    """How the deputy really moves: by Clohessy and Wiltshire's equations, or about the Earth as the chief."""
+
+    model: Literal["cw", "two_body"]
+    eccentricity: Annotated[NotNegative, Field(lt=1, description="of the chief's orbit at the start")]
+    true_anomaly_deg: Annotated[Number, Field(description="of the chief at the start, from the perigee, deg")]
+    inclination_deg: Annotated[Number, Field(ge=0, le=180, description="of the orbit to the equator, deg")]
+    latitude_argument_deg: Annotated[
+        Number, Field(description="of the chief at the start, from the ascending node, deg")
+    ]
+    j2: Annotated[NotNegative, Field(le=0.1, description="coefficient of the Earth's oblateness")]
+    drag_m_s2: Annotated[
+        Number, Field(description="by which drag slows the deputy more than the chief, m/s^2")
+    ]
+    radiation_m_s2: Annotated[
+        Number, Field(description="by which sunlight pushes the deputy more than the chief, m/s^2")
+    ]
+
+
 @settings("deputy")
 @dataclass(frozen=True, kw_only=True)
 class Deputy:
@@ -65,6 +87,13 @@ class Deputy:
     max_torque_n_m: Annotated[Positive, Field(description="about each axis, N m")]
     min_distance_m: Annotated[NotNegative, Field(description="least distance from the chief, m")]
     max_distance_m: Annotated[Number, Field(description="greatest distance from the chief, m")]
+    initial_quaternion: Annotated[
+        Quaternion, Field(description="at the start, Hill to body axes, scalar last")
+    ] = (0.0, 0.0, 0.0, 1.0)
+    initial_angular_velocity_rad_s: Annotated[
+        Vector | None,
+        Field(description="at the start, relative to Hill, body axes; None is the mean motion about k"),
+    ] = None
 
     def __post_init__(self) -> None:
         """Check the limits, and that the start lies apart from the chief and is not absurdly fast."""
@@ -250,6 +279,19 @@ IDEAL = Actuators(
 )
 
 
+#: motion in closed form
+LINEAR = Dynamics(
+    model="cw",
+    eccentricity=0.0,
+    true_anomaly_deg=0.0,
+    inclination_deg=0.0,
+    latitude_argument_deg=0.0,
+    j2=0.0,
+    drag_m_s2=0.0,
+    radiation_m_s2=0.0,
+)
+
+
 #: no layer: forces are applied as a controller asks for them
 UNGUARDED = Safety(
     kind="none",
@@ -282,6 +324,7 @@ class Mission:
     safety: Safety
     navigation: Navigation = PERFECT
     actuators: Actuators = IDEAL
+    dynamics: Dynamics = LINEAR
     attitude_period_s: Annotated[Positive, Field(description="between two torques, s")]
     control_period_s: Annotated[Positive, Field(description="between two forces, s")]
     duration_s: Positive
@@ -414,6 +457,12 @@ class Mission:
             horizon = getattr(safety, name)
             most = MOST_HORIZONS * self.control_period_s
             checks.within(f"safety.{name}", horizon, 0.0, most, "s")
+
+    @property
+    def rate_at_start_rad_s(self) -> tuple[float, ...]:
+        """How the deputy turns relative to Hill at the start, body axes."""
+        given = self.deputy.initial_angular_velocity_rad_s
+        return (0.0, 0.0, self.orbit.mean_motion_rad_s) if given is None else given
 
     @property
     def keep_out_m(self) -> float:

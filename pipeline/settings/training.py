@@ -47,6 +47,9 @@ class Starts:
         Field(description="more starts, from the second round on: of hard_from, the champion's worst"),
     ]
     hard_from: Natural
+    max_speed_m_s: Annotated[
+        NotNegative, Field(le=100, description="of starts that are drawn, in any direction, m/s; 0 for rest")
+    ] = 0.0
     path: Annotated[Text | None, Field(description="of the CSV file that the table came from")] = None
     table: Annotated[Text | None, Field(description="the rows of that file, as CSV text")] = None
 

@@ -30,16 +30,18 @@ from pipeline.evaluation.assurance.requirements import (
 from pipeline.evaluation.assurance.search import Search, case_space, search, speed
 from pipeline.evaluation.assurance.verdicts import Found, percent
 from pipeline.flight.controller import Controller
+from pipeline.flight.dispersions import drawn
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import page
 from pipeline.run import artifacts, maker, tables
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.dispersions import distributions
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
-from telemetry.file.topics import DEPUTY_STATE, MISSION
+from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
 #: of the operational domain and of what leaves it
 CONFIDENCE = 0.9
@@ -94,7 +96,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     sys.stderr.write(
         f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
     )
-    _write(folder, artifacts.ASSURED_CASES, columns.of_cases(scenarios, outcomes))
+    _write(folder, artifacts.ASSURED_CASES, columns.of_cases(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios)
     worst = _Worst(experiment, folder, controller, domain)
@@ -111,7 +113,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
         recorded = None if outcome is None else worst.record(one, scenarios, outcome, found.searches)
         all_found.append(found)
         told.append(evidence.of_requirement(found, outcome, recorded))
-    _write(folder, artifacts.SEARCHED, columns.of_searches(all_found))
+    _write(folder, artifacts.SEARCHED, columns.of_searches(mission, all_found))
     _write(folder, artifacts.PROOF_BOXES, columns.of_boxes(all_found))
     return {
         **_provenance(experiment, folder, controller, requirements),
@@ -139,7 +141,7 @@ def _searches(
     """Search for the worst case of a requirement, where that is asked for, and tell how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
-    space = case_space(experiment.monte_carlo, experiment.sun)
+    space = case_space(experiment.monte_carlo, experiment.sun, experiment.mission)
     settings, optimizer = experiment.assurance, experiment.optimizer
     found = tuple(
         search(requirement, flights, space, settings, optimizer, experiment.seed, number)
@@ -204,22 +206,23 @@ class _Worst:
                 "not the one that was found: report this"
             )
         left = left_on(self._domain, log, self._controller, mission.control_period_s) if self._domain else ()
-        return evidence.of_worst(source, _start(scenario), margin, recorded, name, left)
+        return evidence.of_worst(source, _start(mission, scenario), margin, recorded, name, left)
 
     def _judged_again(self, requirement: Requirement, path: Path) -> float:
         """Return a requirement's margin from the topics of a recording."""
         assert requirement.formula is not None  # noqa: S101 - flown ones have one
-        track, num_points = track_of(reader.read(path, (DEPUTY_STATE, MISSION)))
+        track, num_points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
         period = self._experiment.mission.control_period_s
         found = judged(track, num_points, {requirement.id: requirement.formula}, period)
         return float(found[requirement.id].margins[0])
 
 
-def _start(scenario: Scenario) -> dict[str, Any]:
+def _start(mission: Mission, scenario: Scenario) -> dict[str, Any]:
     return {
         "position_m": scenario.position_m.tolist(),
         "sun_angle_rad": float(scenario.sun_angle_rad),
         "sun_elevation_rad": float(scenario.sun_elevation_rad),
+        "settings": dict(drawn(mission, scenario)),
     }
 
 
@@ -235,7 +238,7 @@ def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
     """Say what the evidence is about and what it comes from."""
-    shell = experiment.monte_carlo
+    shell, mission = experiment.monte_carlo, experiment.mission
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(artifacts.ASSURANCE)]
     own = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE)
     return {
@@ -250,9 +253,14 @@ def _provenance(
             "num_cases": experiment.assurance.num_cases,
             "seed": experiment.seed,
             "start_distance_m": [shell.min_distance_m, shell.max_distance_m],
+            "start_speed_m_s": shell.max_speed_m_s,
             "sun": experiment.sun.mode,
-            "safety": experiment.mission.safety.kind,
-            "duration_s": experiment.mission.duration_s,
+            "safety": mission.safety.kind,
+            "navigation": mission.navigation.mode,
+            "thrusters": mission.actuators.kind,
+            "dynamics": mission.dynamics.model,
+            "dispersed": [one.key for one in distributions(mission.dispersions)],
+            "duration_s": mission.duration_s,
         },
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
         **maker.present_maker(),

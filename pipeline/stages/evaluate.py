@@ -4,6 +4,7 @@ import shlex
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,35 +12,29 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.of_run import controller_of_run
-from pipeline.evaluation.monte_carlo import fly_cases, summarise
+from pipeline.evaluation.monte_carlo import Column, episode_columns, fly_cases, summarise
 from pipeline.evaluation.sensitivity import RANKED, percentiles, sensitivity
 from pipeline.flight.controller import Controller
+from pipeline.flight.simulation import fly_all
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, tables
+from pipeline.run.engine import each
+from pipeline.run.progress import Progress
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.schema import experiment_from
 
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly the run's champion, or the configured controller where nothing was trained."""
     controller = controller_of_run(experiment, folder)
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    fly_cases(experiment.mission, controller, scenarios[:1], 1)  # compiles where that has not been done
+    first = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, slice(1))
+    fly_cases(experiment.mission, controller, first, 1)  # compiles where that has not been done
     started = time.perf_counter()
-    episodes, tracks = fly_cases(experiment.mission, controller, scenarios, experiment.monte_carlo.workers)
-    seconds = time.perf_counter() - started
-    tables.write_parquet(folder / artifacts.EPISODES, episodes)
-    num_cases, num_samples = tracks.shape[:2]
-    tables.write_parquet(
-        folder / artifacts.TRAJECTORIES,
-        {
-            "case": np.repeat(np.arange(num_cases, dtype=np.int32), num_samples),
-            "sample": np.tile(np.arange(num_samples, dtype=np.int32), num_cases),
-            **{f"position_{axis}_m": tracks[:, :, i].ravel() for i, axis in enumerate("xyz")},
-        },
-    )
+    episodes = _flown(experiment, controller, folder)
+    seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
     confidence = experiment.monte_carlo.confidence_percent
     summary = {
         "controller": controller.name,
@@ -49,7 +44,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         "confidence_percent": confidence,
         **summarise(episodes, confidence),
         "percentiles": percentiles(episodes, confidence),
-        **_dispersed(experiment, controller, episodes),
+        **_dispersed(experiment, controller, episodes, folder),
         "optimum": _beside_optimum(experiment, controller, folder),
     }
     artifacts.write_json(folder / artifacts.SUMMARY, summary)
@@ -64,8 +59,88 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"{_safety_line(experiment, summary)}"
         f"{_dispersion_lines(summary)}"
         f"{_told(summary['optimum'])}"
-        f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
+        f"{_viewer_line(folder)}"
     )
+
+
+def _viewer_line(folder: Path) -> str:
+    """Say how to see all flights, where it was written down where they flew."""
+    if not (folder / artifacts.TRAJECTORIES).exists():
+        return ""
+    return f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
+
+
+def _flown(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Column]:
+    """Fly all cases and write them down; those of a campaign in parts, and without where they flew."""
+    cases = experiment.monte_carlo
+    if _is_in_parts(experiment):
+        (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
+        paths = _fly_parts(experiment, folder, "cases")
+        tables.join_parquet(folder / artifacts.EPISODES, paths)
+        _drop(paths)
+        return tables.read_parquet(folder, artifacts.EPISODES)
+    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+    episodes, tracks = fly_cases(experiment.mission, controller, scenarios, cases.workers)
+    tables.write_parquet(folder / artifacts.EPISODES, episodes)
+    num_cases, num_samples = tracks.shape[:2]
+    tables.write_parquet(
+        folder / artifacts.TRAJECTORIES,
+        {
+            "case": np.repeat(np.arange(num_cases, dtype=np.int32), num_samples),
+            "sample": np.tile(np.arange(num_samples, dtype=np.int32), num_cases),
+            **{f"position_{axis}_m": tracks[:, :, i].ravel() for i, axis in enumerate("xyz")},
+        },
+    )
+    return episodes
+
+
+def _is_in_parts(experiment: Experiment) -> bool:
+    """Tell whether cases are flown part by part: by Dask, or where there are more than a part has."""
+    engine = experiment.engine
+    return engine.kind != "local" or experiment.monte_carlo.num_cases > engine.part_cases
+
+
+def _fly_parts(experiment: Experiment, folder: Path, kind: str) -> list[Path]:
+    """Fly a campaign by its engine, each part into a file; a resumed one flies those that are not there."""
+    engine, num_cases = experiment.engine, experiment.monte_carlo.num_cases
+    place = folder / artifacts.EPISODE_PARTS / kind
+    if not experiment.resume and place.is_dir():
+        _drop(list(place.iterdir()))
+    bounds = [
+        (first, min(first + engine.part_cases, num_cases)) for first in range(0, num_cases, engine.part_cases)
+    ]
+    paths = [place / f"{first:09d}.parquet" for first, _ in bounds]
+    left = [row for row, path in enumerate(paths) if not path.exists()]
+    parts = [(str(folder.resolve()), kind, *bounds[row]) for row in left]
+    with Progress("part:", len(paths), len(paths) - len(left)) as progress:
+        for done, (part, columns) in enumerate(each(engine, fly_part, parts), len(paths) - len(left) + 1):
+            tables.write_parquet(paths[left[part]], columns)
+            progress.show(done)
+    return paths
+
+
+def fly_part(folder: str, kind: str, first: int, last: int) -> dict[str, Column]:
+    """Fly some cases of the run in a folder: as they are, or ``nominal``, without their dispersions.
+
+    Processes of an engine do this: they know of a run what its folder tells.
+    """
+    experiment = experiment_from(artifacts.read_config(Path(folder)))
+    controller, cases = controller_of_run(experiment, Path(folder)), experiment.monte_carlo
+    mission = replace(experiment.mission, dispersions={}) if kind == "nominal" else experiment.mission
+    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed, slice(first, last))
+    workers = cases.workers if experiment.engine.kind == "local" else 1
+    outcomes = fly_all(mission, controller, scenarios, workers)
+    return {**episode_columns(mission, scenarios, outcomes), "case": np.arange(first, last)}
+
+
+def _drop(paths: list[Path]) -> None:
+    """Remove parts, and their folders where nothing else is left there."""
+    for path in paths:
+        path.unlink(missing_ok=True)
+    for place in {path.parent for path in paths}:
+        for empty in (place, place.parent):
+            with suppress(OSError):
+                empty.rmdir()
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
@@ -83,20 +158,31 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
     return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
 
 
-def _dispersed(experiment: Experiment, controller: Controller, episodes: Mapping[str, Any]) -> dict[str, Any]:
+def _dispersed(
+    experiment: Experiment, controller: Controller, episodes: Mapping[str, Any], folder: Path
+) -> dict[str, Any]:
     """Return what each dispersion costs, and how the same cases go without; nothing where there is none."""
     mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
     keys = [one.key for one in distributions(mission.dispersions)]
     if not keys:
         return {}
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    nominal, _ = fly_cases(
-        replace(mission, dispersions={}), controller, scenarios, experiment.monte_carlo.workers
-    )
+    nominal = _nominal(experiment, controller, folder)
     return {
         "sensitivity": sensitivity(episodes, keys, confidence),
         "nominal": summarise(nominal, confidence),
     }
+
+
+def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Column]:
+    """Fly the same cases without their dispersions."""
+    cases = experiment.monte_carlo
+    if _is_in_parts(experiment):
+        paths = _fly_parts(experiment, folder, "nominal")
+        parts = [tables.read_parquet(path.parent, path.name) for path in paths]
+        _drop(paths)
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+    return fly_cases(replace(experiment.mission, dispersions={}), controller, scenarios, cases.workers)[0]
 
 
 def _dispersion_lines(summary: Mapping[str, Any]) -> str:

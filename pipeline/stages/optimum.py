@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.controllers.source import COLUMNS, read_forces
+from pipeline.controllers.played import COLUMNS, read_played
 from pipeline.flight.log import Scenario
 from pipeline.flight.starts import EVALUATION, evaluation_scenarios, given_start
 from pipeline.flight.world import inspection_points
@@ -120,7 +120,7 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -
     """Write all forces as one small table, and the summary."""
     fired = []
     for case in sorted(rows):
-        forces = read_forces(plan_path(folder, case), experiment.mission)
+        forces = np.asarray(read_played(plan_path(folder, case), experiment.mission).plan)
         for k in np.flatnonzero(np.any(forces != 0.0, axis=1)).tolist():
             fired.append([case, k * experiment.mission.control_period_s, *forces[k].tolist()])
     tables.write_csv(folder / artifacts.OPTIMUM_FORCES, ("case", *COLUMNS), fired)

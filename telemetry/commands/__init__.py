@@ -2,8 +2,11 @@
 
 import argparse
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from telemetry.commands import files, scenes
 from telemetry.file.errors import RecordingError
@@ -21,11 +24,13 @@ Any MCAP tool reads it too: open it in Foxglove, or run `rerun FILE.mcap`."""
 
 EXIT_CODES = """\
 exit codes: 0 success; 1 compared flights differ; 2 usage error, explained in one sentence;
-130 Ctrl-C"""
+130 Ctrl-C; 143 ended by SIGTERM"""
 
 MISTAKE = 2
 #: as shells do for SIGINT
 INTERRUPTED = 130
+#: likewise for SIGTERM
+TERMINATED = 143
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,10 +46,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0; 1 if compared flights differ; 2 after a usage error, which has been explained on the standard error
         stream; 130 after Ctrl-C.
+
+    Raises
+    ------
+    SystemExit
+        With 143 after SIGTERM.
     """
     options = _parser().parse_args(arguments)
     try:
-        status = int(options.run(options) or 0)
+        with _ended_in_order():
+            status = int(options.run(options) or 0)
         sys.stdout.flush()
     except BrokenPipeError:
         # the reader has closed the pipe, as `| head` does; nothing more can be printed
@@ -57,6 +68,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("telemetry: interrupted", file=sys.stderr)
         return INTERRUPTED
     return status
+
+
+@contextmanager
+def _ended_in_order() -> Iterator[None]:
+    """Let SIGTERM unwind the block as Ctrl-C does, so that viewers end and temporary files go."""
+
+    def end(_number: int, _frame: object) -> None:
+        sys.unraisablehook = lambda _unraisable: None  # what libraries have half made complains as it goes
+        raise SystemExit(TERMINATED)
+
+    if threading.current_thread() is not threading.main_thread():  # which alone may handle signals
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parser() -> argparse.ArgumentParser:

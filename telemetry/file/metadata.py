@@ -52,6 +52,8 @@ class EpisodeDescription:
     seed : int
     noise : tuple of 3 ints
         Seed, stage and case that errors of navigation and thrusters are drawn from.
+    settings : tuple of float
+        Values of the dispersed keys, in their sorted order, where the flight was given its own.
     position_m, velocity_m_s : tuple of 3 floats
         The start, Hill axes.
     sun_angle_rad, sun_elevation_rad : float
@@ -71,6 +73,7 @@ class EpisodeDescription:
     scenario_id: str | None = None
     seed: int | None = None
     noise: tuple[float, ...] | None = None
+    settings: tuple[float, ...] | None = None
     position_m: tuple[float, ...] | None = None
     velocity_m_s: tuple[float, ...] | None = None
     sun_angle_rad: float | None = None

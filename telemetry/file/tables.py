@@ -61,7 +61,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
             table = flat_table(recording, name)
             with whole_file(path) as stream:
                 if file_format == "csv":
-                    pyarrow.csv.write_csv(table, stream)
+                    pyarrow.csv.write_csv(_without_formulas(table), stream)
                 else:
                     pyarrow.parquet.write_table(table, stream)
             paths.append(path)
@@ -71,6 +71,18 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
             "make room, or choose another folder with -o"
         ) from error
     return paths
+
+
+def _without_formulas(table: "pa.Table") -> "pa.Table":
+    """Put an apostrophe before texts that a spreadsheet would take for formulas, and run."""
+    import pyarrow as pa  # noqa: PLC0415 - as above
+    import pyarrow.compute  # noqa: PLC0415
+
+    for index, field in enumerate(table.schema):
+        if pa.types.is_string(field.type):
+            column = pa.compute.replace_substring_regex(table.column(index), r"\A([=+\-@\t\r])", r"'\1")
+            table = table.set_column(index, field, column)
+    return table
 
 
 def flat_table(recording: Recording, name: str) -> "pa.Table":

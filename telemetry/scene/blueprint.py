@@ -37,7 +37,7 @@ _MAP_MARGIN: Final = 20.0
 _CLOSE_UP_M: Final = 32.0
 BACKGROUND: Final = (10, 12, 20)
 #: curves end left of the legend, which is wider where it names signals
-_ROOM_FOR_LEGEND: Final = 1.3
+_ROOM_FOR_LEGEND: Final = 1.45
 _ROOM_FOR_NAMES: Final = 1.5
 #: and before the end of the axis, so that its last label is whole
 _ROOM_FOR_END: Final = 1.06

@@ -103,10 +103,12 @@ def mission_plots(recordings: Sequence[Recording], colours: Sequence[Colour]) ->
     spent = _reach(max(float(curve.values.max()) for curve in delta_v) or 1.0)
     return (
         Plot(
-            "distance", f"Distance (m{bounds})", distance, -0.12 * farthest, 1.05 * farthest, has_legend=False
+            "distance", f"Distance (m{bounds})", distance, -0.12 * farthest, 1.15 * farthest, has_legend=False
         ),
-        Plot("rate", f"Inspected (%{goal})", rate, -12.0, 104.0, has_legend=False),
-        Plot("delta_v", "Delta-v (m/s)", delta_v, -0.12 * spent, spent, has_legend=has_legend, rises=True),
+        Plot("rate", f"Inspected (%{goal})", rate, -12.0, 115.0, has_legend=False),
+        Plot(
+            "delta_v", "Delta-v (m/s)", delta_v, -0.12 * spent, 1.1 * spent, has_legend=has_legend, rises=True
+        ),
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Final
 
 import numpy as np
@@ -25,6 +26,8 @@ MAP_GAP: Final = 14
 WIDEST_CONE_RAD: Final = np.radians(75.0)
 
 COLOURS_IN_WORDS: Final = "Grey dark, yellow lit, pink in view but dark, green inspected"
+#: characters that the panel of events has room for in a line
+EVENT_WIDTH: Final = 62
 NO_INFERENCE: Final = "*No inference: the deputy coasts, or the flight is over.*"
 
 #: rules listed at each time, for each fuzzy system
@@ -212,17 +215,23 @@ class Event:
 
 
 def events_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> list[Event]:
-    """Return the events of flights in order of time; of several flights each event names its flight."""
+    """Return the events of flights in order of time, long ones in several rows; several flights are named."""
     events = []
     for recording, name in zip(recordings, names, strict=True):
         log = recording[topics.LOG]
         whose = f"{name}: " if len(recordings) > 1 else ""
         rows = zip(log.time_s.tolist(), log["level"].tolist(), log["message"].tolist(), strict=True)
         events += [
-            Event(time_s, level.upper(), drawable(f"{time_s:.0f} s: {whose}{text}"))
+            Event(time_s, level.upper(), line)
             for time_s, level, text in rows
+            for line in _lines(drawable(f"{time_s:.0f} s: {whose}{text}"))
         ]
     return sorted(events, key=lambda event: event.time_s)
+
+
+def _lines(text: str) -> list[str]:
+    """Break a text into rows that the panel of events has room for: rerun shows the first line of each."""
+    return wrap(text, EVENT_WIDTH, subsequent_indent="        ") or [text]
 
 
 def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -152,8 +152,8 @@ def show(scene: Scene, *, in_browser: bool) -> None:
         file = Path(folder) / "scene.rrd"
         save(scene, file)
         command = [*_command("auto", in_browser=in_browser), str(file)]
-        with suppress(KeyboardInterrupt):
-            _check_ending(subprocess.call(command))  # noqa: S603 - the viewer, and a file of ours
+        with suppress(KeyboardInterrupt), _running(command) as process:
+            _check_ending(process.wait())
 
 
 @contextmanager
@@ -198,7 +198,15 @@ def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = Non
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
     command = [*_command(str(port), in_browser=in_browser), *options]
-    process = subprocess.Popen(  # noqa: S603 - the viewer, with options of ours
+    with _running(command, log) as process:
+        _await_port(process, port)
+        yield Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy")
+
+
+@contextmanager
+def _running(command: Sequence[str], log: IO[bytes] | None = None) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run a viewer that ends with the block, however that is left."""
+    process = subprocess.Popen(  # noqa: S603 - the viewer, with options and a file of ours
         command,
         stdout=log,
         stderr=log,
@@ -207,8 +215,7 @@ def started(*options: str, in_browser: bool = False, log: IO[bytes] | None = Non
         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
     )
     try:
-        _await_port(process, port)
-        yield Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy")
+        yield process
     finally:
         _end(process)
 

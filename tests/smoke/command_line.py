@@ -28,6 +28,8 @@ MINIATURE = (
     "duration_s=600.0",
     "report.dots_per_inch=50",
 )
+#: and with so few kinds of flight that compiling them does
+FEW = {"robustness": ("compare.safety=[none]", "compare.controllers=[champion_any_sun,lqr]")}
 NUM_SAMPLES = 61
 
 

@@ -10,7 +10,7 @@ import yaml
 import telemetry
 from fis_tools.formats import serialize
 from pipeline.run import artifacts
-from tests.smoke.command_line import EXPERIMENTS, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
+from tests.smoke.command_line import EXPERIMENTS, FEW, MINIATURE, NUM_SAMPLES, PROJECT, run_pipeline
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,8 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module", params=EXPERIMENTS)
 def finished(request, tmp_path_factory) -> tuple[str, Path]:
     folder = tmp_path_factory.mktemp(request.param) / "run"
-    return request.param, run_pipeline(f"+experiment={request.param}", *MINIATURE, folder=folder)
+    small = (*MINIATURE, *FEW.get(request.param, ()))
+    return request.param, run_pipeline(f"+experiment={request.param}", *small, folder=folder)
 
 
 def stages_of(experiment: str) -> list[str]:

@@ -29,21 +29,22 @@ from tests.smoke.pages import DOCS, PAGES, calls_of, commands, name_of
 GENERATED = ("live", "reference/commands.md", "reference/api")
 
 
+#: words of commands that work on what an earlier one made, or the reader has
+NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary")
+
+
 def identify(words: list[str]) -> str:
     return " ".join(words)
 
 
 @pytest.mark.parametrize("words", calls_of("pipeline"), ids=identify)
 def test_experiments(words, capsys):
-    needs_a_folder = any(
-        word.startswith(("resume=", "hydra.run.dir=", "--config-dir", "verify")) for word in words
-    )
+    needs_a_folder = any(word.startswith(NEED_A_FOLDER) for word in words)
     if not words:
         assert cli.main(words) == 2
     elif needs_a_folder or "-m" in words:
-        of_ours = [
-            word for word in words if "=" in word and not word.startswith(("resume=", "+experiment=my_"))
-        ]
+        others = ("resume=", "compare=", "+experiment=my_")
+        of_ours = [word for word in words if "=" in word and not word.startswith(others)]
         check_overrides(parse(rewrite_paths(of_ours)), options([conf_folder()]))
     else:
         asked = [word for word in words if word not in {"--cfg", "job"}]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from pipeline.stages import train
 from tests.smoke.command_line import MINIATURE, run_pipeline
 
@@ -96,8 +96,13 @@ def test_a_sweep_runs_each_value_in_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["-m", "+experiment=evaluate", *MINIATURE, "stages=[scenario,evaluate]", "seed=1,2"]) == 0
     (sweep,) = Path("outputs", "evaluate-sweep").iterdir()
-    runs = [sweep / "0", sweep / "1"]
+    runs = [sweep / "seed=1", sweep / "seed=2"]
     assert [artifacts.read_manifest(folder)["seed"] for folder in runs] == [1, 2]
     starts = {(folder / artifacts.SCENARIOS).read_text() for folder in runs}
     flown = {artifacts.file_hash(folder / artifacts.EPISODES) for folder in runs}
     assert len(starts) == len(flown) == 2
+    assert main(["summary", str(sweep)]) == 0
+    told = tables.read_parquet(sweep, "summary.parquet")
+    means = [artifacts.read_json(folder, artifacts.SUMMARY)["delta_v_m_s"]["mean"] for folder in runs]
+    assert told["delta_v_m_s"].tolist() == means
+    assert "seed=2" in (sweep / "summary.html").read_text()

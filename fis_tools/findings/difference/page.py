@@ -5,6 +5,7 @@ from html import escape
 
 from fis_tools.findings.difference import pictures, surfaces, words
 from fis_tools.findings.difference.change import Fact, Source, SystemDifference, VariableChange
+from fis_tools.formats.printed.html import POLICY
 from fis_tools.model.weighing import has_sets
 from fis_tools.words.text import number, shape_words, with_unit
 
@@ -55,6 +56,7 @@ _PAGE = """\
 <html lang="en">
 <head>
 <meta charset="utf-8">
+{policy}
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>
@@ -75,7 +77,8 @@ tr, svg {{ break-inside: avoid; }} h2, h3, caption {{ break-after: avoid; }} }}
 
 def write(sources: tuple[Source, Source], facts: Sequence[Fact], systems: Sequence[SystemDifference]) -> str:
     """Write a difference as a self-contained page."""
-    return _PAGE.format(title=escape(words.title(sources)), body=fragment(sources, facts, systems))
+    body = fragment(sources, facts, systems)
+    return _PAGE.format(policy=POLICY, title=escape(words.title(sources)), body=body)
 
 
 def fragment(

@@ -94,8 +94,8 @@ static int cross(const double universe[], int num_points, const double sampled[]
         int point;
 
         for (point = 0; point < num_points - 1; ++point) {
-            const int is_left = cut > 0.0 ? mf[point] >= cut : mf[point] > 0.0;
-            const int is_right = cut > 0.0 ? mf[point + 1] >= cut : mf[point + 1] > 0.0;
+            const bool is_left = cut > 0.0 ? mf[point] >= cut : mf[point] > 0.0;
+            const bool is_right = cut > 0.0 ? mf[point + 1] >= cut : mf[point + 1] > 0.0;
 
             if (is_left != is_right) {
                 const double width = universe[point + 1] - universe[point];

@@ -1,8 +1,8 @@
 """Controllers as C99: one file that stands alone, for flight code and hardware in the loop.
 
 What is written takes the steps of `fis_tools.engines.inference` in the same order and with the same
-arithmetic. Tables are constant, loops bounded, nothing is allocated, nothing global changes, and only
-``math.h`` is included.
+arithmetic. Tables are constant, loops bounded, nothing is allocated, nothing global changes, and of the
+library only ``math.h`` and ``stdbool.h`` are included.
 """
 
 import re
@@ -51,6 +51,7 @@ WARNINGS = (
 
 _OPENING = """\
 #include <math.h>
+#include <stdbool.h>
 
 #ifdef __FAST_MATH__
 #error "compile without -ffast-math: results depend on exact comparisons"
@@ -345,7 +346,7 @@ class _Part:
         yield ""
 
     def _fuzzification(self) -> Iterator[str]:
-        missing = " || ".join(f"isnan(inputs[{place}])" for place in range(len(self.system.inputs)))
+        missing = " || ".join(f"isnan(inputs[{place}]) != 0" for place in range(len(self.system.inputs)))
         yield from _wrapped(f"if ({missing}) {{")
         if len(self.system.outputs) == 1:
             yield "    return NAN;"

@@ -40,8 +40,10 @@ ABOUT = (
 
 RULES = (
     "Written with MISRA C:2012 in mind: no recursion, no allocation, no variable but the caller's outlives a "
-    "call, every loop is bounded by the size of a table, one declaration a line, no macros. Deviations: "
-    "functions may return early (rule 15.5), and numbers are compared with 0 exactly where that is meant."
+    "call, every loop is bounded by the size of a table, one declaration a line, no macros. The addon misra "
+    "of cppcheck finds no rule broken that is required; of the advisory ones tables stand together before "
+    "the functions (8.9), the order of operators is C's (12.1), and functions may return early (15.5). "
+    "Numbers are compared with 0 exactly where that is meant."
 )
 
 
@@ -168,7 +170,7 @@ def _coasting(logic: ThrustLogic, words: Mapping[str, str]) -> str:
     missed, nearest, farthest = (words[name] for name in FORESEEN)
     return f"""\
 /* Whether coasting to the end shows enough: coast_below_points, coast_margin_m. */
-static int may_coast(const struct step_signals *signals, const struct step_mission *mission)
+static bool may_coast(const struct step_signals *signals, const struct step_mission *mission)
 {{
     const double nearest = mission->min_distance_m + {logic.coast_margin_m!r};
     const double farthest = mission->max_distance_m - {logic.coast_margin_m!r};
@@ -192,7 +194,7 @@ def _asking(controller: FuzzyController, infer: Mapping[str, str], words: Mappin
         axis = COMPONENTS.index(system.outputs[0].name)
         yield f"    asked[{axis}] = {infer[system.name]}(inputs_{place});"
     yield "    for (axis = 0; axis < 3; ++axis) {"
-    yield "        if (isnan(asked[axis])) {"
+    yield "        if (isnan(asked[axis]) != 0) {"
     yield "            asked[axis] = 0.0;"
     yield "        }"
     yield "    }"
@@ -230,8 +232,8 @@ def _step(logic: ThrustLogic) -> str:
         "          const struct step_mission *mission, struct step_force *force)",
         "{",
         f"    static const double dead_bands[3] = {{{bands}}};",
-        "    const int is_complete = signals->is_complete != 0 && mission->coasts_when_complete != 0;",
-        "    const int is_decision = state->periods_to_wait <= 0;",
+        "    const bool is_complete = signals->is_complete != 0 && mission->coasts_when_complete != 0;",
+        "    const bool is_decision = state->periods_to_wait <= 0;",
         "    double commanded[3] = {0.0, 0.0, 0.0};",
         "    enum reason resting = REASON_FIRED;",
         *(["    int is_clipped = 0;"] if is_body else []),

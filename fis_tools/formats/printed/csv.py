@@ -1,12 +1,38 @@
-"""Rule bases as CSV: one row for each rule and consequent, for spreadsheets and data frames."""
+"""Rule bases as CSV: one row for each rule and consequent, for spreadsheets and data frames.
+
+A spreadsheet takes a cell that begins with ``=``, ``+``, ``-`` or ``@`` for a formula, and runs it. Text that
+does so, and is no number, gets an apostrophe before it, which spreadsheets take for "this is text".
+"""
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from fis_tools.model import And, Expression, FuzzyController, Is
 from fis_tools.words.ranking import Floats, ranked
 from fis_tools.words.text import antecedent_words
+
+#: what a spreadsheet may take for the beginning of a formula
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def as_text(cell: Any) -> Any:
+    """Return a cell that no spreadsheet runs."""
+    if not (isinstance(cell, str) and cell.startswith(FORMULA)):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
+def rows_as_text(rows: Iterable[Sequence[Any]]) -> str:
+    """Write rows as CSV, each cell `as_text`."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([as_text(cell) for cell in row] for row in rows)
+    return text.getvalue()
 
 
 def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
@@ -25,25 +51,23 @@ def write(controller: FuzzyController, importance: Mapping[str, Floats] | None =
         the rules of each system.
     """
     inputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     last = ["importance"] if importance is not None else []
-    writer.writerow(["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight", *last])
+    rows = [["system", "rule", "label", *inputs, "antecedent", "output", "term", "weight", *last]]
     for system in controller.systems:
         for entry in ranked(system, importance):
             rule, terms = entry.rule, _conjunction(entry.rule.antecedent)
             share = [] if importance is None else ["" if entry.importance is None else repr(entry.importance)]
             for consequent in rule.consequents:
-                writer.writerow(
+                rows.append(
                     [
-                        *(system.name, entry.number, rule.label),
+                        *(system.name, str(entry.number), rule.label),
                         *(terms.get(name, "") for name in inputs),
                         antecedent_words(rule.antecedent),
                         *(consequent.variable, consequent.term, repr(float(consequent.weight))),
                         *share,
                     ]
                 )
-    return text.getvalue()
+    return rows_as_text(rows)
 
 
 def _conjunction(expression: Expression) -> dict[str, str]:

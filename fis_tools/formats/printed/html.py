@@ -7,11 +7,18 @@ from fis_tools.model import FuzzyController
 from fis_tools.words.outline import SystemOutline, outline
 from fis_tools.words.ranking import Floats
 
+#: of pages without scripts: nothing runs, and nothing is fetched but what the page carries
+POLICY = (
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+    "img-src data:; base-uri 'none'; form-action 'none'\">"
+)
+
 _PAGE = """\
 <!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
+{policy}
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>
@@ -34,7 +41,8 @@ tr {{ break-inside: avoid; }} thead {{ display: table-header-group; }} }}
 
 def write(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:
     """Write a controller as a page of its own; see `fis_tools.words.outline.outline` for the parameters."""
-    return _PAGE.format(title=escape(controller.name), body=fragment(controller, importance))
+    body = fragment(controller, importance)
+    return _PAGE.format(policy=POLICY, title=escape(controller.name), body=body)
 
 
 def fragment(controller: FuzzyController, importance: Mapping[str, Floats] | None = None) -> str:

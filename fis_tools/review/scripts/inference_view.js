@@ -64,14 +64,14 @@ function membershipWords(variable, memberships) {
 
 function inputStep(state, place, id) {
   const variable = state.system.inputs[place];
-  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`, LOW_PLOT);
+  const chart = membershipChart(variable, `Membership functions of ${variable.name}, with its present value`, LOW_PLOT, () => show());
   const follow = (event) => {
     if (event.type === "pointerdown" || event.buttons === 1) state.setInput(place, chart.valueAt(event));
   };
   chart.svg.classList.add("settable");
   for (const kind of ["pointerdown", "pointermove"]) chart.svg.addEventListener(kind, follow);
   const words = make("p", { class: "belongs" });
-  state.follow(() => {
+  const show = () => {
     const { clipped, memberships } = state.inference;
     const x = chart.x(clipped[place]);
     const cursor = draw("line", { class: "cursor", x1: x, x2: x, y1: chart.y(0), y2: chart.y(1) });
@@ -84,7 +84,8 @@ function inputStep(state, place, id) {
     const given = `${variable.name} = ${quantity(state.inputs[place], variable, 5)}`;
     const taken = isOutside ? `, taken as ${quantity(clipped[place], variable, 5)}, the end of its range` : "";
     words.textContent = `${given}${taken}: ${membershipWords(variable, memberships[place])}`;
-  });
+  };
+  state.follow(show);
   return make("div", { class: "input" }, inputControl(state, place, id), chart.svg, words);
 }
 
@@ -243,7 +244,8 @@ function inferenceView(element, state, id, quadrature) {
   };
   const choose = (chosen) => {
     output = chosen;
-    chart = membershipChart(system.outputs[output], `Terms of ${system.outputs[output].name}, cut and put together`, LOW_PLOT);
+    const about = `Terms of ${system.outputs[output].name}, cut and put together`;
+    chart = membershipChart(system.outputs[output], about, LOW_PLOT, () => outputStep(state, output, chart));
     picture.replaceChildren(chart.svg);
     show();
   };

@@ -56,49 +56,84 @@ function chartAxes(variable, x, y) {
   return parts;
 }
 
-/**
- * Draw a variable's terms, each with its name over its top.
- * `under` and `over` are layers for what else belongs there; `x` and `y` map values into the drawing.
- */
-function membershipChart(variable, description, plotHeight = CHART.plotHeight) {
-  const x = linear(variable.minimum, variable.maximum, CHART.left, CHART.right);
-  const labels = variable.terms.map((term) => ({ text: term.name, x: x(peakOf(variable.universe, term.values)) }));
+let numCharts = 0;
+
+/** The names of terms, each over its top, those that are not shown left out. */
+function chartNames(variable, { minimum, maximum }, x, top) {
+  const labels = variable.terms
+    .map((term, i) => ({ text: term.name, peak: peakOf(variable.universe, term.values), term: i }))
+    .filter(({ peak }) => peak >= minimum && peak <= maximum)
+    .map((label) => ({ ...label, x: x(label.peak) }));
   const { placed, numRows } = stagger(labels);
-  const top = numRows * CHART.rowHeight + 8;
-  const y = linear(0, 1, top + plotHeight, top);
-  const under = draw("g");
-  const over = draw("g");
-  const curves = variable.terms.map((term, i) =>
-    draw("path", { class: `curve term-${i % 7}`, d: pathThrough(variable.universe, term.values, x, y) }),
-  );
-  const names = labels.flatMap((label, i) => {
-    const middle = { "text-anchor": "middle" };
+  const drawn = labels.flatMap((label, i) => {
     const baseline = top - 6 - placed[i].row * CHART.rowHeight;
+    const middle = { "text-anchor": "middle", class: `name term-${label.term % 7}` };
     return [
       draw("line", { class: "leader", x1: placed[i].middle, x2: label.x, y1: baseline + 3, y2: top }),
-      draw("text", { ...middle, class: `name term-${i % 7}`, x: placed[i].middle, y: baseline }, label.text),
+      draw("text", { ...middle, x: placed[i].middle, y: baseline }, label.text),
     ];
   });
+  return { drawn, numRows };
+}
+
+/**
+ * Draw a variable's terms, each with its name over its top; it zooms along the variable, and then calls `changed`.
+ * `under` and `over` are layers for what else belongs there; `x` and `y` map values into the drawing as it is shown.
+ */
+function membershipChart(variable, description, plotHeight = CHART.plotHeight, changed = () => {}) {
+  const part = new Part();
+  const clip = `chart-${numCharts}`;
+  numCharts += 1;
+  const whole = linear(variable.minimum, variable.maximum, CHART.left, CHART.right);
+  const top = chartNames(variable, variable, whole, 0).numRows * CHART.rowHeight + 8;
   const height = top + plotHeight + CHART.foot;
+  const [axes, under, curves, over, names] = Array.from({ length: 5 }, () => draw("g"));
+  const room = { x: CHART.left, y: 0, width: CHART.right - CHART.left, height };
   const svg = draw(
     "svg",
-    { viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": description, class: "chart" },
-    ...chartAxes(variable, x, y),
-    under,
-    ...curves,
-    over,
-    ...names,
+    {
+      viewBox: `0 0 ${CHART.width} ${height}`,
+      role: "img",
+      tabindex: "0",
+      "aria-label": `${description}; + and − zoom, 0 shows all`,
+      class: "chart",
+    },
+    draw("clipPath", { id: clip }, draw("rect", room)),
+    axes,
+    draw("g", { "clip-path": `url(#${clip})` }, under, curves, over),
+    names,
   );
-  const valueAt = ({ clientX }) => {
+  const chart = { svg, under, over, x: whole, y: linear(0, 1, top + plotHeight, top) };
+  const paint = () => {
+    const shownPart = partOf(variable, part);
+    const { x, y } = Object.assign(chart, {
+      x: linear(shownPart.minimum, shownPart.maximum, CHART.left, CHART.right),
+    });
+    axes.replaceChildren(...chartAxes(shownPart, x, y));
+    const curveOf = ({ values }, i) =>
+      draw("path", { class: `curve term-${i % 7}`, d: pathThrough(variable.universe, values, x, y) });
+    curves.replaceChildren(...variable.terms.map(curveOf));
+    names.replaceChildren(...chartNames(variable, shownPart, x, top).drawn);
+  };
+  const placeOf = ({ clientX }) => {
     const { left, width } = svg.getBoundingClientRect();
-    const value = linear(CHART.left, CHART.right, variable.minimum, variable.maximum)(((clientX - left) / width) * CHART.width);
-    return Math.min(Math.max(value, variable.minimum), variable.maximum);
+    return linear(CHART.left, CHART.right, 0, 1)(((clientX - left) / width) * CHART.width);
+  };
+  chart.valueAt = (event) => {
+    const [low, high] = part.of(variable.minimum, variable.maximum);
+    return low + Math.min(Math.max(placeOf(event), 0), 1) * (high - low);
   };
   tellUnder(svg, (event) => {
-    const value = valueAt(event);
+    const value = chart.valueAt(event);
     const place = placeIn(variable.universe, value);
     const memberships = variable.terms.map(({ values }) => interpolate(value, variable.universe, values, place));
     return `${quantity(value, variable, 3)}: ${membershipWords(variable, memberships)}`;
   });
-  return { svg, under, over, x, y, valueAt };
+  const repaint = () => {
+    paint();
+    changed();
+  };
+  chart.zooming = makeZoomable(svg, [part], (event) => [placeOf(event)], repaint, `the terms of ${variable.name}`);
+  paint();
+  return chart;
 }

@@ -35,10 +35,21 @@ function prepareTables() {
   }
 }
 
-function fillPictures(section, system) {
-  for (const place of section.querySelectorAll(".picture")) {
-    const variable = system[place.dataset.kind][Number(place.dataset.place)];
-    place.append(membershipChart(variable, `Membership functions of ${variable.name}`).svg);
+/** Draw the terms of each variable, with a line where it is now. */
+function fillPictures(section, state) {
+  for (const picture of section.querySelectorAll(".picture")) {
+    const { kind, place } = picture.dataset;
+    const variable = state.system[kind][Number(place)];
+    const mark = () => {
+      const { clipped, outputs } = state.inference;
+      const value = kind === "inputs" ? clipped[place] : outputs[place].value;
+      if (!Number.isFinite(value)) return chart.over.replaceChildren();
+      const x = chart.x(value);
+      chart.over.replaceChildren(draw("line", { class: "cursor", x1: x, x2: x, y1: chart.y(0), y2: chart.y(1) }));
+    };
+    const chart = membershipChart(variable, `Membership functions of ${variable.name}`, CHART.plotHeight, mark);
+    picture.append(chart.svg, chart.zooming);
+    state.follow(mark);
   }
 }
 
@@ -46,7 +57,7 @@ function fillSystem(state, place, clock, scale, quadrature) {
   const id = `s${place + 1}`;
   const section = document.getElementById(id);
   const live = (name) => section.querySelector(`.live.${name}`);
-  fillPictures(section, state.system);
+  fillPictures(section, state);
   inferenceView(live("inference"), state, id, quadrature);
   followRules(section, state);
   if (state.system.inputs.length > 1) surfaceView(live("surface"), state, scale, id);

@@ -53,7 +53,7 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
     return counts
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def _count(
     paths: Floats,
     points: Floats,

@@ -19,7 +19,7 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: flights whose tracks are in memory together, 12 kB each an hour
+#: flights whose tracks are in memory together, 22 kB each an hour
 PART = 1000
 #: flights that are not worth sharing out
 FEW = 64
@@ -64,7 +64,7 @@ class Flights:
         return {name: joined([part[name] for part in parts]) for name in formulas}
 
     def tracks(self, scenarios: list[Scenario]) -> NDArray[np.float32]:
-        """Return the tracks of some flights, (n, K+1, 8), see `pipeline.evaluation.assurance.quantities`."""
+        """Return the tracks of some flights, (n, K+1, 15), see `pipeline.evaluation.assurance.quantities`."""
         shape = (len(scenarios), self._mission.num_controls + 1, NUM_TRACKED)
         tracks = np.empty(shape, dtype=np.float32)
         # a few fly side by side in one thread: shared out, they would leave its vectors half empty
@@ -76,7 +76,7 @@ class Flights:
 def judged(
     tracks: NDArray[np.floating], num_points: int, formulas: Mapping[str, Formula], period_s: float
 ) -> dict[str, Outcome]:
-    """Return the outcomes of formulas, by name, on flights whose tracks are given, (n, K+1, 8)."""
+    """Return the outcomes of formulas, by name, on flights whose tracks are given, (n, K+1, 15)."""
     names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
     quantities = of_tracks(tracks, num_points, names)
     outcomes = {

@@ -91,6 +91,9 @@ class SafetyProof:
     ----------
     is_on : bool
         Whether the layer flies.
+    is_exact : bool
+        Whether place, forces, motion and settings are as the layer takes them to be: no errors of
+        navigation or thrusters, Clohessy and Wiltshire's equations, nothing dispersed.
     keep_out_m, keep_in_m : float
         The spheres that it keeps the samples between.
     num_starts, num_safe : int
@@ -98,6 +101,7 @@ class SafetyProof:
     """
 
     is_on: bool
+    is_exact: bool
     keep_out_m: float
     keep_in_m: float
     num_starts: int
@@ -107,6 +111,7 @@ class SafetyProof:
         """Return whether the layer's proof is one of a formula, for these flights at their samples."""
         return (
             self.is_on
+            and self.is_exact
             and self.num_safe == self.num_starts
             and _follows(formula, (self.keep_out_m, self.keep_in_m))
         )
@@ -126,9 +131,11 @@ def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
 def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
     """Check the premises of the safety layer's proof for the starts of some flights."""
     is_on = mission.safety.kind == "filter"
+    is_exact = mission.navigation.mode == "perfect" and mission.actuators.kind == "ideal"
+    is_exact = is_exact and mission.dynamics.model == "cw" and not mission.dispersions
     num_safe = 0
     if is_on:
         world = safety_world_of(mission)
         states = (np.concatenate([one.position_m, one.velocity_m_s]) for one in scenarios)
         num_safe = sum(bool(excesses(world, state, NUM_STANDING).max() <= 0.0) for state in states)
-    return SafetyProof(is_on, mission.keep_out_m, mission.keep_in_m, len(scenarios), num_safe)
+    return SafetyProof(is_on, is_exact, mission.keep_out_m, mission.keep_in_m, len(scenarios), num_safe)

@@ -1,7 +1,8 @@
 """What formulas may speak of: quantities of a flight, from compiled tracks and from recordings alike.
 
-A track holds, sample by sample, position (m) and velocity (m/s) in Hill axes, the delta-v spent (m/s) and the
-number of points not yet inspected, see `pipeline.flight.simulation.fly_population`.
+A track holds, sample by sample, position (m) and velocity (m/s) in Hill axes, the delta-v spent (m/s), the
+number of points not yet inspected, and so on, see `pipeline.flight.simulation.fly_population`. A force
+belongs to the sample from which it is fired, for the control period that follows; at the last one it is zero.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -11,14 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.flight.kernel.arrays import (
+    TRACK_BORESIGHT,
+    TRACK_FORCE,
+    TRACK_LEFT,
+    TRACK_SPENT,
+    TRACK_TURN_RATE,
+)
+from pipeline.physics.quaternion import dcm_b_from_h
 from telemetry.file.reader import Recording
-from telemetry.file.topics import DEPUTY_STATE, MISSION
+from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
 Floats = NDArray[np.float64]
-#: from tracks, (n, K+1, 8), and the number of inspection points to (n, K+1)
+_BORESIGHT = slice(TRACK_BORESIGHT, TRACK_BORESIGHT + 3)
+#: from tracks, (n, K+1, 15), and the number of inspection points to (n, K+1)
 OfTracks = Callable[[Floats, int], Floats]
-
-SPENT, LEFT = 6, 7
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,13 @@ def _length(first: int) -> OfTracks:
     return lambda tracks, num_points: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
 
 
+def _degrees_between(one: Floats, other: Floats) -> Floats:
+    """Return the angles between vectors, deg: by their tangents, which small angles do not lose."""
+    sines = np.linalg.norm(np.cross(one, other), axis=-1)
+    angles: Floats = np.degrees(np.arctan2(sines, np.sum(one * other, axis=-1)))
+    return angles
+
+
 def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
     axes = (("radial", "i"), ("along_track", "j"), ("cross_track", "k"))
     return {
@@ -64,18 +79,34 @@ QUANTITIES: Mapping[str, Quantity] = {
         "m/s", f"{DEPUTY_STATE}.velocity_m_s", "relative to Hill, in any direction", _length(3)
     ),
     **_along("velocity", f"{DEPUTY_STATE}.velocity_m_s", "m/s", 3),
-    "delta_v": Quantity("m/s", f"{MISSION}.delta_v_m_s", "spent so far", _column(SPENT)),
+    "delta_v": Quantity("m/s", f"{MISSION}.delta_v_m_s", "spent so far", _column(TRACK_SPENT)),
     "inspected": Quantity(
         "",
         f"{MISSION}.inspected_count",
         "points inspected so far",
-        lambda tracks, num: num - tracks[..., LEFT],
+        lambda tracks, num: num - tracks[..., TRACK_LEFT],
     ),
     "inspection_rate": Quantity(
         "%",
         f"{MISSION}.inspection_rate_percent",
         "share of the points inspected so far",
-        lambda tracks, num: 100.0 * (num - tracks[..., LEFT]) / num,
+        lambda tracks, num: 100.0 * (num - tracks[..., TRACK_LEFT]) / num,
+    ),
+    "force": Quantity(
+        "N", f"{DEPUTY_CONTROL}.force_hill_n", "as fired, in any direction", _length(TRACK_FORCE)
+    ),
+    **_along("force", f"{DEPUTY_CONTROL}.force_hill_n", "N", TRACK_FORCE),
+    "turn_rate": Quantity(
+        "deg/s",
+        f"{DEPUTY_STATE}.angular_velocity_rad_s",
+        "of the deputy relative to Hill, about any axis",
+        lambda tracks, num: np.degrees(tracks[..., TRACK_TURN_RATE]),
+    ),
+    "pointing_error": Quantity(
+        "deg",
+        f"{DEPUTY_STATE}.quaternion",
+        "from the camera's boresight to the chief's centre",
+        lambda tracks, num: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
     ),
 }
 
@@ -83,15 +114,20 @@ UNITS: Mapping[str, str] = {name: quantity.unit for name, quantity in QUANTITIES
 
 
 def of_tracks(tracks: NDArray[Any], num_points: int, names: Iterable[str]) -> dict[str, Floats]:
-    """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 8)."""
+    """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 15)."""
     exact = np.asarray(tracks, dtype=np.float64)
     return {name: QUANTITIES[name].of_tracks(exact, num_points) for name in names}
 
 
 def track_of(recording: Recording) -> tuple[Floats, int]:
-    """Return the track of a recorded flight, (1, K+1, 8), and the number of its inspection points."""
-    state, mission = recording[DEPUTY_STATE], recording[MISSION]
+    """Return the track of a recorded flight, (1, K+1, 15), and the number of its inspection points."""
+    state, mission, control = recording[DEPUTY_STATE], recording[MISSION], recording[DEPUTY_CONTROL]
     num_points = int(np.asarray(mission["inspected_mask"]).shape[1])
     left = num_points - np.asarray(mission["inspected_count"], dtype=np.float64)
-    columns = [state["position_m"], state["velocity_m_s"], mission["delta_v_m_s"], left]
+    fired = np.vstack([control["force_hill_n"], np.zeros(3)])
+    boresight = np.array(recording.episode.boresight, dtype=np.float64)
+    boresights = [dcm_b_from_h(turned).T @ boresight for turned in state["quaternion"].astype(np.float64)]
+    turn_rates = np.linalg.norm(state["angular_velocity_rad_s"], axis=1)
+    spent = mission["delta_v_m_s"]
+    columns = [state["position_m"], state["velocity_m_s"], spent, left, fired, boresights, turn_rates]
     return np.column_stack(columns)[np.newaxis].astype(np.float64), num_points

@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-import yaml
-
 from pipeline.evaluation.assurance.formula import Formula, unit_of
 from pipeline.evaluation.assurance.parser import FormulaError, parse
 from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.run.artifacts import parse_config
 from pipeline.settings.nearest import choices_of, did_you_mean
 
 SCHEMA: Final = ("requirements", 1)
@@ -90,8 +89,8 @@ def read(text: str, source: str) -> Requirements:
     RequirementError
     """
     try:
-        told = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
+        told = parse_config(text.encode())
+    except ValueError as error:
         raise RequirementError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(told, dict) or (told.get("schema"), told.get("schema_version")) != SCHEMA:
         raise RequirementError(

@@ -14,48 +14,86 @@ from numpy.typing import NDArray
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, joined
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Assurance, MonteCarlo, Optimizer, Sun
+from pipeline.settings.dispersions import Distribution, distributions
+from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
 from pipeline.training.evolution import evolve_rounds
 
 Floats = NDArray[np.float64]
 
 #: keeps the draws of searches apart from all others made from the same seed
 SPAWN_KEY = 0x5EA
+#: share of a dispersed setting's values at either end that a search leaves out: three standard deviations
+TAIL = 0.00135
 
 
 @dataclass(frozen=True)
 class CaseSpace:
-    """What a case is drawn from: a direction, a distance, and the Sun's angle unless that is fixed.
+    """What a case is drawn from: direction, distance, the Sun unless that is fixed, and dispersed settings.
 
     Parameters
     ----------
     shell_m : (float, float)
         Least and greatest distance of a start, m.
     sun : Sun
+    dispersed : tuple of Distribution
+        Of settings, sorted by their keys. Of each the values from `TAIL` to one minus that can be chosen.
+    turned : (float, float)
+        By which share of a turn the azimuth and the Sun's angle are turned from their genes.
     """
 
     shell_m: tuple[float, float]
     sun: Sun
+    dispersed: tuple[Distribution, ...] = ()
+    turned: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def num_genes(self) -> int:
-        """Of a case: height and azimuth of the direction, distance, and the Sun's angle."""
-        return 3 if self.sun.mode == "fixed" else 4
+    def genes(self) -> tuple[str, ...]:
+        """What the genes of a case are called, in their order; each is from 0 to 1."""
+        angle = () if self.sun.mode == "fixed" else ("sun_angle",)
+        ranges = self.sun.mode != "fixed" and self.sun.elevation_range_deg is not None
+        elevation = ("sun_elevation",) if ranges else ()
+        return ("height", "azimuth", "distance", *angle, *elevation, *(one.key for one in self.dispersed))
+
+    def centred_on(self, genes: Floats) -> tuple["CaseSpace", Floats]:
+        """Return the same space with the angles of some genes in the middle, and these genes there.
+
+        A search that begins there meets no end of an angle, which has none.
+        """
+        moved, turned = genes.copy(), list(self.turned)
+        for place, name in enumerate(("azimuth", "sun_angle")):
+            if name in self.genes:
+                gene = self.genes.index(name)
+                turned[place] += genes[gene] - 0.5
+                moved[gene] = 0.5
+        return replace(self, turned=(turned[0], turned[1])), moved
 
     def scenario(self, genes: Floats) -> Scenario:
         """Return the case of some genes, (num_genes,); even ones are isotropic and uniform in distance."""
-        height, azimuth = 2.0 * genes[0] - 1.0, 2.0 * np.pi * genes[1]
+        told = dict(zip(self.genes, genes.tolist(), strict=True))
+        height, azimuth = 2.0 * told["height"] - 1.0, 2.0 * np.pi * (told["azimuth"] + self.turned[0])
         across = np.sqrt(max(0.0, 1.0 - height * height))
         direction = np.array([across * np.cos(azimuth), across * np.sin(azimuth), height])
-        distance = self.shell_m[0] + (self.shell_m[1] - self.shell_m[0]) * genes[2]
-        is_fixed = self.sun.mode == "fixed"
-        angle = np.radians(self.sun.angle_deg) if is_fixed else 2.0 * np.pi * genes[3]
-        return Scenario(distance * direction, np.zeros(3), float(angle))
+        distance = self.shell_m[0] + (self.shell_m[1] - self.shell_m[0]) * told["distance"]
+        angle, elevation_deg = np.radians(self.sun.angle_deg), self.sun.elevation_deg
+        if "sun_angle" in told:
+            angle = 2.0 * np.pi * ((told["sun_angle"] + self.turned[1]) % 1.0)
+        if self.sun.elevation_range_deg is not None and "sun_elevation" in told:
+            low, high = self.sun.elevation_range_deg
+            elevation_deg = low + told["sun_elevation"] * (high - low)
+        settings = tuple(one.value(TAIL + (1.0 - 2.0 * TAIL) * told[one.key]) for one in self.dispersed)
+        return Scenario(
+            distance * direction,
+            np.zeros(3),
+            float(angle),
+            float(np.radians(elevation_deg)),
+            settings=settings or None,
+        )
 
 
-def case_space(monte_carlo: MonteCarlo, sun: Sun) -> CaseSpace:
+def case_space(monte_carlo: MonteCarlo, sun: Sun, mission: Mission) -> CaseSpace:
     """Return what the cases of an evaluation are drawn from."""
-    return CaseSpace((monte_carlo.min_distance_m, monte_carlo.max_distance_m), sun)
+    shell_m = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
+    return CaseSpace(shell_m, sun, distributions(mission.dispersions))
 
 
 @dataclass(frozen=True)
@@ -112,7 +150,7 @@ def search(
     flown: list[Scenario] = []
     outcomes: list[Outcome] = []
 
-    def margins_of(genomes: Floats) -> Floats:
+    def margins_of(genomes: Floats, space: CaseSpace) -> Floats:
         scenarios = [space.scenario(genes) for genes in genomes]
         outcome = flights.judge(scenarios, [requirement])[requirement.id]
         flown.extend(scenarios)
@@ -120,11 +158,11 @@ def search(
         return outcome.margins
 
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)))
-    drawn = generator.random((settings.search_starts, space.num_genes))
-    worst = drawn[np.argmin(margins_of(drawn))]
+    drawn = generator.random((settings.search_starts, len(space.genes)))
+    centred, worst = space.centred_on(drawn[np.argmin(margins_of(drawn, space))])
     evolve_rounds(
-        lambda _round, _champion: lambda genomes: {"fitness": margins_of(genomes)},
-        space.num_genes,
+        lambda _round, _champion: lambda genomes: {"fitness": margins_of(genomes, centred)},
+        len(space.genes),
         _strategy(settings, optimizer),
         int(generator.integers(2**31)),
         initial=worst[np.newaxis],

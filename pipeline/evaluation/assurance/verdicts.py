@@ -127,6 +127,8 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
     spheres = f"all samples from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     if not proof.is_on:
         why = "the safety layer was off: its proof says nothing about these flights"
+    elif not proof.is_exact:
+        why = "the safety layer's proof is of places, forces and motion known exactly, and these are not"
     elif proof.num_safe < proof.num_starts:
         starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
         why = f"{starts} are not safe states, from which the proof begins"

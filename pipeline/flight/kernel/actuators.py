@@ -33,7 +33,7 @@ def in_impulses(force: Vector, step: float, least: float) -> Vector:
     return select(abs(rounded) >= least, rounded, 0.0)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def fire(
     world: World, firing: Firing, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:

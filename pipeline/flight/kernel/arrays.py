@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
+from pipeline.physics.orbit import Course
 from pipeline.physics.sight import Optics, Sight
 
 Floats = NDArray[np.float64]
@@ -20,8 +21,12 @@ Bytes = NDArray[np.uint8]
 #: inspection points that are looked at together
 POINTS = 8
 
-#: columns of a track: position, or position, velocity, delta-v spent and points not yet inspected
-NUM_PLACED, NUM_TRACKED = 3, 8
+#: columns of a track: position, or these
+NUM_PLACED, NUM_TRACKED = 3, 15
+#: of a track, after position and velocity: delta-v spent, points not yet inspected, where the force that is
+#: fired next begins (Hill axes, zero at the last sample), where the boresight does (Hill axes), and how fast
+#: the deputy turns relative to Hill
+TRACK_SPENT, TRACK_LEFT, TRACK_FORCE, TRACK_BORESIGHT, TRACK_TURN_RATE = 6, 7, 8, 11, 14
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
 SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
@@ -80,6 +85,8 @@ class World(NamedTuple):
     num_edge_cells: int  # zero where nothing hides anything
     chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes
+    attitude_at_start: Floats  # (4,) Hill to body
+    rate_at_start: Floats  # (3,) inertial, body axes
     is_spherical: bool
     inertia: Floats  # (3, 3)
     inverse_inertia: Floats  # (3, 3)
@@ -94,6 +101,7 @@ class World(NamedTuple):
     has_clusters: bool
     coasts_when_complete: bool
     guard: Guard
+    course: Course  # of the chief about the Earth; not on where motion is linear
 
 
 class Plans(NamedTuple):
@@ -145,6 +153,7 @@ CARRIED = np.dtype(
         ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
         ("sun", np.float64, (2, LANES)),  # the same now
         ("sun_height", np.float64, (2, LANES)),  # cosine and sine of its elevation
+        ("shine", np.float64, (3, LANES)),  # what of its disc is visible at the instants of a step
         ("boresight", np.float64, (3, LANES)),
         ("target", np.float64, (3, LANES)),  # zero where there are no candidates
         ("num_counted", np.float64, LANES),  # points that the flight is about

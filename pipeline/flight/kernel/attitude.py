@@ -39,7 +39,7 @@ FAST_RATE = 0.25
 LARGEST_SQUARE = 0.25
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def aim(world: World, work: Workspace) -> None:
     """Write the desired attitudes of all lanes at all instants of a control period.
 
@@ -102,7 +102,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
         work.lanes.y_before[i, lane] = y[i]
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
     """Write where all lanes should look over the control period that follows sample k."""
     lanes = work.lanes
@@ -127,7 +127,7 @@ def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
         )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def half_angle_series(square: float) -> tuple[float, float]:
     """Return ``sin(x/2)/x`` and ``cos(x/2)`` to rounding, for a square of x up to `LARGEST_SQUARE`."""
     fourth = square * square
@@ -138,7 +138,7 @@ def half_angle_series(square: float) -> tuple[float, float]:
     return s, c
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def turn(
     q1: float,
     q2: float,
@@ -169,7 +169,7 @@ def turn(
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def times3(m: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return a 3x3 matrix times a vector."""
     return (
@@ -179,7 +179,7 @@ def times3(m: Floats, x: float, y: float, z: float) -> tuple[float, float, float
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def euler(
     inertia: Floats, inverse: Floats, wx: float, wy: float, wz: float, tx: float, ty: float, tz: float
 ) -> tuple[float, float, float]:
@@ -188,7 +188,7 @@ def euler(
     return times3(inverse, tx - (wy * hz - wz * hy), ty - (wz * hx - wx * hz), tz - (wx * hy - wy * hx))
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def spin(
     inertia: Floats,
     inverse: Floats,
@@ -222,13 +222,13 @@ def spin(
     return ux, uy, uz, theta_x, theta_y, theta_z
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def clip(x: Vector, limit: float) -> Vector:
     """Return x, brought within ± the limit."""
     return most(least(x, limit), -limit)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def turn_body(
     world: World,
     q1: float,
@@ -259,7 +259,7 @@ def turn_body(
     return q1, q2, q3, q4, wx, wy, wz
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def turn_ball(
     q1: float,
     q2: float,
@@ -287,7 +287,7 @@ def turn_ball(
     return q1, q2, q3, q4, wx + step * mx, wy + step * my, wz + step * mz
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def error_and_rate(
     q1: float,
     q2: float,
@@ -314,7 +314,7 @@ def error_and_rate(
     return e1, e2, e3, ux, uy, uz
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def turn_balls(world: World, work: Workspace) -> None:
     """Turn all lanes over a control period, for bodies of spherical inertia that turn slowly."""
     lanes, n, h = work.lanes, world.mean_motion, world.attitude_period
@@ -341,7 +341,7 @@ def turn_balls(world: World, work: Workspace) -> None:
     write_three(lanes.rate, 0, wx, wy, wz)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def turn_any(world: World, work: Workspace, lane: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
     state = np.empty(7)
@@ -360,7 +360,7 @@ def turn_any(world: World, work: Workspace, lane: int) -> None:
         work.lanes.rate[component, lane] = state[4 + component]
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def torque_at(
     world: World, work: Workspace, lane: int, instant: int
 ) -> tuple[float, float, float, float, float, float]:
@@ -386,7 +386,7 @@ def torque_at(
     return clip(-px - dx, limit), clip(-py - dy, limit), clip(-pz - dz, limit), ux, uy, uz
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def write_instants(world: World, work: Workspace, log: FlightLog, k: int) -> None:
     """Log attitudes, rates and torques of lane 0 at the instants of the attitude clock."""
     for j in range(world.num_attitude_steps):
@@ -402,7 +402,7 @@ def write_instants(world: World, work: Workspace, log: FlightLog, k: int) -> Non
                 log.attitude_rate_b_rad_s[k, j, component] = torques[3 + component]
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
     """Turn all lanes over the control period that they are aimed for."""
     lanes, h = work.lanes, world.attitude_period

@@ -19,7 +19,7 @@ LOG2_E = 1.4426950408889634074
 TAN_PI_8 = 0.4142135623730950
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def exponential(x: Vector) -> Vector:
     """Return e to the power of numbers up to 700; 0 below -700."""
     bounded = most(x, LEAST_EXPONENT)
@@ -32,7 +32,7 @@ def exponential(x: Vector) -> Vector:
     return select(x < LEAST_EXPONENT, 0.0, (1.0 + 2.0 * (p / (q - p))) * power_of_two(whole))
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def arctangent(y: Vector, x: Vector) -> Vector:
     """Return the angle of a point from the x axis, rad, in (-pi, pi]; x and y are not both zero."""
     across, along = abs(y), abs(x)

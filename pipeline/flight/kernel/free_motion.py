@@ -29,7 +29,7 @@ RING_SIZE, RING_LEAD = constant("ring_size_m"), constant("ring_lead_rad")
 PREDICTION_TIME = constant("prediction_time_s")
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def sense_orbit(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Write the signals of natural motion of every lane."""
     n = world.mean_motion
@@ -57,7 +57,7 @@ def sense_orbit(world: World, law: Law, values: Floats, work: Workspace) -> None
     write_two(signals, RING_ERROR, -3.0 * rx - ahead - place_cos, vx / n - place_sin)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def sense_approach(world: World, work: Workspace) -> None:
     """Write how near every lane comes to the chief within an orbit of free drift.
 

@@ -4,11 +4,11 @@ What is computed is what `pipeline.flight.reference.loop` writes out plainly; th
 to `LANES` flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
 work on all of them; every flight comes out the same in any company.
 
-A state moves exactly, by `pipeline.physics.motion`.
+A state moves exactly, by `pipeline.physics.motion`, or about the Earth, by `pipeline.physics.two_body`.
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
 """
 
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,11 @@ from pipeline.flight.kernel.arrays import (
     OUTSIDE,
     SAFETY_DELTA_V,
     SAFETY_PERIODS,
+    TRACK_BORESIGHT,
+    TRACK_FORCE,
+    TRACK_LEFT,
+    TRACK_SPENT,
+    TRACK_TURN_RATE,
     Beyond,
     Guard,
     Law,
@@ -36,13 +41,14 @@ from pipeline.flight.kernel.arrays import (
 )
 from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
-from pipeline.flight.kernel.lanes import one, three, write_four, write_three
+from pipeline.flight.kernel.lanes import one, three, write_three
 from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense, sense_again
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
+from pipeline.flight.kernel.two_body import move_about_earth
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import REHEARSED, FlightLog
 from pipeline.flight.signals import (
@@ -55,6 +61,7 @@ from pipeline.flight.signals import (
     slot,
 )
 from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.orbit import Course
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
@@ -64,22 +71,29 @@ Bytes = NDArray[np.uint8]
 LAMBDA_U, ETA_U = slot("lambda_u"), slot("eta_u")
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
+def spend(world: World, work: Workspace) -> None:
+    """Add up what all lanes spend in a control period."""
+    lanes = work.lanes
+    fx, fy, fz = three(lanes.force)
+    spent_per_force = world.control_period * world.acceleration_per_force
+    store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
+
+
+@compiled(error_model="numpy", forceinline=True)
 def move(world: World, work: Workspace) -> None:
-    """Move all lanes by a control period and add up what they spend."""
+    """Move all lanes by a control period."""
     lanes, step = work.lanes, step_of(world.motion, 0)
     rx, ry, rz = three(lanes.position)
     vx, vy, vz = three(lanes.velocity)
     fx, fy, fz = three(lanes.force)
-    spent_per_force = world.control_period * world.acceleration_per_force
-    store(lanes.spent, 0, one(lanes.spent) + (abs(fx) + abs(fy) + abs(fz)) * spent_per_force)
     px, py, pz = place_after(step, rx, ry, rz, vx, vy, vz, fx, fy, fz)
     ux, uy, uz = velocity_after(step, rx, rz, vx, vy, vz, fx, fy, fz)
     write_three(lanes.position, 0, px, py, pz)
     write_three(lanes.velocity, 0, ux, uy, uz)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def open_with(
     world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
 ) -> None:
@@ -98,7 +112,7 @@ def open_with(
             log.reason[0, axis] = REHEARSED
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def write_sample(
     world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
 ) -> None:
@@ -146,9 +160,10 @@ def start_lanes(
             work.unseen[lane, j] = counts[j]
             num_counted += counts[j]
         lanes.num_counted[lane], lanes.num_unseen[lane] = num_counted, num_counted
-    write_four(lanes.attitude, 0, nothing, nothing, nothing, splat(1.0, LANES))
-    # inertial: n relative to Hill, and Hill's own
-    write_three(lanes.rate, 0, nothing, nothing, splat(2.0 * world.mean_motion, LANES))
+    for component in range(4):
+        store(lanes.attitude, component, splat(world.attitude_at_start[component], LANES))
+    for component in range(3):
+        store(lanes.rate, component, splat(world.rate_at_start[component], LANES))
     write_three(lanes.force, 0, nothing, nothing, nothing)
     write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
     store(lanes.nearest, 0, splat(np.inf, LANES))
@@ -188,18 +203,41 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
 
 @compiled(error_model="numpy", inline="always")
 def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
-    """Write where a lane is; where the row has room, also its velocity, what it spent and has not seen."""
+    """Write where a lane is; where the row has room, also all else that is known before the next force."""
     for component in range(3):
         row[component] = lanes.position[component, lane]
     if len(row) == NUM_TRACKED:
         for component in range(3):
             row[3 + component] = lanes.velocity[component, lane]
-        row[6] = lanes.spent[lane]
-        row[7] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
+            row[TRACK_FORCE + component] = 0.0
+            row[TRACK_BORESIGHT + component] = lanes.boresight[component, lane]
+        row[TRACK_SPENT] = lanes.spent[lane]
+        row[TRACK_LEFT] = world.num_points - lanes.num_counted[lane] + lanes.num_unseen[lane]
+        row[TRACK_TURN_RATE] = 0.0 if world.is_attitude_ideal else turn_rate(world, lanes, lane)
+
+
+@compiled(error_model="numpy")
+def turn_rate(world: World, lanes: Any, lane: int) -> float:
+    """Return how fast a lane turns relative to Hill, rad/s: its inertial rate less the orbit's."""
+    q1, q2 = lanes.attitude[0, lane], lanes.attitude[1, lane]
+    q3, q4 = lanes.attitude[2, lane], lanes.attitude[3, lane]
+    n = world.mean_motion
+    wx = lanes.rate[0, lane] - n * 2.0 * (q1 * q3 - q2 * q4)
+    wy = lanes.rate[1, lane] - n * 2.0 * (q2 * q3 + q1 * q4)
+    wz = lanes.rate[2, lane] - n * (-q1 * q1 - q2 * q2 + q3 * q3 + q4 * q4)
+    return sqrt(wx * wx + wy * wy + wz * wz)
+
+
+@compiled(error_model="numpy", inline="always")
+def write_fired(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
+    """Write what a lane fires, where the row has room."""
+    if len(row) == NUM_TRACKED:
+        for component in range(3):
+            row[TRACK_FORCE + component] = lanes.force[component, lane]
 
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
-@compiled(error_model="numpy", inline="always", fastmath={"contract"})
+@compiled(error_model="numpy", inline="always")
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
     optics: Beyond | None,
@@ -208,6 +246,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     pushes: bool | None,
     fixes: Fixes | None,
     firing: Firing | None,
+    course: Course | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -227,7 +266,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     Parameters
     ----------
     world, law : what is flown
-    optics, guard, clusters, pushes, fixes, firing : as in `fly_many`
+    optics, guard, clusters, pushes, fixes, firing, course : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
     counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
@@ -293,16 +332,22 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             recover_truth(fixes, work)
         if firing is not None:
             fire(world, firing, work, first, num_lanes, k, log)
+        for lane in range(num_lanes if len(tracks) > 0 else 0):
+            write_fired(lanes, lane, tracks[flight + lane, k])
         if not world.is_attitude_ideal:
             turn_deputies(world, work, num_lanes)
         if is_logged:
             write_instants(world, work, log, k)
-        move(world, work)
+        spend(world, work)
+        if course is None:
+            move(world, work)
+        else:
+            move_about_earth(world, course, work, k)
 
     write_outcomes(world, work, num_lanes, flight, outcomes)
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def fly_many(
     world: World,
     optics: Beyond | None,
@@ -311,6 +356,7 @@ def fly_many(
     pushes: bool | None,
     fixes: Fixes | None,
     firing: Firing | None,
+    course: Course | None,
     law: Law,
     values: Floats,
     rules: Integers,
@@ -328,9 +374,9 @@ def fly_many(
 
     Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
     guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, where
-    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, and without
-    rehearsal `openings`: numba leaves out what depends on them, and nobody waits for the compilation of what
-    is not flown.
+    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, where motion is
+    linear `course`, and without rehearsal `openings`: numba leaves out what depends on them, and nobody waits
+    for the compilation of what is not flown.
     """
     # not what may be None: what is left out then hangs on the argument itself
     world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
@@ -348,6 +394,7 @@ def fly_many(
             pushes,
             fixes,
             firing,
+            course,
             law,
             values[row],
             rules[row],

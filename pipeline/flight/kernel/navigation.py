@@ -50,7 +50,7 @@ def entry(matrix: Floats, row: int, column: int) -> Vector:
     return load(matrix, (row, column, 0), LANES)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> None:
     """Move covariances through a control period: ``P <- Phi P Phi' + Q``."""
     phi, half = world.motion.transition, fixes.half
@@ -73,7 +73,7 @@ def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> N
             store(covariance, (column, row, 0), entries)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
     """Move an estimate through a control period under what was commanded."""
     step = step_of(world.motion, 0)
@@ -88,7 +88,7 @@ def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
     write_three(state, 3, vx, vy, vz)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def correct(fixes: Fixes, which: int) -> None:
     """Correct the filtered state by a fix, unless it lies beyond the gate: ``K = P H' S^-1``."""
     state, p = fixes.filtered, fixes.covariance
@@ -189,7 +189,7 @@ def believe(
         write_estimate(world, fixes, k, log)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def recover_truth(fixes: Fixes, work: Workspace) -> None:
     """Put the truth back."""
     for row in range(3):
@@ -197,7 +197,7 @@ def recover_truth(fixes: Fixes, work: Workspace) -> None:
         store(work.lanes.velocity, row, load(fixes.truth, 3 + row, LANES))
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def note_command(fixes: Fixes, firing: Firing | None, work: Workspace, k: int, num_controls: int) -> None:
     """Note when the command of a sample acts, and as what force but for errors of the thrusters."""
     delay = 0 if firing is None else firing.delay

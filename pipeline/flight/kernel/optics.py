@@ -46,7 +46,7 @@ class Eye(NamedTuple):
     is_blind: bool
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def cell_towards(world: World, sample: int, x: float, y: float, z: float) -> int:
     """Return the cell of the chief's occlusion that a direction in Hill axes falls into."""
     axes = world.chief_axes
@@ -58,7 +58,7 @@ def cell_towards(world: World, sample: int, x: float, y: float, z: float) -> int
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def beam_from(
     world: World,
     hides: bool | None,
@@ -76,7 +76,7 @@ def beam_from(
     return Beam(x, y, z, cell, x * x + y * y + z * z > 0.0)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def beam_at(
     world: World, hides: bool | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
 ) -> Beam:
@@ -85,20 +85,20 @@ def beam_at(
     return beam_from(world, hides, k, sun_x, sun_y, lanes.sun_height[0, lane], lanes.sun_height[1, lane])
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def eye_at(world: World, beam: Beam, x: float, y: float, z: float, bx: float, by: float, bz: float) -> Eye:
     """Return the camera at a place that looks along a unit vector."""
     return Eye(x, y, z, bx, by, bz, bx * beam.x + by * beam.y + bz * beam.z > world.optics.most_sunward)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def eye_on_chief(world: World, beam: Beam, x: float, y: float, z: float) -> Eye:
     """Return the camera at a place that looks at the chief's centre."""
     per_distance = -1.0 / sqrt(x * x + y * y + z * z)
     return eye_at(world, beam, x, y, z, per_distance * x, per_distance * y, per_distance * z)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def lit_through(
     world: World, hides: bool | None, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam
 ) -> Mask:
@@ -116,7 +116,7 @@ def lit_through(
     return lit
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def seen_through(
     world: World, hides: bool | None, work: Workspace, sample: int, j: int, lit: Mask, eye: Eye
 ) -> Mask:
@@ -149,7 +149,7 @@ def seen_through(
     return seen
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def strike_out_seen(
     world: World, hides: bool | None, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float
 ) -> int:
@@ -168,7 +168,7 @@ def strike_out_seen(
     return num_seen
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def lit_points(
     world: World,
     optics: Beyond | None,
@@ -198,7 +198,7 @@ def any_beam(
     return beam_at(world, optics.hides, work, lane, k, sun_x, sun_y)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def sun_after(world: World, start_x: float, start_y: float, k: int) -> tuple[float, float]:
     """Return cosine and sine of the Sun's angle at a sample from those at the start."""
     turned = world.mean_motion * world.control_period * k
@@ -213,7 +213,7 @@ def want_all(world: World, work: Workspace) -> None:
         work.ahead[j] = 1.0 if j < world.num_points else 0.0
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def note_lit(
     world: World, optics: Beyond | None, work: Workspace, case: Any, start_x: float, start_y: float, k: int
 ) -> int:
@@ -240,7 +240,7 @@ def note_lit(
     return num_left
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes) -> None:
     """Write which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     world, work, cases, found = borrowed((world, work, cases, found))
@@ -257,7 +257,7 @@ def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases
             found[row, j] = 1 if j < world.num_points and work.ahead[j] == 0.0 else 0
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def note_lit_at_samples(
     world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes
 ) -> None:
@@ -271,7 +271,7 @@ def note_lit_at_samples(
             found[k, j] = work.lit[j] > 0.0
 
 
-@compiled(nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled(nogil=True, error_model="numpy")
 def note_seen_along(
     world: World,
     hides: bool | None,

@@ -23,7 +23,7 @@ MISSED = slot("missed")
 COASTING_NEAREST, COASTING_FARTHEST = slot("coasting_nearest"), slot("coasting_farthest")
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def strike_out(
     world: World,
     ahead: Floats,
@@ -59,7 +59,7 @@ def strike_out(
     return num_left
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def preview(world: World, optics: Beyond | None, work: Workspace, num_lanes: int, k: int) -> None:
     """Write how many points every lane would miss by coasting, and between which distances it would be."""
     lanes, signals, ahead = work.lanes, work.signals, work.ahead

@@ -77,7 +77,7 @@ MOST_SWEEPS, LEAST_CHANGE = 200, 1e-12
 HALVINGS = 30
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def look_ahead(world: World, work: Workspace) -> bool:
     """Mark the lanes that their forces may lead out of what is safe; tell whether there are any."""
     guard, lanes, step = world.guard, work.lanes, step_of(world.motion, 0)
@@ -104,26 +104,26 @@ def look_ahead(world: World, work: Workspace) -> bool:
     return some(is_unsafe)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def position(places: Motion, row: int, state: Floats) -> tuple[float, float, float]:
     """Return where a state leads by a row of places."""
     place = place_of(places, row)
     return drifted_place(place, state[0], state[1], state[2], state[3], state[4], state[5])
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
     """Write the next state under a force from the one without."""
     push(world.motion, free, force, ahead)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def length(a: float, b: float, c: float) -> float:
     """Return the length of a vector."""
     return sqrt(a * a + b * b + c * c)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, int, float]:
     """Return which limit a next state exceeds most among the first places, where, and by how many metres.
 
@@ -154,7 +154,7 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
     return limit, place, excess
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_space: Floats) -> None:
     """Replace a limit by the half-space ``g . f >= b`` that touches it in the direction of a next state.
 
@@ -194,7 +194,7 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
             half_space[j] += world.motion.control[0, i, j] * l[i]
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force: Floats) -> None:
     """Write the point nearest to a force in half-spaces ``g . f >= b`` and the box of the thruster.
 
@@ -229,7 +229,7 @@ def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force:
             break
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Floats, force: Floats) -> None:
     """Write the force nearest to the one asked for that keeps the limits of the first places, if it is found.
 
@@ -247,7 +247,7 @@ def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Flo
         project(asked, cuts, num_cuts + 1, world.max_force, force)
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool:
     """Tell whether a force keeps the limits that are never given up, but for rounding."""
     ahead = np.zeros(6)
@@ -255,7 +255,7 @@ def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool
     return most_exceeded(world, ahead, STANDING)[2] <= tolerance
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
     """Bring a force that is not safe as far towards the stop as it takes, by bisection.
 
@@ -280,7 +280,7 @@ def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
         force[j] = stop[j] + low * (force[j] - stop[j])
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Floats) -> int:
     """Write the force that is applied instead of one that is not safe; return the limit it is for.
 
@@ -303,7 +303,7 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
     return limit
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int) -> None:
     """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
     lanes = work.lanes

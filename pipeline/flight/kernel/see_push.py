@@ -34,7 +34,7 @@ COST, SHORT, SLOPE = 0, 1, 2
 KS2 = 1e6
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def await_dark(work: Workspace, lane: int, now: float, horizon: float) -> int:
     """Mark the points unseen whose last light is still to come within the horizon; return how many."""
     num_waiting = 0
@@ -47,7 +47,7 @@ def await_dark(work: Workspace, lane: int, now: float, horizon: float) -> int:
     return num_waiting
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def look_from(
     world: World,
     work: Workspace,
@@ -88,7 +88,7 @@ def look_from(
         store(looks, (SLOPE + 2, j), select(is_better, gz, load(looks, (SLOPE + 2, j), POINTS)))
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def look_through_from(
     world: World,
     hides: bool | None,
@@ -160,7 +160,7 @@ def look_through_from(
         store(looks, (SLOPE + 2, j), select(is_better, gz, load(looks, (SLOPE + 2, j), POINTS)))
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def fitted_push(
     work: Workspace, lane: int, now: float, rate: float, damping: float
 ) -> tuple[float, float, float]:
@@ -199,7 +199,7 @@ def fitted_push(
     )
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def sense_push(
     world: World,
     optics: Beyond | None,

@@ -27,7 +27,7 @@ POSITION_HILL = slot("position_radial", "position_along_track", "position_cross_
 VELOCITY_HILL = slot("velocity_radial", "velocity_along_track", "velocity_cross_track")
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def turn_suns(world: World, work: Workspace, k: int) -> None:
     """Write where the Sun is at a sample in every lane."""
     turned = world.mean_motion * world.control_period * k
@@ -38,7 +38,7 @@ def turn_suns(world: World, work: Workspace, k: int) -> None:
     write_two(work.lanes.sun, 0, sun_x, sun_sin * turned_cos - sun_cos * turned_sin)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def look(world: World, work: Workspace, lane: int, sample: int) -> None:
     """Inspect what is lit and in view of a lane's camera; the target is the mean of what else is lit."""
     lanes, sight, points = work.lanes, world.sight, world.points
@@ -79,7 +79,7 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
     lanes.target[2, lane] = total(cz) / divisor
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def look_through(world: World, hides: bool | None, work: Workspace, lane: int, k: int) -> None:
     """Do what `look` does where light or camera are not the paper's."""
     lanes, points = work.lanes, world.points
@@ -123,7 +123,7 @@ def look_through(world: World, hides: bool | None, work: Workspace, lane: int, k
     lanes.target[2, lane] = total(cz) / divisor
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, position_b: Vector) -> Vector:
     """Return the angle from the position's to the target's projection, in (-pi, pi]; 0 where one vanishes."""
     least_square = MIN_PROJECTION_M * MIN_PROJECTION_M
@@ -182,7 +182,7 @@ def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> Non
         lanes.target[axis, lane] = centres[chosen, axis]
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def dcm_of(q1: Vector, q2: Vector, q3: Vector, q4: Vector) -> tuple[Vector, ...]:
     """Return the direction cosines of attitudes, Hill to body, by rows."""
     return (
@@ -198,7 +198,7 @@ def dcm_of(q1: Vector, q2: Vector, q3: Vector, q4: Vector) -> tuple[Vector, ...]
     )
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def write_signals(
     work: Workspace,
     place: tuple[Vector, Vector, Vector],
@@ -228,7 +228,7 @@ def write_signals(
         store(signals, ETA_U, relative_angle(tx, tz, rx, rz))
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def sense_again(work: Workspace, needs_angles: bool) -> None:
     """Write the signals of position and velocity anew, of what stands in the place of the truth."""
     place, velocity = three(work.lanes.position), three(work.lanes.velocity)
@@ -238,7 +238,7 @@ def sense_again(work: Workspace, needs_angles: bool) -> None:
     write_signals(work, place, velocity, distance, dcm_of(q1, q2, q3, q4), needs_angles)
 
 
-@compiled(error_model="numpy", forceinline=True, fastmath={"contract"})
+@compiled(error_model="numpy", forceinline=True)
 def sense(
     world: World,
     optics: Beyond | None,

@@ -23,7 +23,7 @@ URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def note_deadlines(world: World, optics: Beyond | None, work: Workspace, num_lanes: int) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
@@ -57,7 +57,7 @@ def note_deadlines(world: World, optics: Beyond | None, work: Workspace, num_lan
             k -= 1
 
 
-@compiled(error_model="numpy", fastmath={"contract"})
+@compiled(error_model="numpy")
 def sense_urgency(
     world: World,
     optics: Beyond | None,

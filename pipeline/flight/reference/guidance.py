@@ -117,7 +117,7 @@ def choose_cluster(
 def _kmeans() -> tuple[Any, Any]:
     """Return scikit-learn's KMeans and what keeps it to one thread; a second to import, and only here."""
     from sklearn.cluster import KMeans  # noqa: PLC0415
-    from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # noqa: PLC0415
+    from threadpoolctl import ThreadpoolController  # noqa: PLC0415
 
     return KMeans, ThreadpoolController()
 

@@ -34,11 +34,13 @@ from pipeline.flight.reference.sight import lit_points, seen_points, times_lit
 from pipeline.flight.reference.urgency import around_the_chief, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
 from pipeline.flight.signals import PREVIEW, SETTING, URGENCY, constant
+from pipeline.flight.turns import AIMED, Turns
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import sun_angle, sun_direction_h, visible_share
 from pipeline.physics.motion import propagate
 from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 from pipeline.physics.rigid_body import relative_attitude_step
+from pipeline.physics.two_body import move_beside
 from pipeline.physics.vectors import times, transposed_times
 from pipeline.settings.experiment import Mission
 
@@ -104,6 +106,7 @@ def turn_deputy(
     state: Floats,
     force_h: Floats,
     attitude: tuple[Floats, Floats, Floats],
+    played: tuple[Floats, Floats],
     quaternion_log: Floats,
     rate_log: Floats,
     torque_log: Floats,
@@ -119,6 +122,9 @@ def turn_deputy(
         Held over the control period, N, Hill axes.
     attitude : tuple of arrays
         Quaternion (4,), relative rate (3,) in body axes, and y* (3,) in Hill axes, at the sample.
+    played : tuple of arrays
+        The desired attitude, shape (4,), and the torque, N m, shape (3,), of `pipeline.flight.turns`; each of
+        shape (0,) where there is none.
     quaternion_log, rate_log, torque_log : array, shape (S, 4), (S, 3), (S, 3)
         Written.
 
@@ -128,17 +134,20 @@ def turn_deputy(
         `attitude` at the next sample but for y*, which is of the last tick.
     """
     quaternion, rate, y = attitude
+    wanted, given = played
     for tick in range(world.num_ticks):
         if tick > 0:
             state = propagate(world.tick, state, force_h)
             y = next_y(world, state[:3], y)
-        desired = from_dcm(desired_dcm(state[:3], y))
+        desired = from_dcm(desired_dcm(state[:3], y)) if len(wanted) == 0 else wanted
         if world.is_pointing_ideal:
             quaternion_log[tick] = desired
             continue
         torque = control_torque(
             quaternion, desired, rate, world.proportional_gain, world.derivative_gain, world.max_torque
         )
+        if len(given) > 0:
+            torque = given
         quaternion_log[tick] = quaternion
         rate_log[tick] = rate
         torque_log[tick] = torque
@@ -177,6 +186,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     infer: Infer,
     choose_target: ChooseTarget | None = None,
     opening_h: Floats | None = None,
+    turns: Turns = AIMED,
 ) -> FlightLog:
     """Fly once.
 
@@ -195,6 +205,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         By default the one of the mission, `guidance_of`.
     opening_h : array, shape (3,), optional
         Fired in the first control period in place of what the rules decide, N, Hill axes.
+    turns : Turns, optional
+        Played in place of aiming the camera at the chief.
     """
     world, safety = world_of(mission), safety_world_of(mission)
     num_points = len(world.points_c)
@@ -203,8 +215,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     log = empty_log(world.num_controls, world.num_ticks, num_points, len(channels.axes))
     sun_at_start = np.array([scenario.sun_angle_rad, scenario.sun_elevation_rad], dtype=np.float64)
     state = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
-    quaternion = np.array([0.0, 0.0, 0.0, 1.0])
-    rate = np.array([0.0, 0.0, world.mean_motion])
+    quaternion = np.array(mission.deputy.initial_quaternion, dtype=np.float64)
+    rate = np.array(mission.rate_at_start_rad_s, dtype=np.float64)
     y = np.array(FIRST_Y)
     if world.has_pole_blending:
         y = desired_y(state[:3], y)
@@ -227,7 +239,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         velocity = state[3:].copy()
         y_before, y = y, next_y(world, position, y)
         if world.is_pointing_ideal:
-            quaternion = from_dcm(desired_dcm(position, y))
+            quaternion = turns.attitude(k) if len(turns.attitudes) else from_dcm(desired_dcm(position, y))
             rate = np.zeros(3)
         dcm = dcm_b_from_h(quaternion)
         angle = sun_angle(sun_at_start[0], world.mean_motion, k * world.control_period)
@@ -322,7 +334,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 asked[channels.axes[f]] += log.fis_output_n[k, f]
         is_given = has_plan or resting == REHEARSED
         commanded = asked if is_given else thrust.beyond_dead_bands(channels, asked)
-        wanted_h = commanded if has_plan else thrust.in_hill_axes(channels, commanded, dcm)
+        wanted_h = thrust.in_hill_axes(channels, commanded, dcm)
         force_h = clipped(wanted_h, world.max_force)
         if safety.is_on:
             asked_h = force_h
@@ -337,7 +349,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             commanded,
             np.abs(wanted_h) > world.max_force,
             log.safety_force_hill_n[k],
-            channels.is_force_hill or has_plan,
+            channels.is_force_hill,
         )
 
         if navigator is not None:
@@ -350,11 +362,15 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             state,
             force_h,
             (quaternion, rate, y),
+            (turns.attitude(k), turns.torque(k, world.max_torque)),
             log.attitude_quaternion[k],
             log.attitude_rate_b_rad_s[k],
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
-        state = propagate(world.motion, truth, fired_h)
+        if world.course.is_on:
+            state = move_beside(world.course, k, truth, fired_h / world.mass, sun_direction_h(*sun_at_start))
+        else:
+            state = propagate(world.motion, truth, fired_h)
         delta_v += np.abs(fired_h).sum() * world.control_period / world.mass
     return log

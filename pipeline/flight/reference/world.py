@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.chief import num_chief_steps
+from pipeline.flight.course import chief_course
 from pipeline.flight.light import RIGHT_ANGLE_DEG, sees_as_in_the_paper, shadowing_radius
 from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.flight.surface import surface_of
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
 from pipeline.physics.occlusion import Occlusion
+from pipeline.physics.orbit import Course
 from pipeline.physics.rigid_body import tumble
 from pipeline.settings.experiment import Mission
 
@@ -39,6 +41,8 @@ class PlainWorld(NamedTuple):
     motion: Motion
     tick: Motion
     orbit_parts: Motion
+    #: of the chief about the Earth; not on where motion is linear
+    course: Course
     mass: float
     max_force: float
     max_torque: float
@@ -112,6 +116,7 @@ def world_of(mission: Mission) -> PlainWorld:
         motion=motion_over(mission.orbit, deputy, (mission.control_period_s,)),
         tick=motion_over(mission.orbit, deputy, (mission.attitude_period_s,)),
         orbit_parts=orbit_parts(mission.orbit, deputy),
+        course=chief_course(mission),
         mass=deputy.mass_kg,
         max_force=deputy.max_force_n,
         max_torque=deputy.max_torque_n_m,

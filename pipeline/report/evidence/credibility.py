@@ -18,6 +18,20 @@ class Factor:
 CAPABILITY, RESULTS = "model capability", "results"
 
 
+def uncertain(conditions: Mapping[str, Any]) -> list[str]:
+    """Name what the flights do not know exactly, besides their starts."""
+    found = [] if conditions["sun"] == "fixed" else ["Sun"]
+    found += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
+    found += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]
+    found += [] if conditions["dynamics"] == "cw" else ["forces beyond the controller's model"]
+    return found + list(conditions["dispersed"])
+
+
+def _listed(words: list[str]) -> str:
+    *all_but_last, last = ["start", *words]
+    return f"{', '.join(all_but_last)} and {last}" if all_but_last else last
+
+
 def factors(evidence: Mapping[str, Any]) -> list[Factor]:
     """Return all factors; levels are for a reviewer to give, and none is claimed."""
     recorded = [one["worst"] for one in evidence["requirements"] if "worst" in one]
@@ -74,8 +88,8 @@ def factors(evidence: Mapping[str, Any]) -> list[Factor]:
         Factor(
             RESULTS,
             "uncertainty characterization",
-            f"one-sided binomial bounds over {num_cases:,} cases for start and Sun",
-            "navigation, thrusters, mass and dynamics are known exactly here: no dispersion of them is flown",
+            f"one-sided binomial bounds over {num_cases:,} cases for {_listed(uncertain(conditions))}",
+            "all else is known exactly here: no error of it is flown",
         ),
         Factor(
             RESULTS,

@@ -29,7 +29,7 @@ def draw(evidence: Mapping[str, Any]) -> str:
         parts += _row(requirement, FIRST_ROW + ROW * row)
     title = f"The argument for {evidence['controller']['name']}, goal by goal"
     return (
-        f'<svg class="argument" viewBox="0 0 {WIDTH} {height}" role="img" aria-labelledby="argument-name">'
+        f'<svg class="argument" viewBox="0 0 {WIDTH} {height}" role="group" aria-labelledby="argument-name">'
         f'<title id="argument-name">{escape(title)}</title>{_heads()}{"".join(parts)}</svg>'
     )
 
@@ -49,9 +49,11 @@ def _top(evidence: Mapping[str, Any]) -> list[str]:
     """Draw the first goal, its contexts and the strategy."""
     conditions = evidence["conditions"]
     near, far = conditions["start_distance_m"]
+    speed = conditions.get("start_speed_m_s", 0.0)
+    moving = f"at up to {speed:g} m/s" if speed else "at rest"
     claim = f"{evidence['controller']['name']} meets the requirements {evidence['name']}"
     worlds = [
-        f"C1: starts at rest, {near:g} to {far:g} m away, Sun {conditions['sun']}, "
+        f"C1: starts {moving}, {near:g} to {far:g} m away, Sun {conditions['sun']}, "
         f"safety {conditions['safety']}, {conditions['duration_s']:g} s",
         "C2: the operational domain: inputs that flights have met"
         if evidence["domain"]

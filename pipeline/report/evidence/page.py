@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pipeline.report.evidence import goal_structure, margins
-from pipeline.report.evidence.credibility import factors
+from pipeline.report.evidence.credibility import factors, uncertain
 from pipeline.run import artifacts
 
 #: ways of verification, as columns are headed
@@ -43,6 +43,7 @@ def write(evidence: Mapping[str, Any]) -> str:
         methods=METHODS,
         css_of=goal_structure.css_of,
         lead=lead(evidence),
+        uncertain=[word for word in uncertain(evidence["conditions"]) if word != "Sun"],
         drawing=Markup(goal_structure.draw(evidence)),  # noqa: S704 - escaped where it is drawn
         domain_words=domain_words(evidence["domain"]) if evidence["domain"] else "",
         factors=factors(evidence),
@@ -145,9 +146,16 @@ def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[tuple[str, str]]:
         ("margin", _quantity(worst["margin"], unit)),
         ("margin of the recording, read back", _quantity(worst["recorded_margin"], unit)),
         ("start, Hill axes", f"({start}) m"),
-        ("Sun at the start", f"{math.degrees(worst['sun_angle_rad']):.2f}°"),
+        ("Sun at the start", _sun(worst)),
+        *((key, f"{value:.6g}") for key, value in worst["settings"].items()),
         ("left the operational domain", f"{left} times" if left else "never"),
     ]
+
+
+def _sun(worst: Mapping[str, Any]) -> str:
+    angle, elevation = math.degrees(worst["sun_angle_rad"]), math.degrees(worst["sun_elevation_rad"])
+    over = f", {elevation:.2f}° over the orbit plane" if elevation else ""
+    return f"{angle:.2f}°{over}".replace("-", "−")
 
 
 def _departure(left: Mapping[str, Any]) -> str:

@@ -186,3 +186,22 @@ def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(packag
     )
     assert package.run(look).stdout.strip() == "7 1 0 6"
     assert package.run(look).stdout.strip() == "7 0 0 6"  # found again
+
+
+def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package: Package) -> None:
+    program = (
+        "import ctypes, signal, time, numba.core.event as event\n"
+        "from kernels.other import double\n"
+        "swallowing = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))\n"
+        "class Listener(event.Listener):\n"
+        "    def on_start(self, event): pass\n"
+        "    def on_end(self, event):\n"
+        "        swallowing()\n"
+        "        for _ in range(600): time.sleep(0.1)\n"
+        "event.register('numba:compile', Listener())\n"
+        "try: double(3)\n"
+        "except KeyboardInterrupt: print('interrupted')"
+    )
+    done = package.run(program)
+    assert done.stdout == "interrupted\n"
+    assert "ignored" not in done.stderr

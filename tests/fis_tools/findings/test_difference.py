@@ -35,6 +35,7 @@ from tests.fis_tools.sample_controllers import (
     general_controller,
     paper_like_controller,
 )
+from tests.policies import check_policy
 
 
 def _with_input(system: FuzzySystem, place: int, variable: Variable) -> FuzzySystem:
@@ -327,6 +328,7 @@ def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
     changed = _with_input(system, 0, replace(system.inputs[0], terms=(*system.inputs[0].terms, nasty)))
     after = replace(controller, name="<b>&", systems=(changed, controller.systems[1]))
     page = difference(controller, after).html
+    check_policy(page)
     tags = _Tags()
     tags.feed(page)
     assert tags.open == []

@@ -55,6 +55,25 @@ def test_analysers_find_nothing(name: str, tmp_path: Path) -> None:
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
+def misra_rules(folder: Path, text: str) -> set[str]:
+    """Return the rules of MISRA C:2012 that cppcheck's addon finds broken."""
+    (folder / "controller.c").write_text(text, encoding="utf-8")
+    words = (program("cppcheck", "cppcheck"), "--std=c99", "--quiet", "--addon=misra", "controller.c")
+    return set(re.findall(r"misra-c2012-([0-9.]+)", run(folder, *words).stderr))
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_no_rule_of_misra_is_broken_but_those_that_the_file_names(name: str, tmp_path: Path) -> None:
+    named = set(re.findall(r"\((\d+\.\d+)\)", " ".join(WRITTEN[name].split("*/")[0].split(" * "))))
+    assert named == {"8.9", "12.1", "15.5"}
+    assert misra_rules(tmp_path, WRITTEN[name]) <= named
+
+
+def test_misras_addon_does_find_something(tmp_path: Path) -> None:
+    text = WRITTEN["ellipse"].replace("const bool is_complete", "const int is_complete")
+    assert "14.4" in misra_rules(tmp_path, text)
+
+
 def test_analysers_do_find_something(tmp_path: Path) -> None:
     """A slip of the pen in the same file, so that silence means something."""
     text = WRITTEN["ellipse"].replace("double inputs_0[3];", "double inputs_0[2];")

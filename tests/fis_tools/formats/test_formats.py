@@ -205,6 +205,16 @@ def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
     assert [row["temperature"] for row in general] == ["", "", "hot", "hot"]
 
 
+def test_csv_has_no_cell_that_a_spreadsheet_runs() -> None:
+    controller = paper_like_controller()
+    first, *others = controller.systems
+    rules = (replace(first.rules[0], label='=HYPERLINK("http://x")'), *first.rules[1:])
+    written = csv_format.write(replace(controller, systems=(replace(first, rules=rules), *others)))
+    assert next(csv.DictReader(io.StringIO(written)))["label"] == '\'=HYPERLINK("http://x")'
+    rows = [["=1+1", "@SUM(A1)", "-cmd", "\t=1", "-1.5e-3", "+inf", "a=b", "", -2]]
+    assert csv_format.rows_as_text(rows) == "'=1+1,'@SUM(A1),'-cmd,'\t=1,-1.5e-3,+inf,a=b,,-2\n"
+
+
 def test_text_numbers_every_sentence() -> None:
     written = printed_text.write(paper_like_controller())
     assert written.count(".\n") == 25 + 45

@@ -535,7 +535,7 @@ def test_as_many_points_as_compile_are_written_and_read() -> None:
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     for name, content, words in (
-        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll, .fml or .xml"),
+        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll, .fml, .xml or .fcl"),
         ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),
         ("large.yaml", b" " * (10 * 1024 * 1024 + 1), "larger than"),
         ("cut.json", b'{"schema": "fuzzy-', "line 1"),

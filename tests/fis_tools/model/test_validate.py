@@ -28,7 +28,6 @@ from fis_tools.model import (
     Sampled,
     SemiEllipse,
     Sigmoid,
-    SigmoidDifference,
     SShape,
     Term,
     Trapezoidal,
@@ -134,10 +133,6 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_membership(ZShape(2.0, 2.0)), ["top, foot", "no width", "trapezoidal"]),
         (_with_membership(PiShape(0.0, 2.0, 1.0, 3.0)), ["left, left_top, right_top, right", "ascend"]),
         (_with_membership(PiShape(0.0, 0.0, 1.0, 3.0)), ["no width"]),
-        (
-            _with_membership(SigmoidDifference(150.0, 1.0, 50.0, 1.0)),
-            ["falls to -1", "make the first sigmoid the higher one"],
-        ),
         (_with_membership(Gaussian(0.0, None)), ["mean, standard_deviation", "finite numbers"]),  # type: ignore[arg-type]
         (_with_membership(Gaussian(0.0, True)), ["mean, standard_deviation", "finite numbers"]),
         (_with_membership(Triangular("a", 1.0, 2.0)), ["left, peak, right", "finite numbers"]),  # type: ignore[arg-type]

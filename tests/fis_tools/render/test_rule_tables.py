@@ -21,6 +21,7 @@ from fis_tools.model import FuzzyController
 from fis_tools.words.ranking import ranked
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
+from tests.policies import check_policy
 
 NASTY = 'a_b & 50 % <i>{x}</i> \\cmd $5^2$ #1 ~ | "q" *'
 VOID = {"meta", "br", "link", "img"}
@@ -125,7 +126,9 @@ def test_text_and_markdown_list_rules_by_importance() -> None:
 
 
 def test_html_tables_are_whole_and_scoped() -> None:
-    page = Page(html.write(paper_like_controller()))
+    written = html.write(paper_like_controller())
+    check_policy(written)
+    page = Page(written)
     assert set(page.heads) == {"row", "col"}
     for rows in page.tables:
         assert len({len(row) for row in rows}) == 1

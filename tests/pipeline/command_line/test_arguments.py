@@ -6,7 +6,15 @@ import pytest
 
 from pipeline.command_line.arguments import read_arguments
 from pipeline.command_line.config import compose_jobs
-from pipeline.command_line.overrides import ConfigError, check_sweeps, parse, single_runs
+from pipeline.command_line.overrides import (
+    ConfigError,
+    check_sweeps,
+    differences_of,
+    folder_names,
+    parse,
+    rewrite_paths,
+    single_runs,
+)
 
 GROUPS = {"sun": ["fixed", "mixed", "random"]}
 
@@ -38,6 +46,31 @@ def test_a_sweep_is_every_value_with_every_other() -> None:
     assert list(single_runs(parse(["seed=range(1,3)"]), {})) == [["seed=1"], ["seed=2"]]
 
 
+def test_folders_of_a_sweep_are_named_by_what_differs() -> None:
+    words = [
+        "+experiment=evaluate",
+        "seed=1,2",
+        "controller=x/a b.json,y/a b.json",
+        "monte_carlo.num_cases=9",
+    ]
+    differing = differences_of(parse(rewrite_paths(words)), {})
+    assert differing[1] == {"seed": "1", "controller": "y/a b.json"}
+    assert len(differing) == len(list(single_runs(parse(rewrite_paths(words)), {}))) == 4
+    names = folder_names(differing)
+    assert names[0] == "seed=1+controller=a-b.json"
+    assert len(set(names)) == 4  # also those whose words are the same
+    assert folder_names([{}]) == ["0"]
+    assert rewrite_paths(["hydra.run.dir=out/seed=1"]) == ["hydra.run.dir='out/seed=1'"]
+
+
+def test_two_runs_are_compared_by_their_folders() -> None:
+    asked = read_arguments(["compare=outputs/a,outputs/b"])
+    assert asked.compare == (Path("outputs/a"), Path("outputs/b"))
+    assert read_arguments(["compare=default"]).compare is None
+    with pytest.raises(ConfigError, match="takes nothing else"):
+        read_arguments(["compare=a,b", "seed=1"])
+
+
 def test_an_interval_is_no_sweep() -> None:
     with pytest.raises(ConfigError, match=r"seed=interval\(1,2\) is an interval"):
         check_sweeps(parse(["seed=interval(1,2)"]), is_multirun=True)
@@ -45,10 +78,11 @@ def test_an_interval_is_no_sweep() -> None:
 
 def test_the_runs_of_a_sweep_lie_side_by_side() -> None:
     words = ["+experiment=fly", "controller=coast"]
-    one, other = compose_jobs([[*words, "seed=1"], [*words, "seed=2"]], is_sweep=True)
+    one, other = compose_jobs([[*words, "seed=1"], [*words, "seed=2"]], names=["seed=1", "a b"])
     assert one.folder.parent == other.folder.parent
     assert one.folder.parts[:2] == ("outputs", "fly-sweep")
-    assert (one.folder.name, other.folder.name) == ("0", "1")
+    assert (one.folder.name, other.folder.name) == ("seed=1", "a b")
+    assert one.sweep_folder == one.folder.parent
     (alone,) = compose_jobs([[*words, "hydra.run.dir=a/b"]])
     assert alone.folder == Path("a/b")
     assert "hydra" not in alone.config

@@ -67,7 +67,7 @@ MISTAKES = [
     ([*FLY, "--multrun"], "there is no option --multrun; did you mean --multirun?"),
     ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
-    (["check", "x"], "there is no subcommand check (verify is the only one)"),
+    (["check", "x"], "there is no subcommand check (there are summary and verify)"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "deputy.mass_kg=nan"], "deputy.mass_kg is nan; it must be a finite number"),

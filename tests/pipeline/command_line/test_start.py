@@ -39,6 +39,21 @@ def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
     assert done.stdout == "2 []\n"
 
 
+def test_ctrl_c_while_the_program_is_loaded_ends_in_a_sentence(tmp_path):
+    code = (
+        "import sys\n"
+        "from pipeline.__main__ import main\n"
+        "class Stopping:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'hydra': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Stopping())\n"
+        "sys.exit(main())"
+    )
+    done = run_python("-c", code, folder=tmp_path, path=maker.SOURCES)
+    assert done.returncode == 130
+    assert done.stderr == "\ninterrupted before anything was done; nothing to keep\n"
+
+
 @pytest.mark.slow
 def test_it_runs_where_conf_lies_inside_the_package(tmp_path):
     for package in ("pipeline", "fis_tools", "telemetry"):

@@ -5,7 +5,8 @@ import logging
 import numpy as np
 import pytest
 
-from pipeline.controllers.source import load, read_forces
+from pipeline.controllers.played import read_played
+from pipeline.controllers.source import load
 from pipeline.flight.controller import ControllerError
 from pipeline.settings.schema import experiment_from
 from tests.pipeline.command_line.cases import plain_config
@@ -31,7 +32,7 @@ def test_a_table_of_forces(tmp_path, caplog):
 def test_a_table_without_rows_is_a_flight_without_force(tmp_path):
     path = tmp_path / "plan.csv"
     path.write_text(HEADER)
-    assert read_forces(path, MISSION).shape == (0, 3)
+    assert read_played(path, MISSION).plan.shape == (0, 3)
 
 
 @pytest.mark.parametrize(
@@ -44,9 +45,9 @@ def test_a_table_without_rows_is_a_flight_without_force(tmp_path):
             "data row 2 has time_s 20, expected 10; give one row for each control",
         ),
         (HEADER + "5,0,0,0\n", "data row 1 has time_s 5, expected 0"),
-        (HEADER + "0,0,0\n", "line 2 is '0,0,0'; write four finite numbers"),
-        (HEADER + "0,0,zero,0\n", "line 2 is '0,0,zero,0'; write four numbers"),
-        (HEADER + "0,0,nan,0\n", "write four finite numbers"),
+        (HEADER + "0,0,0\n", "line 2 is '0,0,0'; write 4 finite numbers"),
+        (HEADER + "0,0,zero,0\n", "line 2 is '0,0,zero,0'; write 4 finite numbers"),
+        (HEADER + "0,0,nan,0\n", "write 4 finite numbers"),
         (
             HEADER + "".join(f"{10 * k},0,0,0\n" for k in range(361)),
             "has 361 rows, the flight 360 control periods",
@@ -57,11 +58,11 @@ def test_tables_that_cannot_be_flown(content, message, tmp_path):
     path = tmp_path / "plan.csv"
     path.write_text(content)
     with pytest.raises(ControllerError, match=message):
-        read_forces(path, MISSION)
+        read_played(path, MISSION)
 
 
 def test_a_table_that_is_no_text(tmp_path):
     path = tmp_path / "plan.csv"
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ControllerError, match="cannot be read"):
-        read_forces(path, MISSION)
+        read_played(path, MISSION)

@@ -49,6 +49,16 @@ FIXES = {
 }
 REAL = {"kind": "real", "scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.02}
 
+LOW_ORBIT = {
+    "model": "two_body",
+    "eccentricity": 0.02,
+    "inclination_deg": 51.6,
+    "latitude_argument_deg": 30.0,
+    "j2": 1.08262668e-3,
+    "drag_m_s2": 3e-7,
+    "radiation_m_s2": 1e-7,
+}
+
 #: some forces beyond the thruster's, and fewer than the flight has periods
 PLAN = open_loop("plan", np.random.default_rng(1).normal(0.0, [0.02, 0.5, 0.01], (300, 3)))
 
@@ -56,6 +66,17 @@ FLOWN = {
     "paper": (mission(), STEERING, STARTS),
     "clusters": (mission(guidance={"kind": "clusters"}), STEERING, STARTS),
     "full inertia": (mission(deputy={"inertia_kg_m2": FULL_INERTIA}), STEERING, STARTS),
+    "a start that turns, full inertia": (
+        mission(
+            deputy={
+                "inertia_kg_m2": FULL_INERTIA,
+                "initial_quaternion": (0.5, -0.1, 0.5, 0.7),
+                "initial_angular_velocity_rad_s": (0.02, -0.05, 0.03),
+            }
+        ),
+        STEERING,
+        STARTS,
+    ),
     "light ball": (mission(deputy={"inertia_kg_m2": ball(0.05)}), STEERING, STARTS),
     "ball that is sometimes fast": (mission(deputy={"inertia_kg_m2": ball(0.4)}), STEERING, STARTS),
     "heavy ball": (mission(deputy={"inertia_kg_m2": ball(2.0)}), STEERING, STARTS),
@@ -133,6 +154,11 @@ POINTED = {
     "safety layer, a few forces changed": (guarded(PASSIVE), STEERING, [*STARTS, *starts_at_rest(3, 47)]),
     "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),
     "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS),
+    "about the oblate Earth, in and out of its shadow": (
+        mission(attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}),
+        STEERING,
+        STARTS,
+    ),
     "another camera": (mission(attitude=IDEAL, sensor={"boresight": (-0.8, 0.6, 0.0)}), STEERING, STARTS),
 }
 

@@ -29,7 +29,7 @@ def wait(sun_deg, duration_s=100.0, mission=IDEAL, half_angle_deg=80.0):
     )
     plan = np.zeros((mission.num_controls, 3))
     scenario = Scenario(AHEAD, np.zeros(3), np.radians(sun_deg))
-    return fly(mission, scenario, channels_of((), plan=forced(plan)), inference_of(()))
+    return fly(mission, scenario, channels_of((), "hill", forced(plan)), inference_of(()))
 
 
 def counted(dark_up_to_deg):

@@ -148,7 +148,7 @@ def test_a_plan_is_played_to_its_end_and_clipped(complete_flight):
     plan = np.zeros((360, 3))
     plan[:, 1] = 1.5 * np.sin(np.arange(360))
     mission = replace(IDEAL, sensor=replace(PAPER.sensor, half_angle_deg=89.0))
-    log = fly(mission, BEHIND, channels_of((), plan=forced(plan)), inference_of(()))
+    log = fly(mission, BEHIND, channels_of((), "hill", forced(plan)), inference_of(()))
     np.testing.assert_array_equal(log.force_hill_n, np.clip(plan, -1.0, 1.0))
     assert not log.is_decided.any()
     assert log.fis_output_n.shape == (360, 0)
@@ -174,7 +174,7 @@ def test_a_tumbling_chief_turns_its_points_and_nothing_else():
     chief = replace(PAPER.chief, initial_angular_velocity_rad_s=(0.0, 0.0, MEAN_MOTION + np.pi / 2 / 100.0))
     plan = np.zeros((10, 3))
     logs = [
-        fly(mission, BEHIND, channels_of((), plan=forced(plan)), inference_of(()))
+        fly(mission, BEHIND, channels_of((), "hill", forced(plan)), inference_of(()))
         for mission in (replace(PAPER, duration_s=100.0), replace(PAPER, duration_s=100.0, chief=chief))
     ]
     for name in ("position_m", "quaternion_b_from_h", "sun_angle_rad"):
@@ -193,7 +193,7 @@ def test_pole_blending_turns_less_over_a_pole():
         fly(
             replace(PAPER, duration_s=600.0, attitude=replace(PAPER.attitude, pole_blending=blending)),
             Scenario(np.array([-12.0, 0.3, 70.0]), np.array([0.1, 0.0, 0.0]), 0.0),
-            channels_of((), plan=forced(np.zeros((60, 3)))),
+            channels_of((), "hill", forced(np.zeros((60, 3)))),
             inference_of(()),
         )
         for blending in (False, True)
@@ -211,7 +211,7 @@ def test_pole_blending_turns_less_over_a_pole():
 def test_other_attitude_clocks_fly_much_the_same(period):
     """Slower ticks hold their torque longer but are integrated in steps of a second."""
     mission = replace(SHORT, deputy=replace(PAPER.deputy, inertia_kg_m2=FULL_INERTIA))
-    plan = channels_of((), plan=forced(np.zeros((20, 3))))
+    plan = channels_of((), "hill", forced(np.zeros((20, 3))))
     log = fly(mission, TOWARDS_THE_POLE, plan, inference_of(()))
     other = fly(replace(mission, attitude_period_s=period), TOWARDS_THE_POLE, plan, inference_of(()))
     assert other.torque_b_n_m.shape == (20, round(10.0 / period), 3)

@@ -145,3 +145,16 @@ def test_a_sun_that_is_drawn_has_an_elevation_from_its_range() -> None:
     mixed = replace(tilted, mode="mixed", elevation_deg=5.0)
     assert np.degrees(draw(3, EVALUATION, 2, (50.0, 100.0), mixed).sun_elevation_rad) == 5.0
     assert draw(3, EVALUATION, 3, (50.0, 100.0), mixed).sun_elevation_rad == drawn[3].sun_elevation_rad
+
+
+def test_starts_that_move_stand_where_those_at_rest_do() -> None:
+    """Speeds are uniform and directions isotropic, drawn beside everything else."""
+    moving = evaluation_scenarios(replace(PAPER, num_cases=400, max_speed_m_s=0.3), RANDOM, 1)
+    resting = evaluation_scenarios(replace(PAPER, num_cases=400), RANDOM, 1)
+    np.testing.assert_array_equal(positions(moving), positions(resting))
+    assert suns(moving).tolist() == suns(resting).tolist()
+    velocities = np.array([start.velocity_m_s for start in moving])
+    speeds = np.linalg.norm(velocities, axis=1)
+    assert stats.kstest(speeds, "uniform", (0.0, 0.3)).pvalue > 0.01
+    for axis in range(3):  # Archimedes: a component of an isotropic direction is uniform
+        assert stats.kstest(velocities[:, axis] / speeds, "uniform", (-1.0, 2.0)).pvalue > 0.01

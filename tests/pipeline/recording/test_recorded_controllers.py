@@ -104,7 +104,9 @@ def test_open_loop(tmp_path):
         found.values("/deputy/control", "force_body_n"), attitude.inv().apply(asked), atol=1e-14
     )
     assert found.values("/mission", "delta_v_m_s")[-1] == pytest.approx(1.75 * 10.0 / 12.0, rel=1e-15)
-    assert json.loads(found.attachments["controller.json"]) == {"kind": "open_loop", "name": "table"}
+    told = json.loads(found.attachments["controller.json"])
+    assert (told["kind"], told["name"], told["force_axes"]) == ("open_loop", "table", "hill")
+    assert_array_equal(told["forces_n"], plan)
 
 
 def test_coast(tmp_path):

@@ -1,6 +1,7 @@
 """Who made a run: several makers are all named, and told; and what its files were is checked."""
 
 import json
+import shutil
 
 import pytest
 
@@ -48,7 +49,9 @@ def test_the_same_maker_is_named_once_and_nothing_is_told(folder, monkeypatch, c
     assert "another maker" not in capsys.readouterr().err
     manifest = artifacts.read_manifest(folder)
     assert len(manifest["makers"]) == 1
-    assert set(manifest["makers"][0]["processor"]) == {"machine", "compiled_for", "features", "libm", "blas"}
+    assert set(manifest["makers"][0]["processor"]) == {
+        *("machine", "compiled_for", "features", "libm", "numpy", "blas", "reproducible")
+    }
     assert manifest["made_by"]["evaluate"] == [0]
 
 
@@ -82,7 +85,32 @@ def test_verify_tells_each_file_that_is_not_what_was_written(folder, monkeypatch
     assert "more.txt is not in the manifest" in told
 
 
-@pytest.mark.parametrize("words", [["verify"], ["verify", "a", "b"], ["verify", "nowhere"]])
-def test_verify_takes_one_run(words, capsys):
+def test_two_runs_are_compared_with_what_may_make_them_differ(folder, tmp_path, monkeypatch, capsys):
+    use_stages(monkeypatch)
+    assert main([f"resume={folder}"]) == 0
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    capsys.readouterr()
+    assert main(["verify", str(folder), str(other)]) == 0
+    assert capsys.readouterr().out == "files: 4 equal to the last bit\n"
+    manifest = json.loads((other / artifacts.MANIFEST).read_text())
+    manifest["makers"][0]["processor"] |= {"libm": "glibc 2.99 with fma", "compiled_for": "znver9"}
+    manifest["sha256"] |= {"evaluate.txt": "0", "more.txt": "0"}
+    (other / artifacts.MANIFEST).write_text(json.dumps(manifest))
+    config = artifacts.read_config(other)
+    artifacts.write_config(other, {**config, "seed": 5})
+    assert main(["verify", str(folder), str(other)]) == 1
+    libm = present_maker()["processor"]["libm"]
+    assert capsys.readouterr().out.splitlines() == [
+        "configuration: seed (here 1, there 5)",
+        "files: 3 equal to the last bit",
+        "  evaluate.txt differs",
+        "  more.txt is in one of them alone",
+        f"makers differ (libm {libm}, now glibc 2.99 with fma): results may differ in the last digits",
+    ]
+
+
+@pytest.mark.parametrize("words", [["verify"], ["verify", "a", "b", "c"], ["verify", "nowhere"]])
+def test_verify_takes_a_run_or_two(words, capsys):
     assert main(words) == 2
     assert capsys.readouterr().err.startswith("error: ")

@@ -60,12 +60,13 @@ def test_a_sweep_makes_a_folder_for_each_run(monkeypatch):
     called = use_stages(monkeypatch)
     assert main(["-m", *EVALUATE, "seed=1,2", "sun=fixed,random"]) == 0
     sweep = run_folder("evaluate-sweep")
-    assert sorted(path.name for path in sweep.iterdir() if path.is_dir()) == ["0", "1", "2", "3"]
+    names = [f"seed={seed}+sun={sun}" for seed in (1, 2) for sun in ("fixed", "random")]
+    assert sorted(path.name for path in sweep.iterdir() if path.is_dir()) == names
     seen = {(experiment.seed, experiment.sun.mode) for _, experiment, _ in called}
     assert seen == {(1, "fixed"), (1, "random"), (2, "fixed"), (2, "random")}
     assert len(called) == 16
-    for index in range(4):
-        manifest = artifacts.read_manifest(sweep / str(index))
+    for name in names:
+        manifest = artifacts.read_manifest(sweep / name)
         assert manifest["finished_stages"] == STAGES
 
 
@@ -251,15 +252,15 @@ def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, capsys
     use_stages(monkeypatch)
     sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]
     assert main([*sweep, "seed=1,2"]) == 0
-    before = {path: path.read_bytes() for path in Path("sweep").glob("?/[a-z]*.*")}
+    before = {path: path.read_bytes() for path in Path("sweep").glob("seed=?/[a-z]*.*")}
     called = use_stages(monkeypatch)
     capsys.readouterr()
-    assert main([*sweep, "seed=3,2"]) == 2
+    assert main([*sweep, "seed=2,3", "duration_s=1800"]) == 2
     told = capsys.readouterr().err
-    assert f"{Path('sweep', '0')} holds another run; choose another hydra.run.dir" in told
-    assert f"resume={Path('sweep', '0')}" in told
-    assert [experiment.seed for _, experiment, _ in called] == [2]
-    assert all(path.read_bytes() == before[path] for path in before if path.parent.name == "0")
+    assert f"{Path('sweep', 'seed=2')} holds another run; choose another hydra.run.dir" in told
+    assert f"resume={Path('sweep', 'seed=2')}" in told
+    assert [experiment.seed for _, experiment, _ in called] == [3]
+    assert all(path.read_bytes() == content for path, content in before.items())
 
 
 def test_a_run_is_not_put_where_the_files_of_another_lie(monkeypatch, capsys):

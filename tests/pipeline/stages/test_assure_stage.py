@@ -1,21 +1,24 @@
 """Evidence in miniature: its files, that its parts agree, and that the page says no more than it."""
 
-import base64
 import hashlib
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from playwright.sync_api import Page
 
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.claims import judge
 from pipeline.report.evidence import page
 from pipeline.run import artifacts
+from tests.browser import serious_violations
+from tests.policies import check_policy, source_hash
 
 SMALL = (
     "controller=champion_any_sun",
@@ -102,11 +105,8 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(
 ) -> None:
     text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
     assert text == page.write(evidence)
-    style = re.search(r"<style>(.*?)</style>", text, re.DOTALL)
-    assert style is not None
-    digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
-    assert f"style-src &#39;sha256-{digest}" in text or f"style-src 'sha256-{digest}'" in text
-    assert "default-src 'none'" in text
+    check_policy(text)
+    assert f"style-src '{source_hash(re.findall(r'<style>(.*?)</style>', text, re.DOTALL)[0])}'" in text
     assert not re.search(r"<script|<link|style=\"|src=|https?:", text)
     ids = re.findall(r'\bid="([^"]+)"', text)
     assert len(ids) == len(set(ids))
@@ -151,3 +151,12 @@ def test_a_controller_without_systems_has_no_domain(tmp_path: Path) -> None:
     assert told["domain"] is None
     assert not (tmp_path / "run" / artifacts.DOMAIN).exists()
     assert {one["id"]: one["verdict"] for one in told["requirements"]}["R8"] == "not shown"
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious_on_the_page(
+    assured: Path, opened: Callable[..., Page], axe: str, width: int, scheme: str
+) -> None:
+    text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
+    assert serious_violations(opened(text, width=width, color_scheme=scheme), axe) == []

@@ -11,6 +11,7 @@ import telemetry
 from telemetry import RecordingError
 from telemetry.file import topics
 from telemetry.file.tables import Format, export
+from tests.telemetry import synthetic_flight
 from tests.telemetry.full_disk import fill_disk
 from tests.telemetry.synthetic_flight import SyntheticFlight
 
@@ -107,3 +108,13 @@ def test_a_table_has_its_name_only_once_it_is_complete(
 def test_a_name_tells_its_unit(field: str, unit: str) -> None:
     assert topics.unit_of(field) == unit
     assert field.endswith(topics.suffix_of(unit))
+
+
+def test_csv_has_no_cell_that_a_spreadsheet_runs(short_flight: SyntheticFlight, tmp_path: Path) -> None:
+    told = {"metadata": synthetic_flight.metadata(short_flight), "attachments": {}}
+    with telemetry.EpisodeWriter(tmp_path / "flight.mcap", **told) as writer:
+        writer.log(0.0, "info", "=HYPERLINK(1)")
+        writer.log(1.0, "info", "near the limit")
+    export(telemetry.read(tmp_path / "flight.mcap"), tmp_path / "tables", "csv")
+    table = pyarrow.csv.read_csv(tmp_path / "tables" / "log.csv")
+    assert table["message"].to_pylist() == ["'=HYPERLINK(1)", "near the limit"]

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -253,12 +255,14 @@ def test_viewer_listens_to_this_machine_alone(
 ) -> None:
     commands: list[list[str]] = []
 
-    def call(command: list[str]) -> int:
+    @contextmanager
+    def running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
         commands.append(command)
         assert Path(command[-1]).stat().st_size > 10_000
-        return 0
+        with subprocess.Popen([sys.executable, "-c", ""]) as process:
+            yield process
 
-    monkeypatch.setattr("telemetry.scene.viewer.subprocess.call", call)
+    monkeypatch.setattr("telemetry.scene.viewer._running", running)
     monkeypatch.setenv("DISPLAY", ":0")
     viewer.show(replay.scene([short_file]), in_browser=in_browser)
     (command,) = commands
@@ -267,7 +271,7 @@ def test_viewer_listens_to_this_machine_alone(
 
 
 def test_a_viewer_that_fails_is_said(short_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("telemetry.scene.viewer.subprocess.call", lambda _command: 1)
+    monkeypatch.setattr("telemetry.scene.viewer._RERUN", ("false",))
     with pytest.raises(RecordingError, match="ended with exit code 1"):
         viewer.show(replay.scene([short_file]), in_browser=True)
 

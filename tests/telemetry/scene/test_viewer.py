@@ -191,19 +191,24 @@ def test_nothing_of_a_viewer_is_left_behind() -> None:
 
 
 @pytest.mark.parametrize("arguments", [["replay", "FLIGHT"], ["training", "RUN", "--follow"]])
-def test_web_listens_to_this_machine_alone(arguments: list[str], flight_file: Path, run: Path) -> None:
+def test_web_listens_to_this_machine_alone_and_ends_in_order(
+    arguments: list[str], flight_file: Path, run: Path, tmp_path: Path
+) -> None:
     places = {"FLIGHT": str(flight_file), "RUN": str(run)}
     command = [sys.executable, "-m", "telemetry", *(places.get(word, word) for word in arguments), "--web"]
     # a browser that opens nothing
-    environment = {**os.environ, "BROWSER": "true"}
+    environment = {**os.environ, "BROWSER": "true", "TMPDIR": str(tmp_path)}
     with subprocess.Popen(command, cwd=PROJECT, env=environment, **QUIET) as process:  # noqa: S603
         try:
             listening = _await_listeners(process.pid, 2)
         finally:
-            for child in psutil.Process(process.pid).children(recursive=True):
-                child.terminate()
-            process.wait(60)
+            children = psutil.Process(process.pid).children(recursive=True)
+            process.terminate()
+            code = process.wait(60)
     assert {address for address, _ in listening} == {"127.0.0.1"}
+    assert code == 143
+    assert psutil.wait_procs(children, 60)[1] == []
+    assert list(tmp_path.glob("tmp*")) == []
 
 
 def _await_listeners(pid: int, count: int) -> list[tuple[str, int]]:

@@ -65,6 +65,21 @@ def test_the_layer_proves_what_follows_from_its_spheres():
     assert not replace(proof, is_on=False).proves(parse("always (distance >= 15 m)", UNITS))
 
 
+@pytest.mark.parametrize(
+    "override",
+    [
+        "navigation=fixes",
+        "actuators=real",
+        "dynamics=two_body",
+        "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}",
+    ],
+)
+def test_the_layer_proves_nothing_of_flights_with_errors(override: str):
+    proof = safety_proof(experiment("safety=filter", override).mission, scenarios(2))
+    assert (proof.num_safe, proof.is_exact) == (2, False)
+    assert not proof.proves(parse("always (distance >= 15 m)", UNITS))
+
+
 def test_starts_that_are_not_safe_states_are_told():
     mission = experiment("safety=filter").mission
     at_rest = np.zeros(3)

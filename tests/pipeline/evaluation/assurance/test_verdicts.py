@@ -19,7 +19,7 @@ REQUIREMENT = Requirement(
     0.99,
     0.9,
 )
-LAYER = SafetyProof(True, 16.0, 198.0, 1000, 1000)
+LAYER = SafetyProof(True, True, 16.0, 198.0, 1000, 1000)
 OFF = replace(LAYER, is_on=False)
 
 

@@ -1,0 +1,95 @@
+"""Faults of a machine, really brought about: full disks, folders that go, memory that runs out, signals."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+#: bytes that a process may still take once its memory runs out
+LAST_BYTES: Final = 8 * 1024**2
+
+
+def may_mount() -> bool:
+    """Tell whether a disk of one's own can be made here."""
+    return os.geteuid() == 0 and shutil.which("mount") is not None and _mount("--version")
+
+
+def _mount(*words: str) -> bool:
+    command = ["mount", *words]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0  # noqa: S603
+
+
+@contextmanager
+def small_disk(folder: Path, kibibytes: int) -> Iterator[Callable[[str], bool]]:
+    """Make a folder a disk of its own, in memory.
+
+    Yields
+    ------
+    callable
+        Changes it: ``size=64m`` makes room, ``ro`` lets nobody open a file to write to, ``rw`` ends that;
+        tells whether it could be done.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if not _mount("-t", "tmpfs", "-o", f"size={kibibytes}k,mode=700", "tmpfs", str(folder)):
+        raise OSError(f"{folder} cannot be a disk")
+    try:
+        yield partial(_change, str(folder))
+    finally:
+        while _unmount(str(folder)):
+            pass
+
+
+def _change(folder: str, option: str) -> bool:
+    if option == "ro":  # by a second way to it: the disk itself has files that are open
+        return _mount("--bind", folder, folder) and _mount("-o", "remount,bind,ro", folder)
+    if option == "rw":
+        return not os.statvfs(folder).f_flag & os.ST_RDONLY or _unmount(folder)
+    return _mount("-o", f"remount,{option}", folder)
+
+
+def _unmount(folder: str) -> bool:
+    command = ["umount", "-l", folder]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0  # noqa: S603
+
+
+def take_memory(pid: int) -> None:
+    """Let a process take next to no more memory than it has."""
+    with suppress(OSError, IndexError):
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[0])
+        most = pages * resource.getpagesize() + LAST_BYTES
+        resource.prlimit(pid, resource.RLIMIT_AS, (most, most))
+
+
+def take_folder(folder: Path) -> None:
+    """Delete a folder that may be in use."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def send(number: signal.Signals) -> Callable[[int], None]:
+    """Return what sends a signal to the group of a process."""
+
+    def sent(pid: int) -> None:
+        with suppress(ProcessLookupError):
+            os.killpg(pid, number)
+
+    return sent
+
+
+#: what is done to a process at some moment
+SIGNALS: Final[Mapping[str, Callable[[int], None]]] = {
+    "SIGKILL": send(signal.SIGKILL),
+    "SIGTERM": send(signal.SIGTERM),
+    "Ctrl-C": send(signal.SIGINT),
+    "no memory": take_memory,
+}

@@ -1,0 +1,97 @@
+"""Files of up to 10 MB that readers are slow at or that grow in memory: what was found, made again.
+
+Each is for a reader of `benchmarks.readers`, by its name.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+SIZE: Final = 10_000_000
+
+
+def _filled(before: bytes, piece: bytes, after: bytes = b"") -> bytes:
+    """Repeat a piece until the file is as large as it may be."""
+    return before + piece * ((SIZE - len(before) - len(after)) // len(piece)) + after
+
+
+def _sparse_archive() -> bytes:
+    """Return an archive of a few megabytes with an array of 1 GB in it, as checkpoints are."""
+    array, sink = io.BytesIO(), io.BytesIO()
+    header = {"descr": "<f8", "fortran_order": False, "shape": (2**27,)}
+    np.lib.format.write_array_header_1_0(array, header)
+    with (
+        zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("a.npy", "w") as entry,
+    ):
+        entry.write(array.getvalue())
+        for _ in range(64):
+            entry.write(bytes(2**24))
+    return sink.getvalue()
+
+
+def _repeated_numbers() -> bytes:
+    """Return a table of less than a megabyte with a hundred million equal numbers in it."""
+    sink = io.BytesIO()
+    names = ("case", "sample", "position_x_m", "position_y_m", "position_z_m")
+    part = pa.table({name: np.zeros(2**20) for name in names})
+    with pq.ParquetWriter(sink, part.schema) as writer:
+        for _ in range(20):
+            writer.write_table(part)
+    return sink.getvalue()
+
+
+def _rules_of_a_missing_term(sample: bytes) -> bytes:
+    tree = json.loads(sample)
+    rules = tree["systems"][0]["rules"]
+    tree["systems"][0]["rules"] = [json.loads(json.dumps(rules[0]).replace("IS ", "IS no"))] * 40_000
+    return json.dumps(tree).encode()[:SIZE]
+
+
+def _many_points(sample: bytes) -> bytes:
+    tree = json.loads(sample)
+    variable = tree["systems"][0]["inputs"][0]
+    variable["terms"] *= 20_000 // len(variable["terms"])
+    return json.dumps(tree).encode()[:SIZE]
+
+
+#: reader, name, and what makes the file from an intact one
+GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
+    **{
+        (reader, "digits and a letter"): lambda sample: _filled(sample, b"9", b"x")
+        for reader in (
+            *("fis", "fll", "fml", "fcl", "json", "yaml", "forces", "conditions", "settings", "run"),
+            *("starts", "requirements"),
+        )
+    },
+    **{
+        (reader, "lines again"): lambda sample: _filled(b"", sample + b"\n")
+        for reader in ("fis", "fll", "fml", "fcl", "yaml", "conditions", "run", "starts", "requirements")
+    },
+    **{
+        (reader, "bottomless"): lambda _sample: _filled(b"", b"[")
+        for reader in ("json", "yaml", "fis", "fll", "fcl", "conditions", "settings", "run", "requirements")
+    },
+    ("json", "keys again"): lambda _sample: _filled(b"{", b'"name":0,', b'"name":0}'),
+    ("json", "rules of a missing term"): _rules_of_a_missing_term,
+    ("json", "many terms"): _many_points,
+    ("yaml", "flow lists"): lambda _sample: _filled(b"systems: [", b"[],", b"[]]"),
+    ("run", "flow lists"): lambda _sample: _filled(b"systems: [", b"[],", b"[]]"),
+    ("fml", "elements"): lambda _sample: _filled(b"<fuzzySystem>", b"<a>", b""),
+    ("fml", "entities"): lambda _sample: (
+        b'<!DOCTYPE x [<!ENTITY a "' + b"a" * 100_000 + b'">]><fuzzySystem>' + b"&a;" * 100_000
+    ),
+    ("forces", "rows"): lambda sample: _filled(sample, b"1e3,0,0,0\n"),
+    ("conditions", "and"): lambda _sample: _filled(b"distance > 1", b" and distance > 1"),
+    ("conditions", "not"): lambda _sample: _filled(b"", b"not ", b"distance > 1"),
+    ("checkpoint", "sparse"): lambda _sample: _sparse_archive(),
+    ("table", "repeated numbers"): lambda _sample: _repeated_numbers(),
+    ("recording", "zeros"): lambda sample: sample[: len(sample) // 2] + bytes(SIZE - len(sample)),
+    ("recording", "again"): lambda sample: _filled(b"", sample),
+}  # fmt: skip

@@ -1,0 +1,108 @@
+"""What a control step takes: by part, and of every shipped controller, beside the readable flight.
+
+The readable flight is compiled as well, written plainly, and hardly ever changed. How many times as fast a
+flight is says more about the code than nanoseconds do, which depend on the machine and on who else uses it.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from benchmarks.timing import best_cpu_seconds, line
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
+from pipeline.flight.reference.channels import channels_of
+from pipeline.flight.reference.loop import fly, inference_of
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.starts import evaluation_scenarios
+
+STORED = Path(__file__).with_name("ratios.json")
+#: a ratio that falls by more than this share of the stored one is named
+TOLERANCE = 0.05
+#: flights of the readable loop, which takes longer
+PLAIN_FLIGHTS = 12
+FLIGHTS = (
+    ("controller=paper_champion",),
+    ("controller=paper_champion", "guidance=clusters"),
+    ("controller=paper_champion", "safety=filter"),
+    ("controller=paper_octants",),
+    ("controller=champion_27", "sun=random"),
+    ("controller=champion_27", "sun=random", "safety=filter"),
+    ("controller=champion_27_fixed_sun",),
+    ("controller=champion_81", "sun=random"),
+    ("controller=champion_any_sun", "sun=random"),
+    ("controller=champion_any_sun", "sun=random", "safety=filter"),
+    ("controller=champion_fixed_sun",),
+    ("controller=lqr", "sun=random"),
+)
+
+
+def run(num_flights: int, *, stores: bool = False) -> list[str]:
+    """Print all figures; return the flights that became slower than stored, beside the readable one."""
+    print(f"Steps: one thread, {num_flights} flights each, no coasting when complete")
+    plain = readable_seconds()
+    line("the readable flight of paper_champion, nanoseconds a step", f"{1e9 * plain:,.0f}")
+    print_parts(num_flights)
+    stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
+    ratios, slower = {}, []
+    for overrides in FLIGHTS:
+        name = " ".join(overrides)
+        seconds = step_seconds(overrides, num_flights)
+        ratios[name] = round(plain / seconds, 2)
+        told = f"{1e9 * seconds:,.0f} ns, {ratios[name]:.2f} times as fast as the readable flight"
+        if name in stored:
+            told += f" (stored: {stored[name]:.2f})"
+            if ratios[name] < (1.0 - TOLERANCE) * stored[name]:
+                slower.append(name)
+        line(name, told)
+    if stores:
+        STORED.write_text(json.dumps(ratios, indent=2) + "\n", encoding="utf-8")
+    for name in slower:
+        print(f"  slower by more than {100 * TOLERANCE:.0f} %: {name}")
+    return slower
+
+
+def print_parts(num_flights: int) -> None:
+    """Print what parts of a step take, as differences between flights that have them and that do not."""
+    plain = step_seconds(("controller=coast",), num_flights)
+    inferred = step_seconds(("controller=paper_champion",), num_flights)
+    guided = step_seconds(("controller=paper_champion", "guidance=clusters"), num_flights)
+    guarded = step_seconds(("controller=paper_champion", "safety=filter"), num_flights)
+    for words, seconds in (
+        ("sense the points, aim, turn and move (coast)", plain),
+        ("infer 75 rules besides (paper_champion)", inferred - plain),
+        ("guide by clusters in place of the centroid", guided - inferred),
+        ("keep to the safety layer", guarded - inferred),
+    ):
+        line(words, f"{1e9 * seconds:,.0f} ns")
+
+
+def step_seconds(overrides: Sequence[str], num_flights: int) -> float:
+    """Return the processor time of a control step on one thread, the best of some repeats, s."""
+    experiment = compose_experiment(
+        ["+experiment=evaluate", "coast_when_complete=false", *overrides]
+    ).experiment
+    mission = experiment.mission
+    controller = source.load(experiment.controller, mission)
+    cases = replace(experiment.monte_carlo, num_cases=num_flights)
+    scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+    seconds = best_cpu_seconds(lambda: fly_all(mission, controller, scenarios, workers=1), repeats=8)
+    return seconds / (num_flights * mission.num_controls)
+
+
+def readable_seconds() -> float:
+    """Return the same for the readable flight of `paper_champion`."""
+    overrides = ["+experiment=evaluate", "coast_when_complete=false", "controller=paper_champion"]
+    experiment = compose_experiment(overrides).experiment
+    mission = experiment.mission
+    controller = source.load(experiment.controller, mission)
+    channels = channels_of(controller.systems, controller.force_axes)
+    infer = inference_of(controller.systems)
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)[:PLAIN_FLIGHTS]
+
+    def fly_plainly() -> None:
+        for scenario in scenarios:
+            fly(mission, scenario, channels, infer)
+
+    return best_cpu_seconds(fly_plainly, repeats=5) / (PLAIN_FLIGHTS * mission.num_controls)

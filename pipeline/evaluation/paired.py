@@ -1,0 +1,236 @@
+"""Runs against each other on the cases that they share: differences a case, and effects of settings."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Column = NDArray[Any]
+Floats = NDArray[np.float64]
+
+#: columns that say where a case starts: cases that share them are the same case
+START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What runs are compared by: its column in an evaluation, its words, and whether less of it is better."""
+
+    name: str
+    label: str
+    unit: str
+    is_less_better: bool
+    places: int
+
+    def of(self, episodes: Mapping[str, Column]) -> Floats:
+        """Return its value a case; a share is 0 or 100 %."""
+        column = episodes[self.name]
+        return np.asarray(column * (100.0 if column.dtype == np.bool_ else 1.0), dtype=np.float64)
+
+
+METRICS = (
+    Metric("delta_v_m_s", "delta-v", "m/s", True, 4),
+    Metric("inspection_rate_percent", "inspection rate", "%", False, 2),
+    Metric("success", "successful", "%", False, 2),
+    Metric("violated", "outside the limits", "%", True, 2),
+)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A mean difference with its interval of Student's t, and of how many pairs it is.
+
+    Parameters
+    ----------
+    mean, low, high : float
+        The interval is NaN for a single pair.
+    count : int
+    """
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the interval leaves zero out."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+def difference(values: Floats, confidence_percent: float) -> Difference:
+    """Describe paired differences, at least one."""
+    from scipy.special import stdtrit  # noqa: PLC0415 - takes longer to import than a thousand flights take
+
+    mean, number = float(values.mean()), len(values)
+    if number < 2:
+        return Difference(mean, math.nan, math.nan, number)
+    quantile = float(stdtrit(number - 1, 0.5 + confidence_percent / 200.0))
+    reach = quantile * float(values.std(ddof=1)) / math.sqrt(number)
+    return Difference(mean, mean - reach, mean + reach, number)
+
+
+def common_cases(
+    first: Mapping[str, Column], second: Mapping[str, Column]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of the cases that two evaluations share, equal to the last bit in `START`."""
+
+    def keys(episodes: Mapping[str, Column]) -> list[bytes]:
+        count = len(episodes["case"])
+        nothing = np.zeros(count)  # earlier versions knew no elevation
+        starts = np.column_stack([episodes.get(name, nothing) for name in START])
+        return [row.tobytes() for row in np.ascontiguousarray(starts, dtype=np.float64)]
+
+    places = {key: row for row, key in enumerate(keys(second))}
+    pairs = [(row, places.pop(key)) for row, key in enumerate(keys(first)) if key in places]
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return rows[:, 0], rows[:, 1]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A metric of two runs on the same cases.
+
+    Parameters
+    ----------
+    metric : Metric
+    means : tuple of (float, float)
+    difference : Difference
+        Of the second from the first.
+    better, worse : int
+        In how many cases the second is better and worse than the first.
+    p_value : float
+        That so uneven a difference comes by chance: of Wilcoxon's signed ranks, for shares of McNemar's exact
+        test; 1 where no case differs.
+    """
+
+    metric: Metric
+    means: tuple[float, float]
+    difference: Difference
+    better: int
+    worse: int
+    p_value: float
+
+
+def compare(
+    first: Mapping[str, Column], second: Mapping[str, Column], confidence_percent: float
+) -> list[Compared]:
+    """Compare two runs by every metric on the cases that they share.
+
+    Raises
+    ------
+    ValueError
+        If they share none.
+    """
+    rows, others = common_cases(first, second)
+    if not len(rows):
+        raise ValueError(
+            "the two runs share no case; evaluate both from the same starts: equal seed, starts, sun and "
+            "monte_carlo.num_cases"
+        )
+    found = []
+    for metric in METRICS:
+        one, other = metric.of(first)[rows], metric.of(second)[others]
+        gained = other - one
+        above, below = int(np.sum(gained > 0.0)), int(np.sum(gained < 0.0))
+        better, worse = (below, above) if metric.is_less_better else (above, below)
+        test = _mcnemar(above, below) if first[metric.name].dtype == np.bool_ else _wilcoxon(gained)
+        means = float(one.mean()), float(other.mean())
+        found.append(Compared(metric, means, difference(gained, confidence_percent), better, worse, test))
+    return found
+
+
+def _mcnemar(above: int, below: int) -> float:
+    """Return McNemar's exact p-value (Psychometrika 12, 1947): discordant pairs fall like a fair coin."""
+    from scipy.stats import binom  # noqa: PLC0415 - as above
+
+    return min(1.0, 2.0 * float(binom.cdf(min(above, below), above + below, 0.5)))
+
+
+def _wilcoxon(gained: Floats) -> float:
+    from scipy.stats import wilcoxon  # noqa: PLC0415 - as above
+
+    return float(wilcoxon(gained, axis=None).pvalue) if np.any(gained) else 1.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a setting does: a level of a factor against the factor's first, all else equal.
+
+    Parameters
+    ----------
+    factor, level, baseline : str
+    metric : Metric
+    difference : Difference
+    unit : str
+        What the pairs are: ``runs`` where several pairs of runs differ in nothing else, ``cases`` where one
+        does.
+    """
+
+    factor: str
+    level: str
+    baseline: str
+    metric: Metric
+    difference: Difference
+    unit: str
+
+
+Flown = tuple[Mapping[str, str], Mapping[str, Column]]
+
+
+def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
+    """Return what each factor of a sweep does.
+
+    Runs are paired with those that differ from them in one factor alone, and their cases with the same
+    cases; pairs without common cases are compared by their means.
+
+    Parameters
+    ----------
+    runs : sequence of (levels by factor, columns of the evaluation)
+    """
+    found = []
+    for factor in dict.fromkeys(name for levels, _ in runs for name in levels):
+        by_level: dict[str, dict[tuple[tuple[str, str], ...], Mapping[str, Column]]] = {}
+        for levels, episodes in runs:
+            rest = tuple((name, value) for name, value in levels.items() if name != factor)
+            by_level.setdefault(levels[factor], {})[rest] = episodes
+        baseline, *others = by_level
+        for level in others:
+            pairs = [
+                (by_level[baseline][rest], episodes)
+                for rest, episodes in by_level[level].items()
+                if rest in by_level[baseline]
+            ]
+            for metric in METRICS if pairs else ():
+                gained, unit = _gained(pairs, metric)
+                told = difference(gained, confidence_percent)
+                found.append(Effect(factor, level, baseline, metric, told, unit))
+    return found
+
+
+def _gained(
+    pairs: Sequence[tuple[Mapping[str, Column], Mapping[str, Column]]], metric: Metric
+) -> tuple[Floats, str]:
+    """Return the differences a pair of runs; of one pair with common cases, those a case."""
+    gained = []
+    for first, second in pairs:
+        rows, others = common_cases(first, second)
+        one, other = metric.of(first), metric.of(second)
+        if len(rows):
+            gained.append(other[others] - one[rows])
+        else:
+            gained.append(np.array([other.mean() - one.mean()]))
+    if len(gained) == 1 and len(gained[0]) > 1:
+        return gained[0], "cases"
+    return np.array([values.mean() for values in gained]), "runs"
+
+
+def on_front(spent: Floats, inspected: Floats) -> NDArray[np.bool_]:
+    """Tell which runs no other surpasses: spends no more and inspects no less, and one of these better."""
+    no_more = spent[:, np.newaxis] >= spent
+    no_less = inspected[:, np.newaxis] <= inspected
+    better = (spent[:, np.newaxis] > spent) | (inspected[:, np.newaxis] < inspected)
+    return np.asarray(~np.any(no_more & no_less & better, axis=1))

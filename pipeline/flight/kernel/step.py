@@ -1,0 +1,244 @@
+"""Flights, a control period at a time, under forces that come from outside.
+
+A period is made of the same parts, in the same order, as in `pipeline.flight.kernel.loop`, which decides on
+forces itself and flies to the end. Every flight has the vectors to itself, in lane 0, for each is at a sample
+of its own.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import borrowed, splat, store
+from pipeline.flight.kernel.actuators import Firing, fire
+from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
+from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, clip, turn_deputies
+from pipeline.flight.kernel.lanes import write_three
+from pipeline.flight.kernel.loop import move, spend, start_lanes
+from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
+from pipeline.flight.kernel.safety import assure
+from pipeline.flight.kernel.sight import sense
+from pipeline.flight.kernel.two_body import move_about_earth
+from pipeline.flight.log import FlightLog
+from pipeline.physics.orbit import Course
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+#: columns of what is observed: vectors in Hill axes
+POSITION, VELOCITY, TARGET, SUN, BORESIGHT = 0, 3, 6, 9, 12
+NUM_INSPECTED, NUM_CANDIDATES, SPENT, LEFT = 15, 16, 17, 18
+#: what only the truth tells: points that count and are not inspected, how far outside, and the safety layer's
+NUM_UNSEEN, OUTSIDE, NUM_ACTED, CORRECTED, NUM_OBSERVED = 19, 20, 21, 22, 23
+#: the sample of a flight that is to be started
+NOT_STARTED = -1
+
+
+class Carried(NamedTuple):
+    """What flights carry from one period to the next, a row each; see `Workspace`."""
+
+    lanes: Any  # (n,) of `CARRIED`
+    unseen: Floats  # (n, LANES, P padded)
+    centres: Floats  # (n, LANES, C, 3)
+    num_centres: Integers  # (n, LANES)
+    clustered: Floats  # (n, LANES, P padded)
+
+
+# Inlined: a compiled function cannot return a tuple with a record in it.
+@compiled(error_model="numpy", inline="always")
+def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
+    """Return a workspace with what one flight carries in its place."""
+    return Workspace(
+        carried.lanes[flight],
+        work.aims,
+        work.passed,
+        carried.unseen[flight],
+        work.candidate,
+        work.lit,
+        work.seen,
+        work.ahead,
+        work.deadlines,
+        work.looks,
+        work.signals,
+        work.inputs,
+        work.outputs,
+        work.scratch,
+        work.candidates,
+        carried.centres[flight],
+        carried.num_centres[flight],
+        carried.clustered[flight],
+        work.labels,
+        work.distances,
+        work.sums,
+        work.cuts,
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def fixes_of(fixes: Fixes, flight: int) -> Fixes:
+    """Return the navigation of one flight, of arrays with a row each."""
+    return Fixes(
+        fixes.stride,
+        fixes.delay,
+        fixes.start_covariance,
+        fixes.process,
+        fixes.process_per_force,
+        fixes.fix,
+        fixes.gate,
+        fixes.at_start,
+        fixes.of_fixes,
+        fixes.filtered[flight],
+        fixes.covariance[flight],
+        fixes.known[flight],
+        fixes.now[flight],
+        fixes.half[flight],
+        fixes.truth[flight],
+        fixes.fixes[flight],
+        fixes.acting[flight],
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def firing_of(firing: Firing, flight: int) -> Firing:
+    """Return the thrusters of one flight, of arrays with a row each."""
+    return Firing(
+        firing.delay,
+        firing.step,
+        firing.least,
+        firing.matrices,
+        firing.commands[flight],
+        firing.errors[flight],
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def act(
+    world: World,
+    guard: Guard | None,
+    fixes: Fixes | None,
+    firing: Firing | None,
+    course: Course | None,
+    work: Workspace,
+    force: Floats,
+    flight: int,
+    k: int,
+    silent: FlightLog,
+) -> None:
+    """Fly the control period after sample k with a force, N, Hill axes."""
+    lanes = work.lanes
+    for axis in range(3):
+        asked = splat(force[axis], LANES)
+        store(lanes.asked, axis, asked)
+        store(lanes.force, axis, clip(asked, world.max_force))
+    if guard is not None:
+        assure(world, work, 1, silent, k)
+    aim_deputies(world, work, 1, k)
+    if fixes is not None:
+        own = fixes_of(fixes, flight)
+        if firing is None:
+            note_command(own, None, work, k, world.num_controls)
+        else:
+            note_command(own, firing_of(firing, flight), work, k, world.num_controls)
+        recover_truth(own, work)
+    if firing is not None:
+        fire(world, firing_of(firing, flight), work, flight, 1, k, silent)
+    if not world.is_attitude_ideal:
+        turn_deputies(world, work, 1)
+    spend(world, work)
+    if course is None:
+        move(world, work)
+    else:
+        move_about_earth(world, course, work, k)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def look_about(
+    world: World,
+    optics: Beyond | None,
+    clusters: bool | None,
+    fixes: Fixes | None,
+    work: Workspace,
+    flight: int,
+    k: int,
+    silent: FlightLog,
+) -> None:
+    """Inspect and navigate at sample k; what the deputy knows then takes the place of the truth."""
+    lanes = work.lanes
+    if world.is_attitude_ideal:
+        write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
+        aim_plainly(world, work, 0, 0, 1, k == 0)
+        for component in range(4):
+            lanes.attitude[component, 0] = work.aims[component, 0]
+    sense(world, optics, clusters, work, 1, k, False)
+    if fixes is not None:
+        believe(world, fixes_of(fixes, flight), work, flight, 1, k, silent)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def write_observed(world: World, work: Workspace, k: int, row: Floats) -> None:
+    """Write what is observed of a flight at sample k."""
+    lanes = work.lanes
+    for axis in range(3):
+        row[POSITION + axis] = lanes.position[axis, 0]
+        row[VELOCITY + axis] = lanes.velocity[axis, 0]
+        row[TARGET + axis] = lanes.target[axis, 0]
+        row[BORESIGHT + axis] = lanes.boresight[axis, 0]
+    flat = lanes.sun_height[0, 0]
+    row[SUN], row[SUN + 1], row[SUN + 2] = (
+        flat * lanes.sun[0, 0],
+        flat * lanes.sun[1, 0],
+        lanes.sun_height[1, 0],
+    )
+    row[NUM_INSPECTED] = lanes.num_counted[0] - lanes.num_unseen[0]
+    row[NUM_CANDIDATES] = lanes.num_candidates[0]
+    row[SPENT] = lanes.spent[0]
+    row[LEFT] = (world.num_controls - k) * world.control_period
+    row[NUM_UNSEEN] = lanes.num_unseen[0]
+    row[OUTSIDE] = lanes.beyond[0]
+    row[NUM_ACTED] = lanes.num_acted[0]
+    row[CORRECTED] = lanes.corrected[0]
+
+
+@compiled(nogil=True, error_model="numpy")
+def step_many(
+    world: World,
+    optics: Beyond | None,
+    guard: Guard | None,
+    clusters: bool | None,
+    fixes: Fixes | None,
+    firing: Firing | None,
+    course: Course | None,
+    cases: Any,
+    counted: Bytes,
+    work: Workspace,
+    carried: Carried,
+    samples: Integers,
+    forces: Floats,
+    silent: FlightLog,
+    observed: Floats,
+) -> None:
+    """Fly every flight by a control period, or start it; see `fly_many` for what may be None.
+
+    Parameters
+    ----------
+    cases : (n,) starts, of `CASE`
+    counted : (n, P padded) 1 for the points that a flight is about
+    samples : (n,) where the flights are, `NOT_STARTED` for those that are started; raised by one
+    forces : (n, 3) N, Hill axes
+    observed : (n, NUM_OBSERVED), filled
+    """
+    world, cases, counted, work, carried = borrowed((world, cases, counted, work, carried))
+    for flight in range(len(samples)):
+        own, k = workspace_of(work, carried, flight), samples[flight]
+        if k == NOT_STARTED:
+            start_lanes(world, own, cases, counted, flight, 1)
+        else:
+            act(world, guard, fixes, firing, course, own, forces[flight], flight, k, silent)
+        k += 1
+        look_about(world, optics, clusters, fixes, own, flight, k, silent)
+        write_observed(world, own, k, observed[flight])
+        samples[flight] = k

@@ -1,0 +1,141 @@
+"""Flights that are flown a control period at a time, under forces from outside."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import aligned
+from pipeline.flight.cases import Cases, cases_of
+from pipeline.flight.kernel.actuators import Firing
+from pipeline.flight.kernel.arrays import CARRIED, CASE, Beyond
+from pipeline.flight.kernel.navigation import Fixes
+from pipeline.flight.kernel.optics import note_inspectable
+from pipeline.flight.kernel.step import NOT_STARTED, NUM_OBSERVED, Carried, step_many
+from pipeline.flight.log import Scenario, no_log
+from pipeline.flight.simulation import (
+    counted_points,
+    is_by_the_reference,
+    make_workspace,
+    optics_in_use,
+)
+from pipeline.flight.world import pack_world
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+
+class Flights:
+    """Some flights in one mission, each at a sample of its own.
+
+    Parameters
+    ----------
+    mission : Mission
+    num_flights : int
+    is_tilted : bool
+        Whether the Sun of some start is out of the orbit plane.
+
+    Attributes
+    ----------
+    observed : (n, NUM_OBSERVED) array
+        As `pipeline.flight.kernel.step` writes it.
+    samples : (n,) int array
+        Control periods flown so far.
+    inspectable : (n,) int array
+        Points that are lit at some sample of the flight.
+
+    Raises
+    ------
+    ValueError
+        If the mission has dispersions, or guidance that cannot be stepped.
+    """
+
+    def __init__(self, mission: Mission, num_flights: int, *, is_tilted: bool) -> None:
+        if mission.dispersions:
+            raise ValueError("flights that are stepped share one world; leave dispersions out")
+        if is_by_the_reference(mission):
+            raise ValueError("guidance.engine=sklearn cannot be stepped; choose guidance.engine=compiled")
+        self._mission, self._world = mission, pack_world(mission)
+        world, width = self._world, self._world.points.shape[2]
+        has_optics = world.has_optics or is_tilted
+        self._optics = Beyond(hides=True if world.num_edge_cells else None) if has_optics else None
+        self._work = make_workspace(world)
+        clusters = self._work.centres.shape[1]
+        self._carried = Carried(
+            lanes=aligned(num_flights, CARRIED).view(np.recarray),
+            unseen=np.zeros((num_flights, LANES, width)),
+            centres=np.zeros((num_flights, LANES, clusters, 3)),
+            num_centres=np.zeros((num_flights, LANES), dtype=np.int64),
+            clustered=np.zeros((num_flights, LANES, width)),
+        )
+        self._starts = np.zeros(num_flights, CASE).view(np.recarray)
+        self._counted = np.zeros((num_flights, width), dtype=np.uint8)
+        anywhere = Scenario(np.array([mission.deputy.max_distance_m, 0.0, 0.0]), np.zeros(3), 0.0)
+        cases = cases_of(mission, [anywhere] * num_flights)
+        self._fixes, self._firing = _stacked(cases, num_flights)
+        self.observed = np.zeros((num_flights, NUM_OBSERVED))
+        self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
+        self.inspectable = np.zeros(num_flights, dtype=np.int64)
+        self._forces = np.zeros((num_flights, 3))
+        # they stay the same arrays, so that their types are asked for once
+        self._arguments = (
+            world,
+            self._optics,
+            world.guard if world.guard.is_on else None,
+            world.has_clusters or None,
+            self._fixes,
+            self._firing,
+            world.course if world.course.is_on else None,
+            self._starts,
+            self._counted,
+            self._work,
+            self._carried,
+            self.samples,
+            self._forces,
+            no_log(),
+            self.observed,
+        )
+        self._step = step_many.prepared(*self._arguments)  # type: ignore[attr-defined]
+
+    def start(self, flight: int, scenario: Scenario) -> None:
+        """Put a flight at a start; the next step brings it to its first sample."""
+        world, cases = self._world, cases_of(self._mission, [scenario])
+        found = np.empty((1, self._counted.shape[1]), dtype=np.uint8)
+        note_inspectable(world, optics_in_use(world, cases.starts), self._work, cases.starts, found)
+        self._starts[flight] = cases.starts[0]
+        counted = counted_points(world, cases.starts, found)
+        self._counted[flight] = counted[0] if self._optics is not None else 1
+        self.inspectable[flight] = found[0, : world.num_points].sum()
+        if self._fixes is not None and cases.navigation is not None:
+            self._fixes.at_start[flight] = cases.navigation[1].at_start[0]
+            self._fixes.of_fixes[flight] = cases.navigation[1].of_fixes[0]
+        if self._firing is not None and cases.thrusters is not None:
+            self._firing.matrices[flight] = cases.thrusters[1][0]
+        self.samples[flight] = NOT_STARTED
+
+    def step(self, forces: Floats) -> None:
+        """Fly every flight by a control period under a force, shape (n, 3), N, Hill axes, or start it."""
+        self._forces[:] = forces
+        self._step(*self._arguments)
+
+
+def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | None]:
+    """Return navigation and thrusters with a row of what is carried for each flight."""
+
+    def stack(values: Floats) -> Floats:
+        return np.zeros((num_flights, *values.shape))
+
+    fixes, firing = cases.fixes(), cases.firing()
+    if fixes is not None:
+        fixes = fixes._replace(
+            filtered=stack(fixes.filtered),
+            covariance=stack(fixes.covariance),
+            known=stack(fixes.known),
+            now=stack(fixes.now),
+            half=stack(fixes.half),
+            truth=stack(fixes.truth),
+            fixes=stack(fixes.fixes),
+            acting=stack(fixes.acting),
+        )
+    if firing is not None:
+        firing = firing._replace(commands=stack(firing.commands), errors=stack(firing.errors))
+    return fixes, firing

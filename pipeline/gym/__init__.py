@@ -1,0 +1,34 @@
+"""Inspection as a task of reinforcement learning, for Gymnasium: the flights are those of all experiments.
+
+``gymnasium.make("pipeline.gym:Inspection-v0", overrides=["world=leo"])`` makes one flight,
+``gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=64)`` many.
+"""
+
+try:
+    import gymnasium
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "pipeline.gym needs Gymnasium; install the extra: pip install 'fuzzy-spacecraft-inspection[gym]'"
+    ) from error
+
+from pipeline.gym.env import InspectionEnv
+from pipeline.gym.many import InspectionVectorEnv
+from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation
+from pipeline.gym.task import OBSERVED, Reward, Task, task_of
+
+__all__ = [
+    "OBSERVED",
+    "InspectionEnv",
+    "InspectionVectorEnv",
+    "NormalizedObservation",
+    "NormalizedVectorObservation",
+    "Reward",
+    "Task",
+    "task_of",
+]
+
+gymnasium.register(
+    "Inspection-v0",
+    entry_point="pipeline.gym.env:InspectionEnv",
+    vector_entry_point="pipeline.gym.many:InspectionVectorEnv",
+)

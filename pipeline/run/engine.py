@@ -1,0 +1,152 @@
+"""Who does the parts of a campaign: this process, or processes that Dask looks after.
+
+A part's result hangs on nothing but its arguments, so that it is the same whoever does it, and however often
+it has to be begun again. Dask's peers exchange pickles: only those of this machine are joined.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from pipeline.settings.experiment import Engine
+
+#: of a process, how often its part is begun again before it is blamed for the end of its processes
+MOST_DEATHS: Final = 1000
+#: parts that are under way or wait, a process; it bounds what is kept in memory
+AHEAD: Final = 3
+LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
+
+
+class EngineError(ValueError):
+    """An engine that cannot be had, or has gone; what was done stays done."""
+
+
+def each(
+    engine: Engine, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
+) -> Iterator[tuple[int, Any]]:
+    """Do all parts, in any order.
+
+    Parameters
+    ----------
+    engine : Engine
+    do : callable
+        At module level.
+    parts : sequence of tuple
+        Its arguments, plain data.
+
+    Yields
+    ------
+    (int, result)
+        Place of a part, and what came of it.
+
+    Raises
+    ------
+    EngineError
+        If Dask is not installed, cannot be reached, or goes away.
+    """
+    if engine.kind == "local":
+        for place, arguments in enumerate(parts):
+            yield place, do(*arguments)
+        return
+    try:
+        import distributed  # noqa: F401, PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise EngineError(
+            "engine=dask needs Dask; install the extra: pip install 'fuzzy-spacecraft-inspection[dask]'"
+        ) from error
+    yield from _by_dask(engine, do, parts)
+
+
+def _by_dask(
+    engine: Engine, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
+) -> Iterator[tuple[int, Any]]:
+    from distributed import CancelledError, KilledWorker, as_completed  # noqa: PLC0415 - as above
+
+    with _client(engine) as client:
+        left = iter(enumerate(parts))
+        ahead = AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        places: dict[str, int] = {}
+
+        def submit() -> Any:
+            for place, arguments in left:
+                future = client.submit(do, *arguments, pure=False)
+                places[future.key] = place
+                return future
+            return None
+
+        running = as_completed(future for _ in range(ahead) if (future := submit()) is not None)
+        try:
+            for future in running:
+                yield places.pop(future.key), future.result()
+                future.release()
+                if (another := submit()) is not None:
+                    running.add(another)
+        except (OSError, CancelledError, KilledWorker) as error:
+            raise EngineError(
+                f"Dask's scheduler or its processes are gone ({type(error).__name__}); the parts that were "
+                "done are kept: go on with resume="
+            ) from error
+
+
+@contextmanager
+def _client(engine: Engine) -> Iterator[Any]:
+    """Start processes on this machine, or join the scheduler that is given."""
+    import dask  # noqa: PLC0415 - as above
+    from distributed import Client, LocalCluster  # noqa: PLC0415 - as above
+
+    address = engine.scheduler and address_of(engine.scheduler)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}),
+        tempfile.TemporaryDirectory() as scratch,
+    ):
+        if address:
+            try:
+                with Client(address, timeout=20) as client:
+                    yield client
+            except OSError as error:
+                raise EngineError(f"there is no Dask scheduler at {address} ({error}); start it") from error
+            return
+        with (
+            LocalCluster(
+                n_workers=engine.processes or os.cpu_count() or 1,
+                threads_per_worker=1,
+                host=LOOPBACK[0],
+                dashboard_address=None,
+                local_directory=scratch,
+                silence_logs=50,
+                memory_limit=0,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+def address_of(scheduler: str) -> str:
+    """Return the address of a scheduler, given itself or as its file.
+
+    Raises
+    ------
+    EngineError
+        If the file cannot be read, or the scheduler is on another machine.
+    """
+    address = scheduler
+    if "://" not in scheduler and Path(scheduler).suffix == ".json":
+        try:
+            address = str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise EngineError(
+                f"{scheduler} is no file of a Dask scheduler ({error}); it is what "
+                "dask scheduler --scheduler-file writes"
+            ) from error
+    parsed = urlsplit(address if "://" in address else f"tcp://{address}")
+    if parsed.hostname not in LOOPBACK:
+        raise EngineError(
+            f"engine.scheduler is {address}; its peers exchange pickles, so only one on this machine is "
+            f"joined: start it with --host {LOOPBACK[0]}"
+        )
+    return parsed.geturl()

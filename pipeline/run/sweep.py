@@ -1,0 +1,95 @@
+"""The file of a sweep: its runs, what each differs in, and which failed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from pipeline.run import artifacts
+
+SWEEP: Final = "sweep.json"
+SWEEP_VERSION: Final = 1
+
+DONE, FAILED, UNFINISHED = "done", "failed", "unfinished"
+
+
+@dataclass(frozen=True)
+class SweptRun:
+    """A run of a sweep.
+
+    Parameters
+    ----------
+    folder : str
+        In the sweep's.
+    differs : mapping of str to str
+        Key to its value in this run, of the keys that have several in the sweep.
+    command : tuple of str
+        The words with which it would be started alone.
+    failure : str
+        Why it could not be finished; empty where it did not fail.
+    """
+
+    folder: str
+    differs: Mapping[str, str]
+    command: tuple[str, ...]
+    failure: str = ""
+
+
+def write(folder: Path, runs: Sequence[SweptRun]) -> None:
+    """Write the file of a sweep."""
+    artifacts.write_json(
+        folder / SWEEP, {"sweep_version": SWEEP_VERSION, "runs": [asdict(run) for run in runs]}
+    )
+
+
+def read(folder: Path) -> list[SweptRun]:
+    """Read the runs of a sweep.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the folder holds no sweep, or its file is damaged.
+    """
+    if not (folder / SWEEP).is_file():
+        raise artifacts.ArtifactError(
+            f"{folder} holds no sweep, it has no {SWEEP}; give the folder that python -m pipeline -m printed"
+        )
+    told = artifacts.read_json(folder, SWEEP)
+    try:
+        if told["sweep_version"] != SWEEP_VERSION:
+            raise ValueError(f"its version is {told['sweep_version']}, {SWEEP_VERSION} is read")
+        return [_run_of(one) for one in told["runs"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise artifacts.ArtifactError(
+            f"{folder / SWEEP} is no file of a sweep ({error!r}); restore it"
+        ) from error
+
+
+def _run_of(told: Mapping[str, object]) -> SweptRun:
+    """Return a run, whose folder lies in the sweep's."""
+    run = SweptRun(**{field.name: told[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
+    path = PurePosixPath(run.folder)
+    if path.is_absolute() or ".." in path.parts:
+        raise ValueError(f"{run.folder} lies outside")
+    differs = {str(key): str(value) for key, value in run.differs.items()}
+    return replace(run, differs=differs, command=tuple(map(str, run.command)), failure=str(run.failure))
+
+
+def with_failure(runs: Sequence[SweptRun], folder: str, failure: str) -> list[SweptRun]:
+    """Return the runs with the failure of one noted, or, where it is empty, forgotten."""
+    return [replace(run, failure=failure) if run.folder == folder else run for run in runs]
+
+
+def merged(earlier: Sequence[SweptRun], now: Sequence[SweptRun]) -> list[SweptRun]:
+    """Return the runs of a sweep that is made larger: those of before, and the new ones in their places."""
+    return list({run.folder: run for run in (*earlier, *now)}.values())
+
+
+def state_of(folder: Path, run: SweptRun) -> str:
+    """Tell whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
+    own = folder / run.folder
+    if (own / artifacts.MANIFEST).exists():
+        finished = artifacts.read_manifest(own)["finished_stages"]
+        if set(artifacts.read_config(own).get("stages", [])) <= set(finished):
+            return DONE
+    return FAILED if run.failure else UNFINISHED

@@ -1,0 +1,79 @@
+"""One browser for all tests of pages; a page that asks for anything, or complains, fails."""
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests.programs import missing, program
+
+#: no sandbox, no screen, and no word to anybody
+ARGUMENTS = (
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync", "--force-color-profile=srgb"),
+)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    path = program("chromium", "chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=list(ARGUMENTS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def axe(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The script of axe-core, which finds what keeps people from using a page."""
+    folder = tmp_path_factory.mktemp("npm") / "axe"
+    shutil.copytree(Path(__file__).parent / "axe", folder)
+    command = [program("npm", "npm"), "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)  # noqa: S603
+    if done.returncode:
+        missing(f"npm cannot install axe-core: {done.stderr.strip()[-500:]}")
+    return (folder / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
+
+
+def serious_violations(shown: Page, axe: str) -> list[tuple[str, list[str]]]:
+    """Return what axe finds on a page that keeps people from using it, with the first places."""
+    shown.evaluate(axe)
+    found = shown.evaluate("axe.run(document, { resultTypes: ['violations'] })")
+    assert len(found["passes"]) > 20
+    return [
+        (one["id"], [node["html"][:150] for node in one["nodes"][:3]])
+        for one in found["violations"]
+        if one["impact"] in {"serious", "critical"}
+    ]
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Page]]:
+    """Open a text as a page from a file; in the end nothing but the file was asked for, and nothing wrong."""
+    folder: Path = tmp_path_factory.mktemp("pages")
+    complaints: list[str] = []
+    contexts = []
+
+    def open_page(text: str, width: int = 1280, **options: object) -> Page:
+        path = folder / f"page-{len(contexts)}.html"
+        path.write_text(text, encoding="utf-8")
+        context = browser.new_context(viewport={"width": width, "height": 900}, offline=True, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(f"console: {message.text}"))
+        page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
+        page.on("dialog", lambda dialog: complaints.append(f"dialog: {dialog.message}"))
+        page.on(
+            "request",
+            lambda request: request.url == path.as_uri() or complaints.append(f"request: {request.url}"),
+        )
+        page.goto(path.as_uri())
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []

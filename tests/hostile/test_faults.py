@@ -1,0 +1,139 @@
+"""Faults of a machine, really brought about: each ends in a sentence, and what was finished stands."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from benchmarks import faults
+from pipeline.command_line.cli import main
+from pipeline.run import artifacts
+from tests.pipeline.command_line.cases import use_stages
+from tests.places import PROJECT
+
+STARTS = [
+    *("+experiment=fly", "controller=coast", "stages=[scenario]"),
+    *("telemetry.record_training=true", "starts=random", "starts.num_cases=2000"),
+]
+
+mounting = pytest.mark.skipif(not faults.may_mount(), reason="only root mounts disks")
+
+
+def words(folder: Path) -> list[str]:
+    return [*STARTS, f"hydra.run.dir={folder}"]
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """A run that nothing befell."""
+    folder = tmp_path_factory.mktemp("runs") / "alone"
+    assert main(words(folder)) == 0
+    return artifacts.read_manifest(folder)["sha256"]
+
+
+def goes_on(folder: Path, alone: dict[str, str]) -> None:
+    """Go on with a run, or begin it anew where nothing was kept; it ends as one left alone."""
+    again = [f"resume={folder}"] if folder.is_dir() and artifacts.holds_run(folder) else words(folder)
+    assert main(again) == 0
+    assert artifacts.read_manifest(folder)["sha256"] == alone
+    assert not list(folder.rglob(".*"))
+
+
+@mounting
+@pytest.mark.parametrize("kibibytes", [4, 8, 16, 24, 64, 120])
+def test_a_full_disk(kibibytes, alone, tmp_path, capsys):
+    with faults.small_disk(tmp_path / "disk", kibibytes) as change:
+        folder = tmp_path / "disk" / "run"
+        assert main(words(folder)) == 2
+        told = capsys.readouterr().err
+        assert "No space left on device" in told
+        assert "make room" in told
+        assert "Traceback" not in told
+        assert change("size=16m")
+        goes_on(folder, alone)
+
+
+@mounting
+def test_a_disk_that_nobody_may_write_to(alone, tmp_path, monkeypatch, capsys):
+    with faults.small_disk(tmp_path / "disk", 16384) as change:
+        folder = tmp_path / "disk" / "run"
+        assert change("ro")
+        assert main(words(folder)) == 2
+        assert "(Read-only file system); choose one that can be written to" in capsys.readouterr().err
+        assert change("rw")
+        with monkeypatch.context() as patched:
+            use_stages(patched, scenario=lambda _experiment, _folder: change("ro"))
+            assert main(words(folder)) == 2
+        told = capsys.readouterr().err
+        assert "Read-only file system" in told
+        assert "Traceback" not in told
+        assert change("rw")
+        goes_on(folder, alone)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_may_not_be_written_to(tmp_path, capsys):
+    tmp_path.chmod(0o500)
+    assert main(words(tmp_path / "run")) == 2
+    assert "cannot be a run's folder (Permission denied)" in capsys.readouterr().err
+    tmp_path.chmod(0o700)
+
+
+def test_a_folder_that_is_deleted_under_a_run(alone, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "run"
+    with monkeypatch.context() as patched:
+        use_stages(patched, scenario=lambda _experiment, folder: shutil.rmtree(folder))
+        assert main(words(folder)) == 2
+    assert f"{folder} has been deleted or moved while the run was at work" in capsys.readouterr().err
+    assert not folder.exists()
+    goes_on(folder, alone)
+
+
+def test_memory_that_runs_out(alone, tmp_path):
+    code = (
+        "import resource, sys\n"
+        "from pipeline.command_line.cli import main\n"
+        "from pipeline.run.maker import present_maker\n"
+        "from pipeline.stages import scenario\n"
+        "present_maker()\n"
+        "pages = int(open('/proc/self/statm').read().split()[0])\n"
+        "most = pages * resource.getpagesize() + 16 * 1024**2\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (most, most))\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    folder = tmp_path / "run"
+    command = [sys.executable, "-c", code, *words(folder), "starts.num_cases=1000000"]
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)  # noqa: S603
+    assert done.returncode == 2, done.stderr
+    assert "there is not enough memory for this; lower monte_carlo.num_cases" in done.stderr
+    shutil.rmtree(folder)
+    goes_on(folder, alone)
+
+
+def test_two_first_starts_at_once(alone, tmp_path):
+    command = [sys.executable, "-m", "pipeline", *words(tmp_path / "run")]
+    both = [
+        subprocess.Popen(command, cwd=PROJECT, stderr=subprocess.PIPE, text=True)  # noqa: S603
+        for _ in range(2)
+    ]
+    for process, told in [(process, process.communicate()[1]) for process in both]:
+        assert process.returncode == 0 or (process.returncode, "is held by" in told) == (2, True)
+    assert 0 in [process.returncode for process in both]
+    assert artifacts.read_manifest(tmp_path / "run")["sha256"] == alone
+
+
+def test_a_clock_that_is_set_back(alone, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "run"
+    assert main(words(folder)) == 0
+    # as if the run, its folder and its lock were of tomorrow
+    (folder / ".lock").write_text('{"process": 1, "host": "here", "since": "2999-01-01 00:00:00 UTC"}')
+    tomorrow = time.time() + 86400.0
+    for path in (folder, *folder.rglob("*")):
+        os.utime(path, (tomorrow, tomorrow))
+    use_stages(monkeypatch)
+    assert main([f"hydra.run.dir={folder}", "stages=[scenario]"]) == 0
+    assert "since 2999-01-01 00:00:00 UTC, which is gone" in capsys.readouterr().err

@@ -1,0 +1,113 @@
+"""Flights played from tables: forces along body axes, torques, attitudes, and starts that already turn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from pipeline.controllers.played import read_played
+from pipeline.flight.controller import ControllerError
+from pipeline.flight.simulation import fly_all, fly_logged
+from tests.pipeline.flight.cases import STARTS, mission
+from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
+
+TURNED = Rotation.from_euler("zyx", [100.0, -35.0, 20.0], degrees=True)
+RATE = (0.01, -0.02, 0.005)
+BEGUN = {"initial_quaternion": tuple(TURNED.as_quat().tolist()), "initial_angular_velocity_rad_s": RATE}
+MINUTES = mission(deputy=BEGUN | {"inertia_kg_m2": FULL_INERTIA}, duration_s=600.0)
+
+
+def table(path, names, rows):
+    lines = [",".join(["time_s", *names])]
+    lines += [",".join(map(repr, [10.0 * k, *row])) for k, row in enumerate(np.asarray(rows).tolist())]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def turned_by_scipy(torques):
+    """Attitudes, body axes from Hill, and inertial rates after each control period, from Euler's equation."""
+    inertia = np.array(FULL_INERTIA)
+    # rotations here are active, from body to inertial axes, which are Hill's at the start
+    state = np.concatenate((TURNED.as_quat(), RATE + TURNED.inv().apply([0.0, 0.0, MEAN_MOTION])))
+
+    def rates(time, state, torque):
+        x, y, z, w = state[:4]
+        a, b, c = rate = state[4:]
+        spun = 0.5 * np.array(
+            [w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -x * a - y * b - z * c]
+        )
+        return np.concatenate((spun, np.linalg.solve(inertia, torque - np.cross(rate, inertia @ rate))))
+
+    attitudes = [TURNED]
+    for k, torque in enumerate(torques):
+        state = solve_ivp(rates, (0.0, 10.0), state, "DOP853", rtol=1e-12, atol=1e-13, args=(torque,)).y[
+            :, -1
+        ]
+        hill = Rotation.from_rotvec([0.0, 0.0, MEAN_MOTION * 10.0 * (k + 1)])
+        attitudes.append(hill.inv() * Rotation.from_quat(state[:4]))
+    return attitudes
+
+
+def test_torques_turn_the_deputy_as_scipy_does(tmp_path):
+    torques = np.random.default_rng(4).normal(0.0, 2e-4, (60, 3))
+    path = table(tmp_path / "torques.csv", ["torque_x_n_m", "torque_y_n_m", "torque_z_n_m"], torques)
+    controller = read_played(path, MINUTES)
+    log = fly_logged(MINUTES, controller, STARTS[0])
+    np.testing.assert_array_equal(log.torque_b_n_m, np.repeat(torques[:, np.newaxis], 10, axis=1))
+    for quaternion, wanted in zip(log.quaternion_b_from_h, turned_by_scipy(torques), strict=True):
+        assert (Rotation.from_quat(quaternion).inv() * wanted).magnitude() < 1e-6
+    assert Rotation.from_quat(log.quaternion_b_from_h[-1]).magnitude() > 0.1
+    # an evaluation flies the same
+    assert (
+        fly_all(MINUTES, controller, STARTS[:1]).min_distance_m[0]
+        == np.linalg.norm(log.position_m, axis=1).min()
+    )
+
+
+def test_attitudes_are_had_with_ideal_pointing_and_sought_with_flown(tmp_path):
+    wanted = Rotation.random(3, random_state=8).as_quat()
+    path = table(tmp_path / "turns.csv", ["q1", "q2", "q3", "q4"], np.round(wanted, 6))
+    ideal = replace(MINUTES, attitude=replace(MINUTES.attitude, mode="ideal"))
+    log = fly_logged(ideal, read_played(path, ideal), STARTS[0])
+    held = np.concatenate((wanted, np.repeat(wanted[-1:], 58, axis=0)))
+    assert np.abs(np.sum(log.quaternion_b_from_h * held, axis=1)).min() > 1.0 - 1e-10
+    log = fly_logged(MINUTES, read_played(path, MINUTES), STARTS[0])
+    assert abs(log.quaternion_b_from_h[-1] @ wanted[-1]) > 1.0 - 1e-4
+
+
+@pytest.mark.parametrize("mode", ["flown", "ideal"])
+def test_forces_along_body_axes_are_turned_with_the_deputy(mode, tmp_path):
+    forces = np.random.default_rng(6).normal(0.0, 0.02, (60, 3))
+    path = table(tmp_path / "body.csv", ["force_body_x_n", "force_body_y_n", "force_body_z_n"], forces)
+    what = replace(MINUTES, attitude=replace(MINUTES.attitude, mode=mode))
+    log = fly_logged(what, read_played(path, what), STARTS[0])
+    turned = Rotation.from_quat(log.quaternion_b_from_h[:60]).apply(forces)
+    np.testing.assert_allclose(log.force_hill_n, turned, atol=1e-15)
+    np.testing.assert_allclose(log.force_body_n, forces, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("time_s,force_x_n,force_y_n\n", "has 0 columns force_z_n; give it one"),
+        ("time_s,q1,q2,q3,q4,q1\n", "has 2 columns q1; give it one"),
+        ("time_s,speed\n", "has a column 'speed'; besides time_s the columns are force_x_n"),
+        ("time_s,force_x_n,force_body_x_n\n", "has both force_x_n and force_body_x_n; keep one group"),
+        ("time_s,q1,torque_x_n_m\n", "has both torque_x_n_m and q1; keep one group"),
+        ("time_s,q1,q2,q3,q4\n0,0,0,0,0.9\n", "data row 1 has an attitude of length 0.9; it must be 1"),
+        ("time_s,q1,q2,q3,q4\n0,0,0,0\n", "line 2 is '0,0,0,0'; write 5 finite numbers"),
+    ],
+)
+def test_tables_that_cannot_be_played(content, message, tmp_path):
+    path = tmp_path / "odd.csv"
+    path.write_text(content)
+    with pytest.raises(ControllerError, match=message):
+        read_played(path, MINUTES)
+
+
+def test_nothing_is_turned_by_torques_where_pointing_is_ideal(tmp_path):
+    path = table(tmp_path / "t.csv", ["torque_x_n_m", "torque_y_n_m", "torque_z_n_m"], [[0.0, 0.0, 1e-3]])
+    with pytest.raises(ControllerError, match=r"has torques, but attitude\.mode is ideal"):
+        read_played(path, replace(MINUTES, attitude=replace(MINUTES.attitude, mode="ideal")))

@@ -1,0 +1,156 @@
+"""The environments fly what all experiments fly: their episodes are recorded flights, to the last bit."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, MultiDiscrete
+from gymnasium.utils.env_checker import check_env
+
+import telemetry
+from pipeline.controllers.source import load
+from pipeline.flight.kernel.step import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NUM_INSPECTED, SPENT
+from pipeline.flight.log import FlightLog
+from pipeline.flight.simulation import fly_logged
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.stepping import Flights
+from pipeline.gym import (
+    InspectionEnv,
+    InspectionVectorEnv,
+    NormalizedObservation,
+    NormalizedVectorObservation,
+    task_of,
+)
+from pipeline.gym.task import NUM_SEEN, OBSERVED
+from pipeline.recording.reflight import fly_again
+
+#: what differs in the parts of a flight that are compiled
+WORLDS = {
+    "paper": ["safety=filter"],
+    "afrl": ["world=afrl"],
+    "leo": ["world=leo", "duration_s=1200"],
+}
+
+
+def known(log: FlightLog, k: int) -> np.ndarray:
+    """What a flight's log says of what is observed at a sample."""
+    state = [*log.position_m[k], *log.velocity_m_s[k]]
+    if log.estimate.any():
+        state = list(log.estimate[k])
+    counts = [log.is_inspected[k].sum(), log.num_candidates[k], log.delta_v_m_s[k]]
+    return np.array([*state, *log.target_m[k], *counts])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", WORLDS)
+def test_flights_driven_with_the_forces_of_a_log_are_that_flight(world: str) -> None:
+    task = task_of([*WORLDS[world], "controller=lqr", "monte_carlo.num_cases=2", "seed=7"])
+    experiment, mission = task.experiment, task.mission
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    logs = [fly_logged(mission, load(experiment.controller, mission), one) for one in scenarios]
+    flights = Flights(mission, 2, is_tilted=task.is_tilted)
+    for flight, scenario in enumerate(scenarios):
+        flights.start(flight, scenario)
+    flights.step(np.zeros((2, 3)))
+    columns = [*range(9), NUM_INSPECTED, NUM_CANDIDATES, SPENT]
+    for k in range(mission.num_controls + 1):
+        for flight, log in enumerate(logs):
+            assert (flights.observed[flight, columns] == known(log, k)).all(), (flight, k)
+        if k < mission.num_controls:
+            flights.step(np.array([log.force_asked_n[k] for log in logs]))
+    for flight, log in enumerate(logs):
+        assert flights.observed[flight, NUM_ACTED] == np.count_nonzero(log.safety_limit)
+        per_force = mission.control_period_s / mission.deputy.mass_kg
+        corrected = np.abs(log.safety_force_hill_n).sum() * per_force
+        assert flights.observed[flight, CORRECTED] == pytest.approx(corrected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", WORLDS)
+def test_gymnasium_finds_no_fault(world: str) -> None:
+    env = gymnasium.make("pipeline.gym:Inspection-v0", overrides=WORLDS[world]).unwrapped
+    check_env(env)
+    assert len(OBSERVED) == NUM_SEEN == env.observation_space.shape[0]
+
+
+@pytest.fixture(scope="module")
+def flown() -> InspectionEnv:
+    """An episode of the paper's world under the safety layer, to its end."""
+    env = InspectionEnv(WORLDS["paper"])
+    env.reset(seed=3)
+    generator = np.random.default_rng(0)
+    while True:
+        *_, terminated, truncated, _ = env.step(generator.normal(0.0, 0.05, 3).astype(np.float32))
+        if terminated or truncated:
+            return env
+
+
+@pytest.mark.slow
+def test_an_episode_is_a_flight_and_its_recording_flies_again(flown, tmp_path) -> None:
+    log, told = flown.log(), flown._info()
+    assert flown._episodes._flights.samples[0] == flown.task.mission.num_controls  # by the limit of time
+    assert told["delta_v_m_s"] == log.delta_v_m_s[-1]
+    assert told["num_inspected"] == log.is_inspected[-1].sum()
+    assert told["outside_m"] == 0.0
+    flown.record(tmp_path / "episode.mcap")
+    assert telemetry.read(tmp_path / "episode.mcap").episode.scenario_id == "episode"
+    assert fly_again(tmp_path / "episode.mcap").is_equal
+
+
+@pytest.mark.slow
+def test_rewards_are_what_they_are_said_to_be(flown) -> None:
+    env, reward = flown, flown.task.reward
+    scenario = replace(env._episodes._scenarios[0], position_m=np.array([18.0, 1.0, 2.0]))
+    _, before = env.reset(options={"scenario": scenario})
+    _, rewarded, terminated, truncated, after = env.step(np.array([-1.0, 0.5, 0.0]))
+    expected = reward.per_point * (after["num_inspected"] - before["num_inspected"])
+    expected -= reward.per_delta_v * after["delta_v_m_s"]
+    assert rewarded == pytest.approx(expected)
+    assert not terminated
+    assert not truncated
+    outward = replace(scenario, velocity_m_s=np.array([400.0, 0.0, 0.0]))
+    _, before = env.reset(options={"scenario": outward})
+    _, rewarded, terminated, truncated, told = env.step(np.zeros(3))
+    assert terminated
+    assert not truncated
+    assert told["outside_m"] > 0.0
+    # the safety layer brakes
+    gained, braked = told["num_inspected"] - before["num_inspected"], told["delta_v_m_s"]
+    assert rewarded == pytest.approx(reward.per_point * gained - reward.per_delta_v * braked - reward.outside)
+
+
+@pytest.mark.slow
+def test_many_flights_are_single_ones_and_start_anew() -> None:
+    settings = {"overrides": WORLDS["paper"], "levels_n": 0.05}
+    many = gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=3, **settings)
+    singles = [InspectionEnv(**settings) for _ in range(3)]
+    assert many.single_action_space == MultiDiscrete([3, 3, 3])
+    seen, _ = many.reset(seed=11)
+    assert (seen == [env.reset(seed=11 + place)[0] for place, env in enumerate(singles)]).all()
+    generator, has_ended = np.random.default_rng(1), np.zeros(3, dtype=bool)
+    for _ in range(400):
+        actions = generator.integers(0, 3, (3, 3))
+        seen, rewards, terminated, truncated, _ = many.step(actions)
+        for place, env in enumerate(singles):
+            alone = (env.reset()[0], 0.0, False, False) if has_ended[place] else env.step(actions[place])[:4]
+            assert (alone[0] == seen[place]).all()
+            assert alone[1:] == (rewards[place], terminated[place], truncated[place])
+        has_ended = terminated | truncated
+
+
+def test_normalised_observations_are_about_one() -> None:
+    one = NormalizedObservation(InspectionEnv(WORLDS["paper"]))
+    many = NormalizedVectorObservation(InspectionVectorEnv(2, WORLDS["paper"]))
+    seen = one.reset(seed=5)[0]
+    assert (many.reset(seed=5)[0][0] == seen).all()
+    assert one.observation_space.contains(seen)
+    assert np.abs(seen).max() <= 1.0
+    assert isinstance(one.action_space, Box)
+
+
+def test_what_cannot_be_learnt_in_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"levels_n is 9\.0; it must be above 0 and at most"):
+        task_of(levels_n=9.0)
+    with pytest.raises(ValueError, match="leave dispersions out"):
+        InspectionEnv(["+dispersions.deputy.mass_kg={kind:uniform,low:10,high:14}"])
