@@ -5,6 +5,7 @@ it has to be begun again. Dask's peers exchange pickles: only those of this mach
 """
 
 import json
+import logging
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -100,6 +101,8 @@ def _client(engine: Engine) -> Iterator[Any]:
     from distributed import Client  # noqa: PLC0415 - as above
 
     address = engine.scheduler and address_of(engine.scheduler)
+    for name in ("distributed", "distributed.client", "asyncio"):  # what matters is told as an error
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}),
         tempfile.TemporaryDirectory() as scratch,
