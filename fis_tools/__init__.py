@@ -6,7 +6,9 @@
 >>> tip({"service": [3.0, 9.0], "food": 7.0})  # doctest: +SKIP
 {'tip': array([12.21531604, 24.43823122])}
 
-`compile` takes scikit-fuzzy's ``ControlSystem`` as well. The rest is found by its noun: `findings.audit`,
+One line each, of a scikit-fuzzy ``ControlSystem``, a system, a controller or the path of a file:
+``review(system, "page.html")``, ``plot(system, "figures")``, ``surface(system)``, ``audit(system)``,
+``explain(system, inputs)``, ``export_c(system, "controller.c")``. The rest is found by its noun: `findings.audit`,
 `findings.explanation`, `analysis.bounds`, `findings.difference`, `findings.simplification`, `render`,
 `review`. In a notebook controllers, systems and variables show themselves.
 """
@@ -19,9 +21,21 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
     from fis_tools.model.extras import MissingExtra
+    from fis_tools.shortcuts import audit, explain, export_c, plot, surface
     from fis_tools.source import read_controller
 
-__all__ = ["CompiledSystem", "MissingExtra", "compile", "read_controller"]
+__all__ = [
+    "CompiledSystem",
+    "MissingExtra",
+    "audit",
+    "compile",
+    "explain",
+    "export_c",
+    "plot",
+    "read_controller",
+    "review",
+    "surface",
+]
 
 #: Where the names are that are found here; imported when they are asked for, since most take a while.
 _PLACES = {
@@ -29,14 +43,22 @@ _PLACES = {
     "MissingExtra": "model.extras",
     "compile": "engines.compiler",
     "read_controller": "source",
+    **dict.fromkeys(("audit", "explain", "export_c", "plot", "surface"), "shortcuts"),
 }
 
 
 def __getattr__(name: str) -> Any:
     """Fetch a name of `__all__` from the module that defines it."""
+    if name == "review":  # a package that can be called
+        return import_module(f"{__name__}.review")
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """Show what is imported when it is asked for."""
+    return sorted({*globals(), *__all__})
 
 
 #: For each kind of content, which function of `fis_tools.review.notebook` shows which noun.

@@ -6,7 +6,7 @@ from pathlib import Path
 from fis_tools.analysis import flights
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.model import FuzzyController
+from fis_tools.model import FuzzyController, FuzzySystem
 
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it
@@ -50,3 +50,24 @@ def _champion_of(folder: Path) -> str:
         return str(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]["champion"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return CHAMPION
+
+
+def as_controller(thing: object) -> FuzzyController:
+    """Return a controller from a controller, a system, a path, or a control system of scikit-fuzzy.
+
+    Raises
+    ------
+    ControllerFileError
+        If a path leads to none that can be read.
+    fis_tools.scikit_fuzzy.read.UnreadableControlSystem
+        If it is nothing of these; the text says what is taken.
+    """
+    if isinstance(thing, FuzzyController):
+        return thing
+    if isinstance(thing, str | Path):
+        return read_controller(thing)
+    if not isinstance(thing, FuzzySystem):
+        from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
+
+        thing = read_control_system(thing)
+    return FuzzyController(thing.name, (thing,))

@@ -52,7 +52,7 @@ BLOCK = 65_536
 def fire(program: Program, inputs: Floats) -> Floats:
     """Return the firing strengths, before weights, (n, num_rules), for inputs (n, num_inputs)."""
     firing = np.empty((len(inputs), program.num_rules))
-    _fire(*program.antecedents, inputs, firing)
+    fire_rows(*program.antecedents, inputs, firing)
     return firing
 
 
@@ -72,7 +72,7 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
         inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
     for conclusion, column in zip(program.conclusions, columns, strict=True):
-        _conclude(program, conclusion, firing, inputs, column)
+        conclude_rows(program, conclusion, firing, inputs, column)
     return columns.T
 
 
@@ -83,13 +83,13 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     firing = np.empty((size, program.num_rules))
     for first in range(0, len(inputs), size):
         rows = inputs[first : first + size]
-        _fire(*program.antecedents, rows, firing[: len(rows)])
+        fire_rows(*program.antecedents, rows, firing[: len(rows)])
         for conclusion, column in zip(program.conclusions, columns, strict=True):
-            _conclude(program, conclusion, firing[: len(rows)], rows, column[first : first + size])
+            conclude_rows(program, conclusion, firing[: len(rows)], rows, column[first : first + size])
     return columns.T
 
 
-def _conclude(
+def conclude_rows(
     program: Program, conclusion: Conclusion | Weighing, firing: Floats, inputs: Floats, out: Floats
 ) -> None:
     """Write one output for firing strengths (n, num_rules) of inputs (n, num_inputs)."""
@@ -153,7 +153,7 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
 
 
 @compiled(error_model="numpy", forceinline=True)
-def _fuzzify(layout: Integers, universes: Floats, memberships: Floats, x: float, out: Floats) -> None:
+def fuzzify_one(layout: Integers, universes: Floats, memberships: Floats, x: float, out: Floats) -> None:
     """Write how far a value belongs to each term of an input, linear between the points of its universe."""
     terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
     low, high = universes[start], universes[start + points - 1]
@@ -168,7 +168,7 @@ def _fuzzify(layout: Integers, universes: Floats, memberships: Floats, x: float,
 
 
 @compiled(error_model="numpy", nogil=True)
-def _fire(
+def fire_rows(
     inputs: Integers,
     universes: Floats,
     memberships: Floats,
@@ -186,7 +186,7 @@ def _fire(
         for place in range(len(inputs)):
             for lane in range(num_lanes):
                 x = values[first + lane, place]
-                _fuzzify(inputs[place], universes, memberships, x, slots[slot * LANES + lane :: LANES])
+                fuzzify_one(inputs[place], universes, memberships, x, slots[slot * LANES + lane :: LANES])
             slot += inputs[place, 0]
         for index in range(len(steps)):
             operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES

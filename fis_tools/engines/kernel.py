@@ -262,9 +262,10 @@ def put_side_by_side(inputs: Floats, first: int, side_by_side: Floats) -> int:
 
 
 @compiled(nogil=True, error_model="numpy")
-def _evaluate(
+def infer_rows(
     values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, out: Floats
 ) -> None:
+    """Write the outputs of one system, (n,), for finite inputs (n, num_inputs)."""
     side_by_side, outputs = np.zeros(MAX_INPUTS * LANES), np.zeros(LANES)
     for first in range(0, len(inputs), LANES):
         num_lanes = put_side_by_side(inputs, first, side_by_side)
@@ -322,7 +323,7 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     """
     rows = _checked(packed, inputs, system)
     out = np.empty(len(rows))
-    _evaluate(packed.values[0], packed.rules[0], packed.layout, system, rows, make_scratch(), out)
+    infer_rows(packed.values[0], packed.rules[0], packed.layout, system, rows, make_scratch(), out)
     return out
 
 

@@ -38,9 +38,10 @@ from fis_tools.model import (
     table_rules,
 )
 from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
+from fis_tools.model.operators import WEIGHING
 
 Floats = NDArray[np.float64]
-DEFUZZIFIERS: tuple[Defuzzifier, ...] = get_args(Defuzzifier)
+DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)
 AND_OPERATORS: tuple[AndOperator, ...] = get_args(AndOperator)
 OR_OPERATORS: tuple[OrOperator, ...] = get_args(OrOperator)
 ACCUMULATIONS: tuple[Accumulation, ...] = get_args(Accumulation)

@@ -78,3 +78,15 @@ def test_shares_of_rules_add_up_to_the_output(name: str) -> None:
     found = shares(compiled, rows)
     assert not found.error.any()
     np.testing.assert_allclose(found.values.sum(axis=1) + 0.25, compiled(rows), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["constant", "linear", "mixed"])
+def test_a_prepared_function_gives_what_arrays_give(name: str) -> None:
+    compiled = compile(systems()[name])
+    rows, infer = samples(compiled.system, 30), compiled.prepare()
+    np.testing.assert_allclose([infer(*row) for row in rows.tolist()], compiled(rows), atol=1e-14)
+    assert infer(*[np.inf] * rows.shape[1]) == infer(*[10.0] * rows.shape[1])
+    with pytest.raises(ValueError, match="is NaN"):
+        infer(*[np.nan] * rows.shape[1])
+    with pytest.raises(ValueError, match="0 inputs are given; pass"):
+        infer()

@@ -53,6 +53,7 @@ from fis_tools.model import (
     rule_table,
     table_rules,
 )
+from fis_tools.model.operators import WEIGHING
 from fis_tools.model.validate import InvalidSystem
 from tests.fis_tools.sample_controllers import force_x_system, general_controller, paper_like_controller
 
@@ -81,7 +82,7 @@ def variables(draw: st.DrawFn, name: str, is_output: bool) -> Variable:
     return replace(
         variable,
         default=draw(NUMBERS),
-        defuzzifier=draw(st.none() | st.sampled_from(get_args(Defuzzifier))),
+        defuzzifier=draw(st.none() | st.sampled_from(get_args(Defuzzifier)[: -len(WEIGHING)])),
         accumulation=draw(st.sampled_from(get_args(Accumulation))),
     )
 

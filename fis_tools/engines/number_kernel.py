@@ -1,0 +1,106 @@
+"""Systems with one output to which rules contribute numbers, compiled from inputs to output in one go.
+
+It takes the steps of `fis_tools.engines.interpreter` and `fis_tools.engines.weigher` in the same order, some
+samples side by side, and keeps no strengths.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.interpreter import LANES, combine, fuzzify_one
+from fis_tools.engines.program import MIN, NUMBER, PRODUCT, WEIGHTED_SUM, Program, Weighing
+from fis_tools.engines.vectors import least, load, select, splat, store
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def covers(program: Program) -> bool:
+    """Return whether a program is of this kind."""
+    (first, *others) = program.conclusions
+    return not others and isinstance(first, Weighing) and bool((first.kinds == NUMBER).all())
+
+
+def arguments(program: Program) -> tuple[Any, ...]:
+    """Return what `infer_rows` needs to know of a program that this covers."""
+    (weighing,) = program.conclusions
+    assert isinstance(weighing, Weighing)  # noqa: S101 - see `covers`
+    return (
+        *program.antecedents,
+        program.ends,
+        weighing.rules,
+        weighing.weights,
+        weighing.parameters,
+        weighing.is_constant,
+        weighing.defuzzifier,
+        weighing.default,
+    )
+
+
+def evaluate(program: Program, inputs: Floats) -> Floats:
+    """Return the outputs, (n, 1), for inputs (n, num_inputs) of a program that this covers."""
+    out = np.empty(len(inputs))
+    infer_rows(*(*arguments(program), inputs, out))
+    return out[:, np.newaxis]
+
+
+@compiled(error_model="numpy", nogil=True)
+def infer_rows(  # noqa: PLR0912 - written out for speed
+    layout: Integers,
+    universes: Floats,
+    memberships: Floats,
+    steps: Integers,
+    rule_slots: Integers,
+    ends: Floats,
+    rules: Integers,
+    weights: Floats,
+    parameters: Floats,
+    is_constant: bool,
+    defuzzifier: int,
+    default: float,
+    values: Floats,
+    out: Floats,
+) -> None:
+    """Write the outputs, (n,), for values (n, num_inputs)."""
+    num_inputs, num_terms = len(layout), layout[:, 0].sum()
+    slots = np.zeros((num_terms + len(steps)) * LANES)
+    clipped = np.zeros(num_inputs * LANES)
+    answers = np.empty(LANES)
+    for first in range(0, len(values), LANES):
+        num_lanes = min(LANES, len(values) - first)
+        slot = 0
+        for place in range(num_inputs):
+            for lane in range(num_lanes):
+                x = values[first + lane, place]
+                clipped[place * LANES + lane] = min(max(x, ends[place, 0]), ends[place, 1])
+                fuzzify_one(layout[place], universes, memberships, x, slots[slot * LANES + lane :: LANES])
+            slot += layout[place, 0]
+        for index in range(len(steps)):
+            operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
+            result = (num_terms + index) * LANES
+            if operator == MIN:
+                store(slots, result, least(load(slots, a, LANES), load(slots, b, LANES)))
+            elif operator == PRODUCT:
+                store(slots, result, load(slots, a, LANES) * load(slots, b, LANES))
+            else:
+                for lane in range(LANES):
+                    slots[result + lane] = combine(operator, slots[a + lane], slots[b + lane])
+        total, moment = splat(0.0, LANES), splat(0.0, LANES)
+        for index in range(len(rules)):
+            strength = load(slots, rule_slots[rules[index]] * LANES, LANES) * weights[index]
+            number = splat(parameters[index, num_inputs], LANES)
+            if not is_constant:
+                for place in range(num_inputs):
+                    number += load(clipped, place * LANES, LANES) * parameters[index, place]
+            total += strength
+            moment += strength * number
+        fires = total != 0.0
+        output = moment
+        if defuzzifier != WEIGHTED_SUM:
+            output = moment / select(fires, total, 1.0)
+        store(answers, 0, select(fires, output, default))
+        for lane in range(num_lanes):
+            out[first + lane] = answers[lane]

@@ -1,0 +1,70 @@
+"""One inference at a time, in a few microseconds: everything that a call needs is prepared beforehand.
+
+For control loops in Python. The arrays that inputs and outputs go through are kept, so that a prepared
+function belongs to one thread.
+"""
+
+from collections.abc import Callable
+from math import isfinite, isnan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines import interpreter, number_kernel
+from fis_tools.engines.program import Program
+
+Floats = NDArray[np.float64]
+
+
+def prepare(program: Program, ends: Floats) -> Callable[..., list[float]]:
+    """Return a function from the inputs of one sample, numbers in their order, to its outputs.
+
+    Parameters
+    ----------
+    program : Program
+        A system as numbers.
+    ends : (num_inputs, 2)
+        The first and the last point of each input.
+
+    Returns
+    -------
+    callable
+        It raises a ValueError for a wrong count of inputs or NaN.
+    """
+    row = np.zeros((1, len(ends)))
+    run, outputs = _runner(program, row)
+    run()  # compiles, or loads what has been compiled
+    limits = [(float(low), float(high)) for low, high in ends]
+    flat = row.reshape(-1)
+
+    def infer(*values: float) -> list[float]:
+        if len(values) != len(limits):
+            raise ValueError(f"{len(values)} inputs are given; pass {len(limits)} numbers, in their order")
+        for place, value in enumerate(values):
+            if not isfinite(value):
+                if isnan(value):
+                    raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
+                value = limits[place][value > 0.0]  # noqa: PLW2901 - the end of its range
+            flat[place] = value
+        run()
+        found: list[float] = outputs.tolist()
+        return found
+
+    return infer
+
+
+def _runner(program: Program, row: Floats) -> tuple[Callable[[], None], Floats]:
+    """Return what infers from a row, (1, num_inputs), and the array that it writes into."""
+    if number_kernel.covers(program):
+        out = np.empty(1)
+        words = number_kernel.arguments(program)
+        return (lambda: number_kernel.infer_rows(*(*words, row, out))), out
+    outputs = np.empty(len(program.conclusions))
+    firing = np.empty((1, program.num_rules))
+
+    def run() -> None:
+        interpreter.fire_rows(*program.antecedents, row, firing)
+        for place, conclusion in enumerate(program.conclusions):
+            interpreter.conclude_rows(program, conclusion, firing, row, outputs[place : place + 1])
+
+    return run, outputs

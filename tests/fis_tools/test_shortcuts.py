@@ -1,0 +1,37 @@
+"""One line each, from a control system of scikit-fuzzy, a system and a file; nothing heavy is imported for it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import fis_tools
+from tests.places import PROJECT
+
+TIPPER = PROJECT / "docs" / "examples" / "tipper.fis"
+
+
+def test_one_line_each_from_a_file(tmp_path: Path) -> None:
+    assert "Tipper" in fis_tools.review(TIPPER, tmp_path / "page.html").read_text(encoding="utf-8").title()
+    assert fis_tools.surface(TIPPER).output.name == "tip"
+    assert fis_tools.audit(TIPPER).findings
+    assert fis_tools.explain(str(TIPPER), {"service": 4.0, "food": 8.0}).outputs[0].variable.name == "tip"
+    assert "double infer_" in fis_tools.export_c(TIPPER, tmp_path / "tipper.c").read_text(encoding="utf-8")
+    assert all(path.stat().st_size > 1000 for path in fis_tools.plot(TIPPER, tmp_path / "figures"))
+
+
+def test_a_control_system_goes_the_same_way(tmp_path: Path) -> None:
+    sys.path.insert(0, str(PROJECT / "docs" / "examples"))
+    try:
+        from tipping import build_tipping  # noqa: PLC0415 - an example beside the pages
+    finally:
+        sys.path.pop(0)
+    assert fis_tools.audit(build_tipping()).findings
+    assert fis_tools.review(build_tipping(), tmp_path / "page.html").stat().st_size > 100_000
+
+
+def test_names_are_shown_and_nothing_heavy_is_imported() -> None:
+    code = (
+        "import sys, fis_tools; assert set(fis_tools.__all__) <= set(dir(fis_tools)); "
+        "heavy = {'numpy', 'numba', 'matplotlib', 'skfuzzy', 'scipy'} & set(sys.modules); assert not heavy, heavy"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=PROJECT)  # noqa: S603
