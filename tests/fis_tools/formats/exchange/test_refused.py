@@ -50,7 +50,6 @@ def line_of(kind: Kind, words: str) -> int:
         ("fis", "2 0, 2 (1) : 1", "2 0 1, 2 (1) : 1", "3 term numbers for 2 variables"),
         ("fis", "2 0, 2 (1) : 1", "2 0, 2 (x) : 1", "not a finite number"),
         ("fll", "aggregation: Maximum", "aggregation: Mean", "the aggregation 'Mean' cannot be read"),
-        ("fll", "Centroid 200", "WeightedAverage", "cannot be weighed"),
         ("fll", "Centroid 200", "Centroid 1000000000", "not a whole number from 1 to 3999999"),
         ("fll", "off Triangle 0.0 0.0 0.2", "off Constant 0.0", "a Constant, a number and no fuzzy set"),
         ("fll", "off Triangle 0.0 0.0 0.2", "off Triangle 0.0 0.0 0.2 0.5", "height 0.5"),
