@@ -75,7 +75,7 @@ def test_fcl_of_ours_is_read_back() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("COG;", "COGS;", "'COGS' cannot be read"),
+        ("COG;", "COGS;", "cannot be weighed"),
         ("DEFAULT := 15;", "DEFAULT := NC;", "keeps its last value"),
         ("TRIAN 0 5 10;", "5;", "a number and no fuzzy set"),
         ("RANGE := (0 .. 30);", "", "has no RANGE"),
