@@ -5,6 +5,7 @@ it has to be begun again. Dask's peers exchange pickles: only those of this mach
 """
 
 import json
+import logging
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -97,9 +98,11 @@ def _by_dask(
 def _client(engine: Engine) -> Iterator[Any]:
     """Start processes on this machine, or join the scheduler that is given."""
     import dask  # noqa: PLC0415 - as above
-    from distributed import Client, LocalCluster  # noqa: PLC0415 - as above
+    from distributed import Client  # noqa: PLC0415 - as above
 
     address = engine.scheduler and address_of(engine.scheduler)
+    for name in ("distributed", "distributed.client", "asyncio"):  # what matters is told as an error
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}),
         tempfile.TemporaryDirectory() as scratch,
@@ -111,19 +114,26 @@ def _client(engine: Engine) -> Iterator[Any]:
             except OSError as error:
                 raise EngineError(f"there is no Dask scheduler at {address} ({error}); start it") from error
             return
-        with (
-            LocalCluster(
-                n_workers=engine.processes or os.cpu_count() or 1,
-                threads_per_worker=1,
-                host=LOOPBACK[0],
-                dashboard_address=None,
-                local_directory=scratch,
-                silence_logs=50,
-                memory_limit=0,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
+        with _processes(engine, scratch) as cluster, Client(cluster) as client:
             yield client
+
+
+def _processes(engine: Engine, scratch: str) -> Any:
+    """Start processes of one thread each on this machine."""
+    from distributed import LocalCluster  # noqa: PLC0415 - as above
+
+    try:
+        return LocalCluster(
+            n_workers=engine.processes or os.cpu_count() or 1,
+            threads_per_worker=1,
+            host=LOOPBACK[0],
+            dashboard_address=None,
+            local_directory=scratch,
+            silence_logs=50,
+            memory_limit=0,
+        )
+    except (RuntimeError, OSError) as error:
+        raise EngineError(f"Dask could not start its processes ({error}); resume= begins again") from error
 
 
 def address_of(scheduler: str) -> str:

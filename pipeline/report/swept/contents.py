@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from pipeline.evaluation.paired import METRICS, Effect, effects, on_front
 from pipeline.run import artifacts, sweep, tables
 
+#: what runs are repeated by: of it no effect is told, over it the others are averaged
+REPLICATE = "seed"
 #: metrics that are shares of flights
 SHARES = ("success", "violated")
 #: what a summary is told in where the runs do not say
@@ -119,7 +121,8 @@ def gather(folder: Path) -> Swept:
             confidence = float(summary["confidence_percent"])
             flown.append((told.differs, tables.read_parquet(own, artifacts.EPISODES)))
         runs.append(_run(folder, told, summary))
-    return Swept(folder, tuple(runs), tuple(effects(flown, confidence)), confidence)
+    found = tuple(effect for effect in effects(flown, confidence) if effect.factor != REPLICATE)
+    return Swept(folder, tuple(runs), found, confidence)
 
 
 def _run(folder: Path, told: sweep.SweptRun, summary: Mapping[str, Any] | None) -> Run:
