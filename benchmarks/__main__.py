@@ -51,7 +51,7 @@ def main() -> int:
     )
     runs = {
         "gym": gym.run,
-        "inference": lambda: inference.run(options.controller),
+        "inference": lambda: (inference.run(options.controller), inference.run_weighed()),
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),
         "start": commands.run_start,

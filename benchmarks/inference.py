@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from benchmarks import rivals
 from benchmarks.rivals import Missing, Timed
 from benchmarks.timing import best_cpu_seconds, best_wall_seconds
 from fis_tools.engines.compiler import compile
-from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
+from fis_tools.model import Constant, FuzzySystem, Gaussian, Linear, Term, Variable, table_rules
 from fis_tools.scikit_fuzzy.build import build_simulation
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -42,6 +43,46 @@ def run(controller: str) -> None:
     for engine in columns[0]:
         cells = [_cell(column[engine], column["scikit-fuzzy compute()"]) for column in columns]
         print(f"  {engine:<54}", *cells, flush=True)
+
+
+def run_weighed() -> None:
+    """Print a table for Takagi-Sugeno: constants and numbers linear in the inputs, 25 and 125 rules."""
+    print("Takagi-Sugeno, weighted average, product; microseconds an inference, one thread")
+    print(f"  {'':<24}{'pyfuzzylite':>14}{'compile':>10}{'times':>7}{'one at a time, on the clock':>30}")
+    for num_inputs, is_linear in product((2, 3), (False, True)):
+        system = _weighed(num_inputs, is_linear=is_linear)
+        try:
+            theirs, ours, single = _timed_weighed(system, _inputs(system, NUM_SAMPLES))
+        except Missing as missing:
+            print(f"  pyfuzzylite is left out: {missing}")
+            return
+        name = f"{len(system.rules)} rules, {'linear' if is_linear else 'constant'}"
+        cells = f"{1e6 * theirs:>14,.3f}{1e6 * ours:>10,.3f}{theirs / ours:>7,.0f}{1e6 * single:>30,.2f}"
+        print(f"  {name:<24}{cells}", flush=True)
+
+
+def _timed_weighed(system: FuzzySystem, inputs: Floats) -> tuple[float, float, float]:
+    """Return the seconds an inference of pyfuzzylite, of ours, and of ours one at a time."""
+    compiled = compile(system, threads=1)
+    rival = rivals.pyfuzzylite(system, inputs[:NUM_RIVAL])
+    difference = np.abs(compiled(inputs[:NUM_RIVAL])[:, 0] - rival.outputs).max()
+    assert difference < AGREEMENT, f"pyfuzzylite is off by {difference:.1e}"
+    infer, row = compiled.prepare(), inputs[0].tolist()
+    single = best_wall_seconds(lambda: [infer(*row) for _ in range(1000)], 20) / 1000
+    return rival.seconds, best_cpu_seconds(lambda: compiled(inputs)) / len(inputs), single
+
+
+def _weighed(num_inputs: int, *, is_linear: bool) -> FuzzySystem:
+    """Return a table of all rules over inputs of five Gaussian terms, five numbers in turn."""
+    terms = tuple(Term(f"t{place}", Gaussian(place / 2.0 - 1.0, 0.25)) for place in range(5))
+    inputs = tuple(Variable(name, "", -1.0, 1.0, terms, FINE_POINTS) for name in ("x", "y", "z")[:num_inputs])
+    numbers = [place / 4.0 - 0.5 for place in range(5)]
+    shapes = [Linear((0.1 * x,) * num_inputs, x) if is_linear else Constant(x) for x in numbers]
+    concluded = tuple(Term(f"u{place}", shape) for place, shape in enumerate(shapes))
+    output = Variable("u", "", -1.0, 1.0, concluded, default=0.0, aggregation="unbounded_sum")
+    cells = [f"u{sum(cell) % 5}" for cell in product(range(5), repeat=num_inputs)]
+    rules = table_rules(inputs, output, cells)
+    return FuzzySystem("weighed", inputs, (output,), rules, "product", defuzzifier="weighted_average")
 
 
 def _cell(seconds: float | None, stock: float | None) -> str:

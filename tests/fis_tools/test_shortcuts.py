@@ -1,4 +1,4 @@
-"""One line each, from a control system of scikit-fuzzy and a file; nothing heavy is imported for it."""
+"""One line each, from a control system of scikit-fuzzy, a system and a file, without heavy imports."""
 
 import subprocess
 import sys

@@ -234,9 +234,9 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
     defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), "")
     weighs = defuzzifier in WEIGHING
     if weighs == (kind == "mamdani"):
-        lines = [f"line {entries[key][0]}" for key in ("Type", "DefuzzMethod")]
+        places = [f"line {entries[key][0]}" for key in ("Type", "DefuzzMethod")]
         raise ControllerFileError(
-            f"{' and '.join(lines)}: Type is {kind!r}, but DefuzzMethod is "
+            f"{' and '.join(places)}: Type is {kind!r}, but DefuzzMethod is "
             f"{DEFUZZIFIERS[defuzzifier].fis!r}; outputs of mamdani "
             "are defuzzified, those of sugeno and tsukamoto by wtaver or wtsum: correct one of them"
         )
