@@ -111,7 +111,9 @@ def invert(kind: int, first: float, second: float, degree: float) -> float:
     if kind == RAMP:
         place = first + (second - first) * degree
     elif kind == SIGMOID:
-        place = first - np.log(1.0 / degree - 1.0) / second
+        # a logarithm of zero would warn where numba is switched off
+        away = -np.log(1.0 / degree - 1.0) if degree < 1.0 else np.inf
+        place = first + away / second
     elif kind == CONCAVE:
         place = 2.0 * second - first + (first - second) / degree
     elif kind == ARC:
