@@ -224,7 +224,10 @@ def _require_sound(client: ViewerClient, scene: Scene) -> None:
 
 
 def _write(image: Image.Image, path: Path) -> Path:
-    small = image.crop((0, _BAR, *image.size)).quantize(_COLOURS, dither=Image.Dither.NONE)
+    # by octree: by median cut thin curves of two colours come out as one
+    small = image.crop((0, _BAR, *image.size)).quantize(
+        _COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+    )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as stream:
