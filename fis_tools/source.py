@@ -65,7 +65,7 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
     if isinstance(found, str | Path):  # a path is read when it is given, not when a program names it
         raise ControllerFileError(f"{path} is the text {str(found)!r}; name a system or a controller")
     try:
-        return as_controller(found)
+        return as_controller(found, str(path).rpartition(":")[2])
     except (ValueError, TypeError) as error:
         raise ControllerFileError(f"{path}: {error}") from error
 
@@ -78,8 +78,14 @@ def _champion_of(folder: Path) -> str:
         return CHAMPION
 
 
-def as_controller(thing: object) -> FuzzyController:
+def as_controller(thing: object, name: str = "control system") -> FuzzyController:
     """Return a controller from a controller, a system, a path, or a control system of scikit-fuzzy.
+
+    Parameters
+    ----------
+    thing : object
+    name : str
+        What a control system is called, which has no name of its own.
 
     Raises
     ------
@@ -95,5 +101,5 @@ def as_controller(thing: object) -> FuzzyController:
     if not isinstance(thing, FuzzySystem):
         from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
 
-        thing = read_control_system(thing)
+        thing = read_control_system(thing, name)
     return FuzzyController(thing.name, (thing,))
