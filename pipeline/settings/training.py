@@ -203,6 +203,7 @@ class Optimizer:
     validation_cases: Annotated[
         Natural, Field(description="starts on which the best of the rounds' champions is chosen; 0: the last")
     ]
+    consistency: Annotated[Flag, Field(description="whether rule consistency is an objective of a front")]
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another and the population suits the algorithm."""
@@ -210,6 +211,11 @@ class Optimizer:
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
         if self.algorithm == "nsga2":
             self._check_front()
+        elif self.consistency:
+            raise SettingError(
+                f"optimizer.consistency is true and optimizer.algorithm {self.algorithm}, which has one "
+                "objective; choose optimizer.algorithm=nsga2, or leave it false"
+            )
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
         if digits > math.log10(MOST_PRICE):
@@ -225,7 +231,7 @@ class Optimizer:
             )
 
     def _check_front(self) -> None:
-        """Check that there are starts to judge a front on, and steps that suit two objectives."""
+        """Check that there are starts to judge a front on, and steps that suit several objectives."""
         if self.validation_cases < 1:
             raise SettingError(
                 f"optimizer.validation_cases is {self.validation_cases}; it must be a whole number of at "

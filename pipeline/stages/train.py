@@ -24,9 +24,10 @@ from pipeline.training.champion_flights import ChampionFlights
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Front, evolve_rounds
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
-from pipeline.training.front import judged_front, write_front
+from pipeline.training.front import INCONSISTENCY, judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
 from pipeline.training.progress import TrainingProgress
+from pipeline.training.readability import inconsistency
 
 Floats = NDArray[np.float64]
 
@@ -140,6 +141,8 @@ def _fitness_from(
         parts = fitness_parts(outcomes, *weighed)
         if optimizer.algorithm == "nsga2":
             parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
+            if optimizer.consistency:
+                parts[INCONSISTENCY] = inconsistency(genome, genomes)
         return parts
 
     return evaluate
