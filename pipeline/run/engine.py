@@ -9,7 +9,8 @@ import logging
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -20,6 +21,8 @@ from pipeline.settings.experiment import Engine
 MOST_DEATHS: Final = 1000
 #: parts that are under way or wait, a process; it bounds what is kept in memory
 AHEAD: Final = 3
+#: does all parts, in any order: a function at module level, its arguments -> place of a part, and its result
+Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterator[tuple[int, Any]]]
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 
 
@@ -27,10 +30,32 @@ class EngineError(ValueError):
     """An engine that cannot be had, or has gone; what was done stays done."""
 
 
+@contextmanager
+def crew(engine: Engine) -> Iterator[Each]:
+    """Have whoever does parts, for as long as there are some.
+
+    Raises
+    ------
+    EngineError
+        If Dask is not installed, cannot be reached, or goes away.
+    """
+    if engine.kind == "local":
+        yield _here
+        return
+    try:
+        import distributed  # noqa: F401, PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise EngineError(
+            "engine=dask needs Dask; install the extra: pip install 'fuzzy-spacecraft-inspection[dask]'"
+        ) from error
+    with _client(engine) as client:
+        yield partial(_by_dask, client)
+
+
 def each(
     engine: Engine, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
-    """Do all parts, in any order.
+    """Do all parts, in any order, by a crew of their own.
 
     Parameters
     ----------
@@ -48,50 +73,46 @@ def each(
     Raises
     ------
     EngineError
-        If Dask is not installed, cannot be reached, or goes away.
+        As `crew`.
     """
-    if engine.kind == "local":
-        for place, arguments in enumerate(parts):
-            yield place, do(*arguments)
-        return
-    try:
-        import distributed  # noqa: F401, PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise EngineError(
-            "engine=dask needs Dask; install the extra: pip install 'fuzzy-spacecraft-inspection[dask]'"
-        ) from error
-    yield from _by_dask(engine, do, parts)
+    with crew(engine) as do_all:
+        yield from do_all(do, parts)
+
+
+def _here(do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
+    for place, arguments in enumerate(parts):
+        yield place, do(*arguments)
 
 
 def _by_dask(
-    engine: Engine, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
+    client: Any, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
     from distributed import CancelledError, KilledWorker, as_completed  # noqa: PLC0415 - as above
 
-    with _client(engine) as client:
-        left = iter(enumerate(parts))
-        ahead = AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-        places: dict[str, int] = {}
+    left = iter(enumerate(parts))
+    ahead = AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+    places: dict[str, int] = {}
 
-        def submit() -> Any:
-            for place, arguments in left:
-                future = client.submit(do, *arguments, pure=False)
-                places[future.key] = place
-                return future
-            return None
+    def submit() -> Any:
+        for place, arguments in left:
+            future = client.submit(do, *arguments, pure=False)
+            places[future.key] = place
+            return future
+        return None
 
-        running = as_completed(future for _ in range(ahead) if (future := submit()) is not None)
-        try:
-            for future in running:
-                yield places.pop(future.key), future.result()
-                future.release()
-                if (another := submit()) is not None:
-                    running.add(another)
-        except (OSError, CancelledError, KilledWorker) as error:
-            raise EngineError(
-                f"Dask's scheduler or its processes are gone ({type(error).__name__}); the parts that were "
-                "done are kept: go on with resume="
-            ) from error
+    running = as_completed(future for _ in range(ahead) if (future := submit()) is not None)
+    try:
+        for future in running:
+            result = future.result()
+            future.release()
+            yield places.pop(future.key), result
+            if (another := submit()) is not None:
+                running.add(another)
+    except (OSError, CancelledError, KilledWorker) as error:
+        raise EngineError(
+            f"Dask's scheduler or its processes are gone ({type(error).__name__}); what was done until then "
+            "is kept: go on with resume="
+        ) from error
 
 
 @contextmanager
@@ -100,22 +121,24 @@ def _client(engine: Engine) -> Iterator[Any]:
     import dask  # noqa: PLC0415 - as above
     from distributed import Client  # noqa: PLC0415 - as above
 
-    address = engine.scheduler and address_of(engine.scheduler)
     for name in ("distributed", "distributed.client", "asyncio"):  # what matters is told as an error
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}),
-        tempfile.TemporaryDirectory() as scratch,
-    ):
-        if address:
-            try:
-                with Client(address, timeout=20) as client:
-                    yield client
-            except OSError as error:
-                raise EngineError(f"there is no Dask scheduler at {address} ({error}); start it") from error
+    with dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}), ExitStack() as stack:
+        if engine.scheduler:
+            yield stack.enter_context(_joined(address_of(engine.scheduler)))
             return
-        with _processes(engine, scratch) as cluster, Client(cluster) as client:
-            yield client
+        scratch = stack.enter_context(tempfile.TemporaryDirectory())
+        yield stack.enter_context(Client(stack.enter_context(_processes(engine, scratch))))
+
+
+def _joined(address: str) -> Any:
+    """Join a scheduler."""
+    from distributed import Client  # noqa: PLC0415 - as above
+
+    try:
+        return Client(address, timeout=20)
+    except OSError as error:
+        raise EngineError(f"there is no Dask scheduler at {address} ({error}); start it") from error
 
 
 def _processes(engine: Engine, scratch: str) -> Any:
