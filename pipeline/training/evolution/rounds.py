@@ -235,7 +235,7 @@ def evolve_rounds(
     ------
     CheckpointError
         If the checkpoint is damaged or belongs to other settings.
-    pipeline.run.engine.EngineError
+    pipeline.run.processes.EngineError
         If the engine cannot be had, or goes away.
     ValueError
         If initial genomes are missing where the search is local, or they or what the fitness function returns
