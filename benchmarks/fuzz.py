@@ -4,8 +4,8 @@
 """
 
 import argparse
-import io
 import copy
+import io
 import json
 import random
 import resource

@@ -20,12 +20,10 @@ from fis_tools.model import FuzzyController
 from pipeline.run import artifacts, tables
 from pipeline.training.evolution import OBJECTIVE, Front
 from pipeline.training.evolution.nsga2 import objectives_of
+from pipeline.training.readability import INCONSISTENCY
 
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
-
-#: the objective that no flight decides
-INCONSISTENCY = OBJECTIVE + "inconsistency"
 
 #: columns that the provenance of each controller tells
 TOLD = (

@@ -4,9 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.measures import rule_consistency
+from pipeline.training.evolution import OBJECTIVE
 from pipeline.training.genome import Genome
 
 Floats = NDArray[np.float64]
+
+#: the objective that no flight decides
+INCONSISTENCY = OBJECTIVE + "inconsistency"
 
 
 def inconsistency(genome: Genome, genomes: Floats) -> Floats:
