@@ -37,6 +37,9 @@ ENCODING = Encoding(
     see_horizon_s=None,
     see_damping_ks2=None,
     aim_urgent_m_s=None,
+    tour_time_s=None,
+    tour_lean_m=None,
+    tour_m=None,
 )
 
 
