@@ -8,14 +8,13 @@ from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
     add_flights,
-    chosen,
+    asked,
     flown_inputs,
     form_of,
     write,
 )
 from fis_tools.findings.simplification import Budget, Simplification, simplify
 from fis_tools.findings.simplification.budget import NUM_SPREAD
-from fis_tools.source import read_controller
 
 SCHEMA = "fuzzy-simplification"
 SCHEMA_VERSION = 1
@@ -70,7 +69,7 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Print the steps, and write what comes out."""
     form = form_of(arguments.output)
-    controller = chosen(read_controller(arguments.controller), arguments.system)
+    controller = asked(arguments)
     samples = flown_inputs(arguments, controller)
     if samples is None and arguments.flights_only:
         raise UserMistake("--flights-only needs flights; add --flights, or leave it out")
