@@ -6,7 +6,7 @@ from collections import Counter
 from fis_tools.commands.arguments import UserMistake, form_of, write
 from fis_tools.learning.from_tables import cross_validated, learn_table
 from fis_tools.learning.recipe import Recipe
-from fis_tools.learning.table import Table, UnreadableTable, as_table, read_csv
+from fis_tools.learning.table import Table, UnreadableTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences, with_unit
 
@@ -25,7 +25,7 @@ examples:
 
 def add(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    command.add_argument("table", metavar="TABLE", help="a CSV file of numbers")
+    command.add_argument("table", metavar="TABLE", help="a CSV or Parquet file of numbers")
     command.add_argument("--target", metavar="COLUMN", required=True, help="what is to be learned")
     command.add_argument(
         "--inputs", nargs="+", metavar="COLUMN", help="what rules may ask for (default: all other columns)"
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Learn a system, print its rules and what it reaches, and write it."""
     form = form_of(arguments.output)
     try:
-        table = as_table(read_csv(arguments.table), arguments.target, arguments.inputs)
+        table = as_table(read(arguments.table), arguments.target, arguments.inputs)
         recipe = Recipe(
             consequents=arguments.consequents,
             terms=arguments.terms,

@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.analysis import tables
 from fis_tools.engines.rows import columns_of
+from fis_tools.model.extras import MissingExtra
 from fis_tools.model.validate import nearest
 
 Floats = NDArray[np.float64]
@@ -83,6 +86,33 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
         if not all(isinstance(value, str) and value and not _says_number(value) for value in values.tolist()):
             raise
     return Table(labels, np.stack(columns, axis=1), target, values)
+
+
+def read(path: Path | str) -> Mapping[str, Any]:
+    """Read the columns of a CSV or Parquet file.
+
+    Raises
+    ------
+    UnreadableTable
+        If it cannot be read.
+    MissingExtra
+        If it is a Parquet file and pyarrow is not installed.
+    """
+    return _read_parquet(path) if Path(path).suffix.lower() == tables.PARQUET else read_csv(path)
+
+
+def _read_parquet(path: Path | str) -> dict[str, NDArray[Any]]:
+    try:
+        import pyarrow  # noqa: PLC0415 - an extra
+        from pyarrow import parquet  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
+    try:
+        found = parquet.read_table(path)
+    except (OSError, pyarrow.ArrowException) as error:
+        told = str(error).partition("\n")[0]
+        raise UnreadableTable(f"{path}: {told}; give a CSV or Parquet file") from error
+    return {name: found[name].to_numpy() for name in found.column_names}
 
 
 def read_csv(path: Path | str) -> dict[str, list[str]]:

@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
+from pyarrow import parquet
 from sklearn.datasets import load_diabetes
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import cross_val_predict
@@ -16,7 +18,7 @@ from fis_tools.learning import Recipe, learn
 from fis_tools.learning.consequents import fit
 from fis_tools.learning.from_tables import cross_validated, learn_table
 from fis_tools.learning.partition import CLOSEST, Partition, even, range_of
-from fis_tools.learning.table import UnreadableTable, as_table, read_csv
+from fis_tools.learning.table import UnreadableTable, as_table, read, read_csv
 from fis_tools.learning.tuning import tuned
 from fis_tools.learning.wang_mendel import wang_mendel
 from fis_tools.model import Is
@@ -164,5 +166,9 @@ def test_the_command_writes_a_controller(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["learn", str(IRIS), "--target", "species", "--terms", "9"]) == 2
     assert "terms is 9; give a whole number from 2 to 7" in capsys.readouterr().err
     assert main(["learn", str(tmp_path / "none.csv"), "--target", "y"]) == 2
+    table = read_csv(IRIS)
+    columns = {name: table[name] if name == "species" else list(map(float, table[name])) for name in table}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "iris.parquet")
+    assert learn(read(tmp_path / "iris.parquet"), "species") == learn(table, "species")
     with pytest.raises(UnreadableTable, match="pass a mapping"):
         as_table(np.ones((3, 2)), "y")
