@@ -126,7 +126,7 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     return Genome(template, systems, reduction, tuple(constants), settings.digits)
 
 
-def _bounds_of(name: str, settings: Encoding) -> tuple[float, float] | None:
+def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
     """Return the bounds of a constant; those of some are under one key."""
     if name in TOUR_PLACES:
         return settings.tour_m
