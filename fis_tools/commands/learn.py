@@ -5,7 +5,7 @@ from collections import Counter
 
 from fis_tools.commands.arguments import UserMistake, form_of, write
 from fis_tools.learning.from_tables import cross_validated, learn_table
-from fis_tools.learning.recipe import Recipe
+from fis_tools.learning.recipe import Recipe, Unlearnable
 from fis_tools.learning.table import Table, UnreadableTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences, with_unit
@@ -63,9 +63,9 @@ def run(arguments: argparse.Namespace) -> None:
             max_inputs=arguments.max_inputs,
             tune=not arguments.no_tuning,
         )
-    except (UnreadableTable, ValueError) as error:
+        system = learn_table(table, recipe).system
+    except (UnreadableTable, Unlearnable) as error:
         raise UserMistake(str(error)) from error
-    system = learn_table(table, recipe).system
     if form is not None:
         write(arguments.output, form(FuzzyController(system.name, (system,))))
     print(_told(system, table, recipe))

@@ -59,14 +59,15 @@ def imitate(
     num_samples : int
         How many answers to learn from, besides those in the corners: points of a Halton sequence.
     **recipe
-        As `fis_tools.learning.Recipe` takes; by default up to 12 inputs are used.
+        As `fis_tools.learning.Recipe` takes; by default rules ask for up to four inputs.
 
     Raises
     ------
     ValueError
-        If the ranges are missing or empty, a fuzzy system has several outputs, or an answer is no number.
+        If the ranges are missing or empty, a fuzzy system has several outputs, an answer is no number, or
+        there would be more rules than anybody reads.
     """
-    recipe = {"max_inputs": 12, **recipe}
+    recipe = {"max_inputs": 4, **recipe}
     if callable(what) and not isinstance(what, FuzzySystem):
         if not ranges:
             raise ValueError("a function does not say its inputs; pass ranges={'name': (low, high), ...}")

@@ -13,7 +13,7 @@ from fis_tools.learning.choice import chosen_columns
 from fis_tools.learning.columns import Column, distinct
 from fis_tools.learning.consequents import Kind
 from fis_tools.learning.partition import Partition, even
-from fis_tools.learning.recipe import Recipe
+from fis_tools.learning.recipe import Recipe, Unlearnable
 from fis_tools.learning.takagi_sugeno import bare_output, takagi_sugeno
 from fis_tools.learning.tuning import Partitions, tuned
 from fis_tools.learning.wang_mendel import wang_mendel
@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 #: Rows that columns are chosen and terms are tuned by, spread over the table; rules are learned from all.
 MOST_ROWS = 2_000
+#: Rules that the terms of a table may combine to.
+MOST_RULES = 1_000
 
 
 class Learned(NamedTuple):
@@ -148,6 +150,12 @@ def _learn_sets(
 def _choose(
     columns: Sequence[Column], rows: Floats, targets: Floats, recipe: Recipe, kind: Kind
 ) -> tuple[int, ...]:
+    inputs = min(recipe.max_inputs, len(columns))
+    if recipe.terms**inputs > MOST_RULES:
+        raise Unlearnable(
+            f"{recipe.terms} terms of {inputs} inputs are up to {recipe.terms**inputs:,} rules, more than "
+            f"{MOST_RULES:,}, which nobody reads; lower terms or max_inputs"
+        )
     return tuple(
         chosen_columns(columns, rows, targets, terms=recipe.terms, most=recipe.max_inputs, kind=kind)
     )

@@ -9,6 +9,10 @@ from fis_tools.model.validate import MOST_INPUTS
 Consequents = Literal["sets", "constants", "linear"]
 
 
+class Unlearnable(ValueError):  # noqa: N818 - the sentence is the message
+    """What no system can be learned by, told in a sentence."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
     """What a learned system may look like.
@@ -38,7 +42,7 @@ class Recipe:
         """Refuse what cannot be learned."""
         if self.consequents not in get_args(Consequents):
             known = ", ".join(get_args(Consequents))
-            raise ValueError(f"consequents is {self.consequents!r}; use one of {known}")
+            raise Unlearnable(f"consequents is {self.consequents!r}; use one of {known}")
         for name, least, most in (
             ("terms", min(WORDS), max(WORDS)),
             ("output_terms", min(WORDS), max(WORDS)),
@@ -46,4 +50,4 @@ class Recipe:
         ):
             value = getattr(self, name)
             if isinstance(value, bool) or not least <= value <= most or value != int(value):
-                raise ValueError(f"{name} is {value!r}; give a whole number from {least} to {most}")
+                raise Unlearnable(f"{name} is {value!r}; give a whole number from {least} to {most}")

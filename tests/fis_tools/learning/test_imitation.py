@@ -60,3 +60,9 @@ def test_more_terms_imitate_a_fuzzy_system_better() -> None:
 def test_what_cannot_be_imitated_is_told(function, ranges, told):
     with pytest.raises(ValueError, match=told):
         imitate(function, ranges)
+
+
+def test_more_rules_than_anybody_reads_are_refused():
+    ranges = dict.fromkeys("abcdef", (0.0, 1.0))
+    with pytest.raises(ValueError, match="5 terms of 6 inputs are up to 15,625 rules"):
+        imitate(lambda *columns: sum(columns), ranges, terms=5, max_inputs=6)
