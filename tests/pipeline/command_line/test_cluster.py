@@ -16,9 +16,9 @@ from pipeline.run import artifacts, sweep
 from tests.pipeline.command_line.cases import use_stages
 
 SWEEP = [
-    "cluster", "slurm", "--cpus", "3", "--partition", "batch", "--at-once", "2", "--setup", "module load this",
-    "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]", "seed=1,2,3",
-    "hydra.sweep.dir=out", "monte_carlo.workers=5",
+    "cluster", "slurm", "--cpus", "3", "--partition", "batch", "--at-once", "2",
+    "--setup", "module load this", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]",
+    "seed=1,2,3", "hydra.sweep.dir=out", "monte_carlo.workers=5",
 ]  # fmt: skip
 
 
@@ -33,7 +33,8 @@ def test_a_sweep_is_written_down_with_the_script_of_its_jobs(capsys, tmp_path):
     text = Path("out/slurm.sh").read_text()
     for line in (
         "#SBATCH --array=0-2%2", "#SBATCH --requeue", "#SBATCH --signal=B:USR1@120",
-        "#SBATCH --partition=batch", "#SBATCH --cpus-per-task=3", "module load this", f"cd {tmp_path} || exit",
+        "#SBATCH --partition=batch", "#SBATCH --cpus-per-task=3", "module load this",
+        f"cd {tmp_path} || exit",
     ):  # fmt: skip
         assert line in text.splitlines()
     config = artifacts.read_config(Path("out/seed=2"))
