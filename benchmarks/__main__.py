@@ -13,7 +13,7 @@ import numba
 from benchmarks import commands, gym, inference, learning, recording, steps, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
-CAMPAIGNS = ("examples", "fuzz", "islands", "kills", "slurm", "soak")
+CAMPAIGNS = ("examples", "fuzz", "islands", "kills", "scaling", "slurm", "soak", "workers")
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 
