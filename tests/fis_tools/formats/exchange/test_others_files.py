@@ -78,6 +78,7 @@ def test_fcl_of_ours_is_read_back() -> None:
         ("COG;", "COGS;", "cannot be weighed"),
         ("DEFAULT := 15;", "DEFAULT := NC;", "keeps its last value"),
         ("TRIAN 0 5 10;", "5;", "a number and no fuzzy set"),
+        ("TRIAN 0 5 10;", ";", "is not TERM name := "),
         ("RANGE := (0 .. 30);", "", "has no RANGE"),
         ("RULE 1 : IF", "RULE 1 IF service IS", "line 25"),
         ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK\nFUNCTION_BLOCK two", "2 function blocks"),
