@@ -13,7 +13,7 @@ import numba
 from benchmarks import commands, gym, inference, recording, steps, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
-CAMPAIGNS = ("examples", "fuzz", "kills", "soak")
+CAMPAIGNS = ("examples", "fuzz", "islands", "kills", "slurm", "soak")
 PARTS = ("gym", "inference", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 

@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import Evolution, evolve_rounds, genetic, rounds
+from pipeline.training.evolution import Evolution, evolve_rounds, generations, genetic
 from pipeline.training.evolution.checkpoint import CheckpointError
 from tests.pipeline.training.evolution.cases import Sphere, evolve, optimizer
 
@@ -36,7 +36,7 @@ def test_elite_is_kept_verbatim_and_nothing_is_evaluated_again(monkeypatch):
         bred.append(genetic.breed(*given))
         return bred[-1]
 
-    monkeypatch.setattr(rounds, "breed", breed)
+    monkeypatch.setattr(generations, "breed", breed)
     result = evolve(sphere, NUM_GENES, optimizer(), seed=2)
     assert result.history[-1].evaluations == 40 + 30 * 36
     best = [generation.best for generation in result.history]
