@@ -64,7 +64,7 @@ def _runner(program: Program, row: Floats) -> tuple[Callable[[], None], Floats]:
     if number_kernel.covers(program):
         out = np.empty(1)
         words = number_kernel.arguments(program)
-        return partial(number_kernel.infer_rows, *words, row, out), out
+        return partial(number_kernel.infer_rows, *(*words, row, out)), out
     outputs = np.empty(len(program.conclusions))
     firing = np.empty((1, program.num_rules))
     fire = partial(interpreter.fire_rows, *program.antecedents, row, firing)
