@@ -100,7 +100,7 @@ def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
         has_improved = state.history[-1].best < state.history[-2].best
         state.step_size = adapt_step_size(state.step_size, has_improved)
     children = breed(state, settings)
-    fitness, parts = _evaluated(evaluate, children, state.parts)
+    fitness, parts = _evaluated_once(evaluate, children, state)
     # the elite unchanged and in front, then the children
     elite = np.argsort(state.fitness, kind="stable")[: split_population(settings).elite]
     state.genomes = np.concatenate((state.genomes[elite], children))
@@ -131,7 +131,7 @@ def record(state: State) -> None:
 def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     """Judge as many children as there are parents, and keep the best of both by their objectives."""
     children = nsga2.breed(state, settings)
-    fitness, parts = _evaluated(evaluate, children, state.parts)
+    fitness, parts = _evaluated_once(evaluate, children, state)
     fitness = np.concatenate((state.fitness, fitness))
     parts = {name: np.concatenate((old, parts[name])) for name, old in state.parts.items()}
     kept = nsga2.survivors(nsga2.objectives_of(parts), fitness, settings.population_size)
@@ -149,6 +149,24 @@ def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
     state.fitness, state.parts = _evaluated(evaluate, state.genomes, names)
     state.evaluations += len(drawn)
     cma_es.learn(state, settings, drawn, state.fitness)
+
+
+def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[Floats, dict[str, Floats]]:
+    """Call the fitness function for what is new in a generation: neither in the population nor met before.
+
+    Parents that are drawn for both sides of a crossover have children that equal them.
+    """
+    known = np.concatenate((state.genomes, genomes))
+    _, first, place = np.unique(known, axis=0, return_index=True, return_inverse=True)
+    source = first[place.reshape(-1)][len(state.genomes) :]
+    is_new = source == np.arange(len(state.genomes), len(known))
+    fitness, parts = _evaluated(evaluate, genomes[is_new], state.parts)
+    # where among those judged, the population first, the result of each stands
+    at = np.concatenate((np.arange(len(state.genomes)), len(state.genomes) + np.cumsum(is_new) - 1))[source]
+    return (
+        np.concatenate((state.fitness, fitness))[at],
+        {name: np.concatenate((values, parts[name]))[at] for name, values in state.parts.items()},
+    )
 
 
 def _evaluated(

@@ -206,8 +206,9 @@ def evolve_rounds(
         Takes a round's index and the champion of the round before, None in the first, and returns the round's
         fitness function; the same arguments must give the same function, or a resumed run differs from an
         uninterrupted one. A fitness function takes genomes of shape
-        (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be made small, and its parts. It sees
-        a generation's new individuals only: the elite is not evaluated again within a round.
+        (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be made small, and its parts. It must
+        judge each genome for itself, for it sees what is new in a generation only: neither the elite nor a
+        child that equals another, or one of the population before, is evaluated again within a round.
     num_genes : int
         Genes of a genome.
     settings : Optimizer

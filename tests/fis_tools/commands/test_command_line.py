@@ -57,7 +57,7 @@ def test_show_can_be_limited_to_one_system(controller_path: Path, capsys: pytest
     assert "rules for force_x" not in shown
 
 
-@pytest.mark.parametrize("form", ["png", "svg"])
+@pytest.mark.parametrize("form", ["png", pytest.param("svg", marks=pytest.mark.slow)])
 def test_plot_writes_pictures(
     tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str], form: str
 ) -> None:
@@ -100,6 +100,7 @@ def test_a_dark_picture_is_dark_and_says_the_inputs(
     assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
 
 
+@pytest.mark.slow
 def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
