@@ -9,14 +9,8 @@
 One line each, of a scikit-fuzzy ``ControlSystem``, a system, a controller or the path of a file:
 ``review(system, "page.html")``, ``plot(system, "figures")``, ``surface(system)``, ``audit(system)``,
 ``explain(system, inputs)``, ``export_c(system, "controller.c")``. The rest is found by its noun:
-<<<<<<< HEAD
 `analysis.bounds`, `findings.difference`, `findings.simplification`, `render`. In a notebook controllers,
 systems and variables show themselves.
-=======
-`findings.audit`, `findings.explanation`, `analysis.bounds`, `findings.difference`,
-`findings.simplification`, `render`, `review`. In a notebook controllers, systems and variables show
-themselves.
->>>>>>> sugeno
 """
 
 import sys

@@ -11,6 +11,7 @@ from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
     add_order,
+    asked,
     chosen,
     file_name,
     importance_asked,
@@ -25,7 +26,6 @@ from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
 from fis_tools.model.validate import InvalidSystem
-from fis_tools.source import read_controller
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise UserMistake(f"--by is for forms to read; choose one of {ranked}, or leave it out")
     if arguments.bare and arguments.format != "c":
         raise UserMistake("--bare is for --format c; leave it out")
-    controller = chosen(read_controller(arguments.controller), arguments.system)
+    controller = asked(arguments)
     if arguments.format == "c":
         _write_c(controller, arguments)
     elif form.write_one is not None:

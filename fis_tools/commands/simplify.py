@@ -9,14 +9,13 @@ from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
     add_flights,
-    chosen,
+    asked,
     flown_inputs,
     write,
 )
 from fis_tools.findings.simplification import Budget, Simplification, simplify
 from fis_tools.findings.simplification.budget import NUM_SPREAD
 from fis_tools.formats import serialize
-from fis_tools.source import read_controller
 
 SCHEMA = "fuzzy-simplification"
 SCHEMA_VERSION = 1
@@ -74,7 +73,7 @@ def run(arguments: argparse.Namespace) -> None:
     form = WRITERS.get(Path(arguments.output).suffix.lower()) if arguments.output else None
     if arguments.output and form is None:
         raise UserMistake(f"{arguments.output} ends in none of {', '.join(WRITERS)}; name the file so")
-    controller = chosen(read_controller(arguments.controller), arguments.system)
+    controller = asked(arguments)
     samples = flown_inputs(arguments, controller)
     if samples is None and arguments.flights_only:
         raise UserMistake("--flights-only needs flights; add --flights, or leave it out")

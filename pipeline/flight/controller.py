@@ -6,6 +6,7 @@ The names of signals, components and constants are those of `pipeline.flight.sig
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from math import pi
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +22,7 @@ from pipeline.flight.signals import (
     FORCE_AXES,
     SETTING,
     SIGNALS,
+    TOUR,
     URGENCY,
     constant,
     needs_of,
@@ -42,7 +44,7 @@ REHEARSED_PARTS = (
 REQUIRED = (
     (
         URGENCY | SETTING,
-        "urgent_*, see_push_* or aim_*",
+        "urgent_*, see_push_*, aim_* or tour_push_*",
         "urgency_time_s",
         "the time before its last light within which a point becomes urgent, say 200 (s)",
     ),
@@ -52,6 +54,7 @@ REQUIRED = (
         "see_damping_ks2",
         "what keeps the push small, say 0.1 (1e6 s^2)",
     ),
+    (TOUR, "tour_push_*", "tour_time_s", "the time after which the push leads to the tour, say 500 (s)"),
 )
 
 
@@ -224,6 +227,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
     for row, system in zip(signals, controller.systems, strict=True):
         slots = [slot(variable.name) for variable in system.inputs]
         row[:] = (slots + [slots[-1]] * 3)[:3]
+    check_tour(controller, mission)
     return Law(
         axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
         signals=signals,
@@ -309,6 +313,25 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
             f"of control periods of {mission.control_period_s:g} s, or leave it out to decide in each"
         )
     return max(1, round(periods))
+
+
+def check_tour(controller: Controller, mission: Mission) -> None:
+    """Check that a push leads onto the tour in its time: from half an orbit on, none across the track does.
+
+    Raises
+    ------
+    ControllerError
+        If ``tour_time_s`` is half an orbit or more.
+    """
+    time, half = (
+        float(constants_of(controller)[constant("tour_time_s")]),
+        pi / mission.orbit.mean_motion_rad_s,
+    )
+    if time >= half:
+        raise ControllerError(
+            f"controller {controller.name!r} has tour_time_s {time:g}; give less than half an orbit, "
+            f"{half:.0f} s"
+        )
 
 
 def sensed_by(controller: Controller) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 #: what must be computed before a signal can be read: flags, added up over all that a controller senses
-NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING = 0, 1, 2, 4, 8, 16, 32
+NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING, TOUR = 0, 1, 2, 4, 8, 16, 32, 64
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Signal:
     description : str
     needs : int
         What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
-        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, or the
-        push that shows what is `SETTING`.
+        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the
+        push that shows what is `SETTING`, or the one that leads onto the `TOUR`.
     """
 
     unit: str
@@ -105,6 +105,13 @@ SIGNALS = {
     ),
     "aim_along_track": Signal("m/s", "the same along j", SETTING | URGENCY),
     "aim_cross_track": Signal("m/s", "the same along k", SETTING | URGENCY),
+    "tour_push_radial": Signal(
+        "m/s",
+        "push along i that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
+        TOUR | URGENCY,
+    ),
+    "tour_push_along_track": Signal("m/s", "the same along j", TOUR | URGENCY),
+    "tour_push_cross_track": Signal("m/s", "the same along k", TOUR | URGENCY),
 }
 
 
@@ -150,6 +157,22 @@ class Constant:
     is_tuned: bool = True
 
 
+#: components of the tour: along Hill axes, and what the sine of the Sun's elevation adds to the last
+TOUR_PARTS = {
+    "radial": "along i",
+    "along_track": "along j",
+    "cross_track": "along k",
+    "lift": "along k, by the sine of the Sun's elevation",
+}
+#: what each is the sum of: a mean and waves, by how often they go up and down in a turn of the Sun
+TOUR_WAVES = ("mean", "cos_1", "sin_1", "cos_2", "sin_2")
+
+TOUR_PLACES = {
+    f"tour_{part}_{wave}_m": Constant(f"the tour {axis}: {wave} of the Sun's angle, m", is_signed=True)
+    for part, axis in TOUR_PARTS.items()
+    for wave in TOUR_WAVES
+}
+
 CONSTANTS = {
     "ring_size_m": Constant("height of the ring that ring_error_* refer to, m"),
     "ring_lead_rad": Constant("how far the Sun is ahead of the deputy's place on the ring, rad", True),
@@ -166,7 +189,9 @@ CONSTANTS = {
     "urgency_time_s": Constant(
         "time before its last light within which a point becomes urgent, for urgent_*, see_push_*, aim_*, s"
     ),
-    "skirt_distance_m": Constant("nearer than this to the chief, urgent_* and see_push_* turn aside, m"),
+    "skirt_distance_m": Constant(
+        "nearer than this to the chief, urgent_*, see_push_* and tour_push_* turn aside, m"
+    ),
     "see_horizon_s": Constant("see_push_* shows points that go dark for good within this time, s"),
     "see_damping_ks2": Constant("what keeps see_push_* small, against squared times to the look, 1e6 s^2"),
     "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
@@ -174,6 +199,9 @@ CONSTANTS = {
         "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s",
         is_tuned=False,
     ),
+    "tour_time_s": Constant("tour_push_* leads to where the tour is after this time, s"),
+    "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
+    **TOUR_PLACES,
 }
 
 

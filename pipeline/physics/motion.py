@@ -196,6 +196,20 @@ def place_of(motion: Motion, which: int) -> Place:
     )
 
 
+@compiled
+def place_over(mean_motion: float, duration: float) -> Place:
+    """Return where free motion of any duration, s, leads."""
+    phi = state_transition(mean_motion, duration)
+    return Place(phi[0, 0], phi[0, 3], phi[0, 4], phi[1, 0], phi[1, 3], phi[1, 4], phi[2, 2], phi[2, 5])
+
+
+@compiled(inline="always")
+def push_by(p: Place, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return the push now that moves the position after free motion by (x, y, z), m/s."""
+    per = 1.0 / (p.xu * p.yv - p.xv * p.yu)
+    return (p.yv * x - p.xv * y) * per, (p.xu * y - p.yu * x) * per, z / p.zw
+
+
 @compiled(inline="always")
 def step_of(motion: Motion, which: int) -> Step:
     """Read the step of one duration."""

@@ -116,6 +116,11 @@ class Encoding:
     see_horizon_s: NotNegativeInterval | None
     see_damping_ks2: PositiveInterval | None
     aim_urgent_m_s: NotNegativeInterval | None
+    tour_time_s: PositiveInterval | None = None
+    tour_lean_m: NotNegativeInterval | None = None
+    tour_m: Annotated[
+        Interval | None, Field(description="of each mean and wave of the tour that the controller sets")
+    ] = None
 
     def __post_init__(self) -> None:
         """Check the bounds that a range of their own limits, and that stretched systems have genes."""
@@ -206,6 +211,9 @@ class Optimizer:
     islands: Annotated[Count, Field(description="populations that share the individuals; 1: no islands")] = 1
     migrate_every: Annotated[Count, Field(description="generations between two migrations")] = 10
     migrants: Annotated[Natural, Field(description="of each island to the next; 0 keeps them apart")] = 2
+    consistency: Annotated[Flag, Field(description="whether rule consistency is an objective of a front")] = (
+        False
+    )
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another and the population suits the algorithm."""
@@ -215,6 +223,11 @@ class Optimizer:
             self._check_islands()
         if self.algorithm == "nsga2":
             self._check_front()
+        elif self.consistency:
+            raise SettingError(
+                f"optimizer.consistency is true and optimizer.algorithm {self.algorithm}, which has one "
+                "objective; choose optimizer.algorithm=nsga2, or leave it false"
+            )
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
         if digits > math.log10(MOST_PRICE):
@@ -250,7 +263,7 @@ class Optimizer:
             )
 
     def _check_front(self) -> None:
-        """Check that there are starts to judge a front on, and steps that suit two objectives."""
+        """Check that there are starts to judge a front on, and steps that suit several objectives."""
         if self.validation_cases < 1:
             raise SettingError(
                 f"optimizer.validation_cases is {self.validation_cases}; it must be a whole number of at "

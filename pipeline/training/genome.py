@@ -17,7 +17,7 @@ from pipeline.flight.controller import (
     from_fuzzy,
     has_constants,
 )
-from pipeline.flight.signals import CONSTANTS
+from pipeline.flight.signals import CONSTANTS, TOUR_PLACES
 from pipeline.settings.experiment import Encoding
 
 Floats = NDArray[np.float64]
@@ -117,13 +117,20 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     systems, reduction = _systems_of(fuzzy, settings)
     constants = []
     for name in (name for name, kind in CONSTANTS.items() if kind.is_tuned):
-        pair = settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
-        if pair is not None:
+        pair = _bounds_of(name, settings)
+        if pair is not None and (name not in TOUR_PLACES or name in dict(fuzzy.attributes)):
             constants.append((name, float(pair[0]), float(pair[1])))
     if constants:
         attributes = {name: "0" for name, _, _ in constants} | dict(fuzzy.attributes)
         template = from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
     return Genome(template, systems, reduction, tuple(constants), settings.digits)
+
+
+def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
+    """Return the bounds of a constant; those of some are under one key."""
+    if name in TOUR_PLACES:
+        return settings.tour_m
+    return settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
 
 
 def _systems_of(

@@ -17,6 +17,7 @@ from pipeline.training.evolution import OBJECTIVE, Evaluate
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome
+from pipeline.training.readability import INCONSISTENCY, inconsistency
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +61,8 @@ def fitness_from(
         parts = fitness_parts(outcomes, *weighed)
         if optimizer.algorithm == "nsga2":
             parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
+            if optimizer.consistency:
+                parts[INCONSISTENCY] = inconsistency(genome, genomes)
         return parts
 
     return evaluate

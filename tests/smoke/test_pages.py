@@ -26,7 +26,7 @@ from tests.smoke.command_line import PROJECT
 from tests.smoke.pages import DOCS, PAGES, calls_of, commands, name_of
 
 #: what the site makes when it is built: no page of the repository
-GENERATED = ("live", "reference/commands.md", "reference/api")
+GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 
 
 #: words of commands that work on what an earlier one made, or the reader has

@@ -37,4 +37,4 @@ def test_the_changed_rule_does_what_the_tutorial_says(tmp_path):
 def test_the_gallery_has_never_heard_of_space():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     words = r"\b(chief|deputy|orbit|space\w*|satellite|flights?|thrusters?|camera)\b"
-    assert re.findall(words, text.replace("no flights", ""), re.IGNORECASE) == []
+    assert re.findall(words, text, re.IGNORECASE) == []

@@ -48,6 +48,7 @@ from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
 from pipeline.flight.kernel.sight import sense, sense_again
 from pipeline.flight.kernel.thrust import command, decide_to_coast, is_decision, may_coast, write_thrust
+from pipeline.flight.kernel.tour import sense_tour
 from pipeline.flight.kernel.two_body import move_about_earth
 from pipeline.flight.kernel.urgency import note_deadlines, sense_urgency
 from pipeline.flight.log import REHEARSED, FlightLog
@@ -57,6 +58,7 @@ from pipeline.flight.signals import (
     ORBIT,
     PREVIEW,
     SETTING,
+    TOUR,
     URGENCY,
     slot,
 )
@@ -317,6 +319,8 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             sense_urgency(world, optics, law, values, work, num_lanes, k, is_logged)
         if pushes is not None and decides:
             sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
+        if decides and law.needs & TOUR:
+            sense_tour(world, law, values, work)
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, first, num_lanes, log, k)

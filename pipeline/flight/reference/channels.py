@@ -40,6 +40,7 @@ SUN_BEARING, TARGET_SETTING = slot("sun_alignment", "sun_ahead"), slot("target_s
 FORESEEN = slot("missed", "coasting_nearest", "coasting_farthest")
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
 PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
+TOUR_PUSH = slot("tour_push_radial", "tour_push_along_track", "tour_push_cross_track")
 AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
 RING_SIZE, RING_LEAD = constant("ring_size_m"), constant("ring_lead_rad")
 PREDICTION_TIME, AIM_URGENT = constant("prediction_time_s"), constant("aim_urgent_m_s")
@@ -191,6 +192,7 @@ def measure(
     foreseen: Floats,
     urgent: Floats,
     push: Floats,
+    tour_push: Floats,
     channels: Channels,
 ) -> Floats:
     """Return every signal, in its slot, in the unit of `pipeline.flight.signals.SIGNALS`.
@@ -215,6 +217,8 @@ def measure(
     push : array, shape (3,)
         What `pipeline.flight.reference.see_push.push_of` gives, turned aside near the chief, m/s; zeros where
         it is not sensed.
+    tour_push : array, shape (3,)
+        The push onto the tour, turned aside likewise, m/s; zeros where it is not sensed.
     channels : Channels
         The controller's constants, and whether it senses the closest approach; zero where it does not.
     """
@@ -240,4 +244,5 @@ def measure(
     signals[URGENT : URGENT + 3] = urgent
     signals[PUSH : PUSH + 3] = push
     signals[AIM : AIM + 3] = push + channels.constants[AIM_URGENT] * urgent
+    signals[TOUR_PUSH : TOUR_PUSH + 3] = tour_push
     return signals

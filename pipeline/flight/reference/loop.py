@@ -31,9 +31,10 @@ from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.see_push import cheapest_looks, push_of
 from pipeline.flight.reference.sight import lit_points, seen_points, times_lit
+from pipeline.flight.reference.tour import push_to, tour_place
 from pipeline.flight.reference.urgency import around_the_chief, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
-from pipeline.flight.signals import PREVIEW, SETTING, URGENCY, constant
+from pipeline.flight.signals import PREVIEW, SETTING, TOUR, URGENCY, constant
 from pipeline.flight.turns import AIMED, Turns
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import sun_angle, sun_direction_h, visible_share
@@ -50,6 +51,7 @@ Booleans = NDArray[np.bool_]
 
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
+TOUR_TIME, TOUR_LEAN = constant("tour_time_s"), constant("tour_lean_m")
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
@@ -310,6 +312,15 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 )
                 push = push_of(looks, last_lit, time, constants[URGENCY_TIME], constants[SEE_DAMPING])
                 push = around_the_chief(push, position, constants[SKIRT_DISTANCE], world.min_distance)
+            tour_push = np.zeros(3)
+            if channels.needs & TOUR:
+                ahead = constants[TOUR_TIME]
+                place = tour_place(constants, angle - world.mean_motion * ahead, sun_at_start[1])
+                place += constants[TOUR_LEAN] * urgent
+                tour_push = push_to(place, state, world.mean_motion, ahead)
+                tour_push = around_the_chief(
+                    tour_push, position, constants[SKIRT_DISTANCE], world.min_distance
+                )
             signals = measure(
                 world,
                 position,
@@ -322,6 +333,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 foreseen,
                 urgent,
                 push,
+                tour_push,
                 channels,
             )
             for f in range(len(channels.axes)):

@@ -28,6 +28,7 @@ from tests.pipeline.flight.cases import (
     SPARSE,
     STARTS,
     STEERING,
+    TOURING,
     assert_same,
     ball,
     mission,
@@ -122,6 +123,7 @@ FLOWN = {
     "what goes dark soon": (mission(), HURRYING, STARTS),
     "a decision every half minute": (mission(), PAUSING, STARTS),
     "the push that shows what sets": (mission(), SEEING, STARTS),
+    "the push onto a tour": (mission(), TOURING, STARTS),
     "fewer points on a spiral": (
         mission(chief={"placement": "fibonacci", "num_points": 37, "inspection_radius_m": 8.0}),
         STEERING,

@@ -37,6 +37,9 @@ ENCODING = Encoding(
     see_horizon_s=None,
     see_damping_ks2=None,
     aim_urgent_m_s=None,
+    tour_time_s=None,
+    tour_lean_m=None,
+    tour_m=None,
 )
 
 
@@ -61,6 +64,7 @@ def optimizer(**changes: Any) -> Optimizer:
         "initial_step": 0.1,
         "cooling": 1.0,
         "validation_cases": 0,
+        "consistency": False,
     }
     return Optimizer(**(values | changes))
 
