@@ -4,6 +4,7 @@
 """
 
 import argparse
+import copy
 import io
 import json
 import random
@@ -132,7 +133,7 @@ def damaged_tree(content: bytes, rng: random.Random) -> bytes:
             case 0:
                 del place[key]
             case 1 if isinstance(place, dict):
-                place[rng.choice(("x", "", "\u00e9", "name"))] = rng.choice(VALUES)
+                place[rng.choice(("x", "", "\u00e9", "name"))] = copy.deepcopy(rng.choice(VALUES))
             case 2 if isinstance(place, list):
                 place.extend([place[key]] * rng.choice((1, 3, 300)))
             case 3 if isinstance(place[key], int | float):
@@ -140,7 +141,7 @@ def damaged_tree(content: bytes, rng: random.Random) -> bytes:
                     place[key] * rng.choice((-1, 0, 1e-300, 1e300, 1e12, 1.5)) if place[key] < 1e300 else 0
                 )
             case _:
-                place[key] = rng.choice(VALUES)
+                place[key] = copy.deepcopy(rng.choice(VALUES))
     return json.dumps(tree).encode()
 
 

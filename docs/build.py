@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from docs import classics
+
 PROJECT = Path(__file__).resolve().parents[1]
 BUILD = PROJECT / "build"
 #: what the site takes over, as `docs.hooks` finds it
@@ -32,6 +34,8 @@ def main() -> None:
     printed_by(
         "fis_tools", "review", "docs/examples/dimmer.fll", "-o", os.fspath(MADE / "live" / "dimmer.html")
     )
+    print("drawing, auditing and reviewing the classic systems", flush=True)
+    classics.write(MADE)
     (MADE / "reference" / "commands.md").write_text(commands_page(), encoding="utf-8")
     print("building the site", flush=True)
     mkdocs = [sys.executable, "-m", "mkdocs", "build", "--strict"]

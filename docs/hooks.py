@@ -74,7 +74,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, uri, content=relinked(text, path, uri)))
     for _, uri, text in api_pages():
         files.append(File.generated(config, uri, content=text))
-    for path in sorted(path for path in MADE.rglob("*") if path.suffix in {".html", ".md"}):
+    for path in sorted(path for path in MADE.rglob("*") if path.suffix in {".html", ".md", ".png"}):
         uri = path.relative_to(MADE).as_posix()
         files.append(File.generated(config, uri, abs_src_path=os.fspath(path)))
     return files

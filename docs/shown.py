@@ -16,7 +16,7 @@ from pathlib import Path
 from docs.screenshot import screenshot
 
 PROJECT = Path(__file__).resolve().parents[1]
-PAGES = ("gallery.md", "tutorial/first-fuzzy-system.md")
+PAGES = ("gallery.md", "tutorial/control-system-to-sign-off.md", "tutorial/first-fuzzy-system.md")
 PICTURES = PROJECT / "docs" / "images" / "gallery"
 #: a fenced block: its language, its title, what it holds
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)

@@ -1,8 +1,9 @@
-"""Controllers from wherever a person has them: a file of any kind, the folder of a run, a logged flight."""
+"""Controllers from wherever a person has them: a file of any kind, a run's folder, a flight, a program."""
 
 import json
 from pathlib import Path
 
+from fis_tools import programs
 from fis_tools.analysis import flights
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
@@ -13,14 +14,24 @@ MANIFEST = "manifest.json"
 CHAMPION = "champion.json"
 
 
-def read_controller(path: Path | str) -> FuzzyController:
+def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
     """Read a controller from a controller file, a file of another program, a run's folder or a logged flight.
+
+    Parameters
+    ----------
+    path : path
+        Also ``module.py:object``: a system, a controller or a scikit-fuzzy control system of a Python
+        program, or a function that returns one.
+    trust : bool
+        Whether Python programs may be run.
 
     Raises
     ------
     ControllerFileError
-        If there is none that can be read.
+        If there is none that can be read, or a program is not to be run.
     """
+    if programs.is_program(path):
+        return _of_program(path, trust)
     path = Path(path)
     if not path.suffix and not path.exists():
         raise ControllerFileError(
@@ -44,6 +55,21 @@ def read_controller(path: Path | str) -> FuzzyController:
     return serialize.load(path)
 
 
+def _of_program(path: Path | str, trust: bool) -> FuzzyController:
+    if not trust:
+        raise ControllerFileError(
+            f"{path} is a Python program, and reading it runs its code with all your rights; add --trust if "
+            "you trust whoever wrote it, or export the system to a file"
+        )
+    found = programs.read_object(path)
+    if isinstance(found, str | Path):  # a path is read when it is given, not when a program names it
+        raise ControllerFileError(f"{path} is the text {str(found)!r}; name a system or a controller")
+    try:
+        return as_controller(found, str(path).rpartition(":")[2])
+    except (ValueError, TypeError) as error:
+        raise ControllerFileError(f"{path}: {error}") from error
+
+
 def _champion_of(folder: Path) -> str:
     """Return the name of the champion of a folder, as its manifest says."""
     try:
@@ -52,8 +78,14 @@ def _champion_of(folder: Path) -> str:
         return CHAMPION
 
 
-def as_controller(thing: object) -> FuzzyController:
+def as_controller(thing: object, name: str = "control system") -> FuzzyController:
     """Return a controller from a controller, a system, a path, or a control system of scikit-fuzzy.
+
+    Parameters
+    ----------
+    thing : object
+    name : str
+        What a control system is called, which has no name of its own.
 
     Raises
     ------
@@ -69,5 +101,5 @@ def as_controller(thing: object) -> FuzzyController:
     if not isinstance(thing, FuzzySystem):
         from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
 
-        thing = read_control_system(thing)
+        thing = read_control_system(thing, name)
     return FuzzyController(thing.name, (thing,))

@@ -1,4 +1,7 @@
-"""Fuzzy systems along logged flights: the one file of this package that reads recordings."""
+"""Fuzzy systems along logged data: recorded flights, and tables of inputs.
+
+This is the one file of the package that reads recordings.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -8,7 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.analysis.arrays import FIRED, RuleUsage, rule_usage
+from fis_tools.analysis import tables
+from fis_tools.analysis.arrays import FIRED, RuleUsage, firing, rule_usage
+from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -36,18 +41,20 @@ class FlownSystem:
     Parameters
     ----------
     system : FuzzySystem
-        As the flight carries it along.
+        As the flight carries it along; of a table the one that is asked about.
     time_s : (n,)
-        When inference decided the force.
+        When inference decided the force; of a table without times the number of each row, from 1.
     inputs : (n, num_inputs)
         Before they are clipped to the universes.
     firing_strengths : (n, num_rules)
-        As logged, in single precision.
+        As logged, in single precision; of a table as inferred.
     output : (n,)
-        As logged.
+        The first, as logged; of a table as inferred.
     reason : (n,)
         What became of the output, one of `fis_tools.model.thrust.REASONS`; `UNKNOWN` where the log does not
         say.
+    is_timed : bool
+        Whether `time_s` are times, and not numbers of rows.
     """
 
     system: FuzzySystem
@@ -56,6 +63,7 @@ class FlownSystem:
     firing_strengths: Floats
     output: Floats
     reason: Words
+    is_timed: bool = True
 
     @property
     def is_counted(self) -> NDArray[np.bool_]:
@@ -141,6 +149,11 @@ class Outcome(NamedTuple):
     limits_m: tuple[float | None, float | None] = (None, None)
 
 
+def is_logged(path: Path | str) -> bool:
+    """Return, from its name, whether a file is a logged flight or a table."""
+    return is_flight(path) or tables.is_table(path)
+
+
 def is_flight(path: Path | str) -> bool:
     """Return, from its name, whether a file is a logged flight."""
     return Path(path).suffix.lower() == ".mcap"
@@ -157,20 +170,28 @@ def read_controller(path: Path | str) -> FuzzyController:
     return _controller_of(_read(path, topics=()))
 
 
-def read_flight(path: Path | str, all_periods: bool = False) -> tuple[FlownSystem, ...]:
-    """Read what each fuzzy system of a flight's controller did, in the controller's order.
+def read_flight(
+    path: Path | str, all_periods: bool = False, controller: FuzzyController | None = None
+) -> tuple[FlownSystem, ...]:
+    """Read what each fuzzy system of a controller did, in the controller's order.
 
     Parameters
     ----------
     path : path
+        A logged flight, which carries its controller along, or a table.
     all_periods : bool
-        Give every inference, not only those whose output was fired.
+        Give every inference, not only those whose output was fired; a table holds no others.
+    controller : FuzzyController, optional
+        For a table: whose inputs it holds.
 
     Raises
     ------
     ControllerFileError
-        If the flight cannot be read, or its log does not fit the controller it carries.
+        If the file cannot be read, a log does not fit the controller it carries, or a table has not a column
+        for each input.
     """
+    if tables.is_table(path):
+        return tuple(_tabled(path, system) for system in _controller_for(path, controller).systems)
     recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
     flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
@@ -236,42 +257,59 @@ def read_outcome(path: Path | str) -> Outcome:
     )
 
 
-def read_periods(path: Path | str, time_s: float) -> tuple[Period, ...]:
-    """Read what became of each fuzzy system of a flight's controller over the control period of a time.
+def read_periods(
+    path: Path | str, time_s: float, controller: FuzzyController | None = None
+) -> tuple[Period, ...]:
+    """Read what became of each fuzzy system of a controller over the control period of a time.
 
     A period holds until the next; the last is taken to hold for as long as the one before it did.
+
+    Parameters
+    ----------
+    path : path
+        A logged flight, which carries its controller along, or a table.
+    time_s : float
+        Of a table without times: the number of a row, from 1.
+    controller : FuzzyController, optional
+        For a table: whose inputs it holds.
 
     Raises
     ------
     ControllerFileError
-        If the flight cannot be read, its log does not fit the controller it carries, or it was not flown at
-        that time.
+        If the file cannot be read, does not fit the controller, or holds nothing of that time.
     """
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
-    flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
-    starts = recording.control_time_s
+    if tables.is_table(path):
+        recording, starts = None, np.empty(0)
+        flown_systems = list(read_flight(path, controller=controller))
+    else:
+        recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS))
+        flown_systems = [_flown(recording, system) for system in _controller_of(recording).systems]
+        starts = recording.control_time_s
     times = [starts] if len(starts) else [flown.time_s for flown in flown_systems]
     starts = np.unique(np.concatenate([np.empty(0), *times]))
     hold = float(starts[-1] - starts[-2]) if len(starts) > 1 else 0.0
     if not len(starts) or not starts[0] <= time_s <= starts[-1] + hold:
         span = f"covers {starts[0]:g} to {starts[-1] + hold:g} s" if len(starts) else "has none"
+        unit = "control period" if recording else "row"
         raise ControllerFileError(
-            f"{time_s:g} s is on no control period of {path}, which {span}; choose a time among these"
+            f"{time_s:g} s is on no {unit} of {path}, which {span}; choose a time among these"
         )
     place = int(np.searchsorted(starts, time_s, side="right")) - 1
     return tuple(_period(flown, float(starts[place]), recording) for flown in flown_systems)
 
 
-def _period(flown: FlownSystem, start_s: float, recording: "Recording") -> Period:
+def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:
     rows = np.flatnonzero(flown.time_s == start_s)
-    if len(rows):
+    if len(rows) or recording is None:
         return Period(flown, start_s, str(flown.reason[rows[0]]), int(rows[0]))
     reason = recording.reasons(flown.system.outputs[0].name, np.array([start_s]))[0]
     return Period(flown, start_s, str(reason), None)
 
 
 def usage_along(
-    paths: Iterable[Path | str], threshold: float = FIRED, all_periods: bool = False
+    paths: Iterable[Path | str],
+    threshold: float = FIRED,
+    all_periods: bool = False,
 ) -> dict[str, RuleUsage]:
     """Summarise how the rules of a controller fired along one flight or several.
 
@@ -294,19 +332,23 @@ def usage_along(
     ControllerFileError
         If a flight cannot be read, or the flights carry different rules.
     """
-    gathered = _gather(paths, "firing_strengths", all_periods)
+    gathered = _gather(paths, "firing_strengths", all_periods, None)
     return {name: rule_usage(rows, threshold) for name, rows in gathered.items() if len(rows)}
 
 
-def inputs_along(paths: Iterable[Path | str], all_periods: bool = False) -> dict[str, Floats]:
+def inputs_along(
+    paths: Iterable[Path | str], all_periods: bool = False, controller: FuzzyController | None = None
+) -> dict[str, Floats]:
     """Return what the systems of a controller sensed along one flight or several.
 
     Parameters
     ----------
     paths : iterable of paths
-        Flights of the same controller.
+        Flights of the same controller, and tables of its inputs.
     all_periods : bool
         Return what they sensed at every inference, not only at those whose output was fired.
+    controller : FuzzyController, optional
+        For tables: whose inputs they hold.
 
     Returns
     -------
@@ -318,14 +360,16 @@ def inputs_along(paths: Iterable[Path | str], all_periods: bool = False) -> dict
     ControllerFileError
         If a flight cannot be read, or the flights carry different rules.
     """
-    return _gather(paths, "inputs", all_periods)
+    return _gather(paths, "inputs", all_periods, controller)
 
 
-def _gather(paths: Iterable[Path | str], column: str, all_periods: bool) -> dict[str, Floats]:
+def _gather(
+    paths: Iterable[Path | str], column: str, all_periods: bool, controller: FuzzyController | None
+) -> dict[str, Floats]:
     rows: dict[str, list[Floats]] = {}
     systems: dict[str, FuzzySystem] = {}
     for path in paths:
-        for flown in read_flight(path, all_periods):
+        for flown in read_flight(path, all_periods, controller):
             name = flown.system.name
             if systems.setdefault(name, flown.system) != flown.system:
                 raise ControllerFileError(
@@ -334,6 +378,29 @@ def _gather(paths: Iterable[Path | str], column: str, all_periods: bool) -> dict
                 )
             rows.setdefault(name, []).append(getattr(flown, column))
     return {name: np.concatenate(parts) for name, parts in rows.items()}
+
+
+def _controller_for(path: Path | str, controller: FuzzyController | None) -> FuzzyController:
+    """Return the controller that a table is read for."""
+    if controller is None:
+        raise ControllerFileError(
+            f"{path} is a table, which carries no controller; say whose inputs it holds, as a controller file"
+        )
+    return controller
+
+
+def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:
+    """Ask a system what it would have done at the inputs of a table."""
+    inputs, time_s = tables.read(path, [variable.name for variable in system.inputs])
+    return FlownSystem(
+        system,
+        np.arange(1.0, len(inputs) + 1.0) if time_s is None else time_s,
+        inputs,
+        firing(system, inputs),
+        np.asarray(compiled(system).infer(inputs).outputs)[:, 0],
+        np.full(len(inputs), UNKNOWN),
+        is_timed=time_s is not None,
+    )
 
 
 def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":

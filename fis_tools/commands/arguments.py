@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections.abc import Callable
 from math import inf, isfinite
 from pathlib import Path
 
@@ -11,17 +12,26 @@ from numpy.typing import NDArray
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.contribution import importance
 from fis_tools.engines.compiler import compile as compiled
+from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
+from fis_tools.source import read_controller
 
 Floats = NDArray[np.float64]
 
 #: Samples of the ranges of the inputs, where importance is asked for without flights.
 NUM_SPREAD = 2048
 
+_WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
+
 CONTROLLER_HELP = (
     "a controller file (.json, .yaml), a file of another program (.fis, .fll, .fml, .xml), the folder of a "
-    "run (its champion.json), or a logged flight (.mcap)"
+    "run (its champion.json), a logged flight (.mcap), or, with --trust, FILE.py:NAME: a scikit-fuzzy "
+    "ControlSystem, or a system of fis_tools"
+)
+
+FLIGHTS_HELP = (
+    "logged data: tables (.csv, .parquet) with a column for each input, by its name, or flights (.mcap)"
 )
 
 
@@ -33,6 +43,19 @@ def add_controller(command: argparse.ArgumentParser) -> None:
     """Let a command be about one controller, or one system of it."""
     command.add_argument("controller", metavar="CONTROLLER", help=CONTROLLER_HELP)
     command.add_argument("--system", metavar="NAME", help="only this system of the controller")
+    add_trust(command)
+
+
+def add_trust(command: argparse.ArgumentParser) -> None:
+    """Let a command run the program that a controller is an object of."""
+    command.add_argument(
+        "--trust", action="store_true", help="run the Python program that a controller is read from"
+    )
+
+
+def asked(arguments: argparse.Namespace) -> FuzzyController:
+    """Return the controller that a command is about, or the one system of it that is asked for."""
+    return chosen(read_controller(arguments.controller, arguments.trust), arguments.system)
 
 
 def add_flights(
@@ -40,8 +63,13 @@ def add_flights(
     use: str = "whose inputs are looked at (default: CONTROLLER, if it is a flight)",
 ) -> None:
     """Let a command look at what systems sensed along flights."""
-    command.add_argument("--flights", nargs="+", metavar="FLIGHT", help=f"logged flights (.mcap) {use}")
+    command.add_argument("--flights", "--data", nargs="+", metavar="FLIGHT", help=f"{FLIGHTS_HELP} {use}")
     add_periods(command)
+
+
+def flight_paths(arguments: argparse.Namespace) -> list[str]:
+    """Return the flights that are named: the controller's own, where it is one."""
+    return arguments.flights or [path for path in [arguments.controller] if flights.is_flight(path)]
 
 
 def add_periods(command: argparse.ArgumentParser) -> None:
@@ -59,13 +87,12 @@ def flown_inputs(arguments: argparse.Namespace, controller: FuzzyController) -> 
     The flights may be those of another controller, such as the one before a change, if its systems of the
     same names have the same inputs.
     """
-    paths = arguments.flights or [p for p in [arguments.controller] if flights.is_flight(p)]
+    paths = flight_paths(arguments)
     if not paths:
         return None
-    sensed = flights.inputs_along(paths, arguments.all_periods)
-    flown = {
-        system.name: [v.name for v in system.inputs] for system in flights.read_controller(paths[0]).systems
-    }
+    sensed = flights.inputs_along(paths, arguments.all_periods, controller)
+    carried = flights.read_controller(paths[0]) if flights.is_flight(paths[0]) else controller
+    flown = {system.name: [v.name for v in system.inputs] for system in carried.systems}
     for system in controller.systems:
         inputs = [variable.name for variable in system.inputs]
         if flown.get(system.name, inputs) != inputs:
@@ -158,6 +185,14 @@ def place_for(path: Path) -> Path:
     """Make the folder that a file goes into; return the file's path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path
+
+
+def form_of(output: str | None) -> Callable[[FuzzyController], str] | None:
+    """Return what writes a controller into a file of such a name; None without one."""
+    form = _WRITERS.get(Path(output).suffix.lower()) if output else None
+    if output and form is None:
+        raise UserMistake(f"{output} ends in none of {', '.join(_WRITERS)}; name the file so")
+    return form
 
 
 def write(output: str | None, content: str) -> None:

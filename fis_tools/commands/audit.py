@@ -9,8 +9,8 @@ from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
     add_flights,
+    asked,
     assignments,
-    chosen,
     flown_inputs,
 )
 from fis_tools.findings.audit import Severity, Thresholds, audit, report
@@ -81,8 +81,8 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what is found; return 1 if that is too much."""
-    controller = chosen(read_controller(arguments.controller), arguments.system)
-    reference = None if arguments.reference is None else read_controller(arguments.reference)
+    controller = asked(arguments)
+    reference = None if arguments.reference is None else read_controller(arguments.reference, arguments.trust)
     thresholds = _thresholds(arguments.thresholds)
     flown = flown_inputs(arguments, controller)
     try:

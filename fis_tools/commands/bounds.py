@@ -4,8 +4,7 @@ import argparse
 import sys
 
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
-from fis_tools.commands.arguments import UserMistake, add_controller, chosen, the_system
-from fis_tools.source import read_controller
+from fis_tools.commands.arguments import UserMistake, add_controller, asked, the_system
 
 EPILOG = """\
 Conditions are written NAME > NUMBER, NAME in [NUMBER, NUMBER] or 2 NAME - OTHER <= NUMBER;
@@ -48,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print an answer, or ranges; return 1 for an answer that is not expected."""
     if arguments.expect is not None and arguments.ask is None:
         raise UserMistake("--expect is about the answer to a question; add --ask")
-    controller = chosen(read_controller(arguments.controller), arguments.system)
+    controller = asked(arguments)
     effort = {"max_boxes": arguments.boxes, "progress": _tell if sys.stderr.isatty() else None}
     try:
         if arguments.ask is None:

@@ -51,7 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
     is_page = not arguments.json and Path(arguments.output or "").suffix.lower() in {".html", ".htm"}
     if is_page:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
-    before, after = read_controller(arguments.controller), read_controller(arguments.after)
+    before, after = (
+        read_controller(path, arguments.trust) for path in (arguments.controller, arguments.after)
+    )
     before, after = _limited(before, after, arguments.system)
     samples = flown_inputs(arguments, after) if arguments.flights else None
     files = (str(arguments.controller), str(arguments.after))

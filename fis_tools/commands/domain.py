@@ -4,8 +4,11 @@ import argparse
 import json
 from pathlib import Path
 
-from fis_tools.analysis import flights
+import numpy as np
+
+from fis_tools.analysis import flights, tables
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
+from fis_tools.commands.arguments import FLIGHTS_HELP
 from fis_tools.formats.error import ControllerFileError
 
 EPILOG = """\
@@ -22,7 +25,7 @@ examples:
 def add(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     command.add_argument("domain", metavar="DOMAIN", help="an operational domain (.json)")
-    command.add_argument("flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap)")
+    command.add_argument("flights", nargs="+", metavar="FLIGHT", help=FLIGHTS_HELP)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -49,6 +52,11 @@ def _read(path: Path) -> tuple[Box, ...]:
 def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
     """Return when a flight left the boxes of its systems, in order of time."""
     found: list[Departure] = []
+    if tables.is_table(path):
+        for each in boxes.values():
+            sensed, time_s = tables.read(path, each.inputs)
+            found += departures(each, np.arange(1.0, len(sensed) + 1.0) if time_s is None else time_s, sensed)
+        return sorted(found, key=lambda one: one.first_s)
     for flown in flights.read_flight(path):
         box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
         if box is None or box.inputs != inputs:

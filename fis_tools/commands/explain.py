@@ -9,13 +9,14 @@ from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
     add_flights,
-    chosen,
+    asked,
+    flight_paths,
     flown_inputs,
 )
 from fis_tools.commands.instant import add_instant, instants
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation import explain, shares
-from fis_tools.source import read_controller
+from fis_tools.model import FuzzyController
 from fis_tools.words import text
 
 SCHEMA = "fuzzy-explanation"
@@ -34,6 +35,7 @@ examples:
   python -m fis_tools explain episodes/best.mcap --time 600 --system force_x --crossing=-0.01
   python -m fis_tools explain episodes/best.mcap
   python -m fis_tools explain controller.yaml --flights episodes/*.mcap --all
+  python -m fis_tools explain fan.yaml --data room.csv --time 60
 """
 
 
@@ -60,18 +62,19 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Explain one inference, or what rules did over flights."""
     at_an_instant = arguments.inputs is not None or arguments.time is not None
-    if at_an_instant and arguments.flights:
-        raise UserMistake("--flights are for the share of each rule over them; drop --inputs and --time")
+    if arguments.inputs is not None and arguments.flights:
+        raise UserMistake("--flights are for the share of each rule over them; drop --inputs, or the flights")
     if arguments.steps and (arguments.json or arguments.crossing is not None):
         raise UserMistake("--steps go without --json and --crossing; drop one of them")
-    if at_an_instant or not (arguments.flights or str(arguments.controller).endswith(".mcap")):
-        _explain_instant(arguments)
+    controller = asked(arguments)
+    if at_an_instant or not flight_paths(arguments):
+        _explain_instant(arguments, controller)
     else:
-        _explain_flights(arguments)
+        _explain_flights(arguments, controller)
 
 
-def _explain_instant(arguments: argparse.Namespace) -> None:
-    found = list(instants(arguments))
+def _explain_instant(arguments: argparse.Namespace, controller: FuzzyController) -> None:
+    found = list(instants(arguments, controller))
     told = [f"{one.told}\n" for one in found if one.told]
     silent = [{"system": one.system.name, "words": one.told} for one in found if one.inputs is None]
     if arguments.steps:
@@ -87,10 +90,9 @@ def _explain_instant(arguments: argparse.Namespace) -> None:
         print("\n".join([*(one.text(everything=arguments.all) for one in explained), *told]), end="")
 
 
-def _explain_flights(arguments: argparse.Namespace) -> None:
+def _explain_flights(arguments: argparse.Namespace, controller: FuzzyController) -> None:
     if arguments.steps or arguments.crossing is not None:
         raise UserMistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
-    controller = chosen(read_controller(arguments.controller), arguments.system)
     flown = flown_inputs(arguments, controller) or {}
     found = {
         system.name: shares(system, flown[system.name]) if len(flown.get(system.name, ())) else None

@@ -5,25 +5,38 @@ import argparse
 import numpy as np
 
 from fis_tools.analysis import arrays, flights
-from fis_tools.commands.arguments import add_periods, chosen
+from fis_tools.commands.arguments import (
+    FLIGHTS_HELP,
+    UserMistake,
+    add_periods,
+    add_trust,
+    asked,
+    chosen,
+    flown_inputs,
+)
+from fis_tools.model import FuzzyController
 from fis_tools.words import text
 
 EPILOG = """\
-Counted are the inferences whose force was fired; with --all-periods, all that were logged.
+Counted are the rows of tables, and along flights the inferences whose force was fired; with
+--all-periods, all that were logged. Flights carry their controller along, tables do not.
 fired: in how many of them the rule fired at the threshold or more; leading: in how many no
 rule fired more strongly; mean, max: its strength over all of them.
 
 examples:
   python -m fis_tools firing episodes/*.mcap
   python -m fis_tools firing episodes/best.mcap --system force_x --threshold 0.2
+  python -m fis_tools firing room.csv --controller fan.yaml
 """
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
+    command.add_argument("flights", nargs="+", metavar="FLIGHT", help=f"{FLIGHTS_HELP} of one controller")
     command.add_argument(
-        "flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) of one controller"
+        "--controller", metavar="CONTROLLER", help="whose rules (default: those of the flights)"
     )
+    add_trust(command)
     command.add_argument("--system", metavar="NAME", help="only this system")
     command.add_argument(
         "--threshold",
@@ -45,10 +58,27 @@ def _strength(word: str) -> float:
     return value
 
 
+def _used(arguments: argparse.Namespace) -> tuple[FuzzyController, dict[str, arrays.RuleUsage]]:
+    """Return the controller that is asked about, and how the rules of its systems fired."""
+    paths, threshold = arguments.flights, arguments.threshold
+    if arguments.controller is None:
+        tables = [path for path in paths if not flights.is_flight(path)]
+        if tables:
+            raise UserMistake(f"{tables[0]} is no flight (.mcap) with a controller in it; add --controller")
+        usages = flights.usage_along(paths, threshold, arguments.all_periods)
+        return chosen(flights.read_controller(paths[0]), arguments.system), usages
+    controller = asked(arguments)
+    sensed = flown_inputs(arguments, controller) or {}
+    return controller, {
+        system.name: arrays.rule_usage(arrays.firing(system, sensed[system.name]), threshold)
+        for system in controller.systems
+        if len(sensed.get(system.name, ()))
+    }
+
+
 def run(arguments: argparse.Namespace) -> None:
     """Print which rules fired along logged flights."""
-    usages = flights.usage_along(arguments.flights, arguments.threshold, arguments.all_periods)
-    controller = chosen(flights.read_controller(arguments.flights[0]), arguments.system)
+    controller, usages = _used(arguments)
     blocks = []
     for system in controller.systems:
         if system.name not in usages:

@@ -6,11 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fis_tools.commands.arguments import UserMistake, write
+from fis_tools import programs
+from fis_tools.commands.arguments import UserMistake, add_trust, write
 from fis_tools.formats import serialize
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable
 from fis_tools.model.validate import InvalidSystem
+from fis_tools.source import read_controller
 
 EPILOG = """\
 What the files do not state is assumed, and printed. Files that `export` wrote carry it in a comment.
@@ -18,6 +20,7 @@ What the files do not state is assumed, and printed. Files that `export` wrote c
 examples:
   python -m fis_tools import tipper.fis -o tipper.yaml
   python -m fis_tools import tipper.fis --points 1001 -o tipper.json
+  python -m fis_tools import tipping.py:build_tipping --trust -o tipping.yaml
   python -m fis_tools import exchange/*.fis --name returned -o returned.yaml
 """
 
@@ -25,8 +28,12 @@ examples:
 def add(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     command.add_argument(
-        "files", nargs="+", metavar="FILE", help=f"files to read ({', '.join(serialize.ENDINGS)})"
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help=f"files to read ({', '.join(serialize.ENDINGS)}; with --trust, FILE.py:NAME)",
     )
+    add_trust(command)
     command.add_argument(
         "-o", "--output", metavar="FILE", help=".json or .yaml to write (default: JSON, printed)"
     )
@@ -52,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
     ending = ".json" if arguments.output is None else Path(arguments.output).suffix.lower()
     if ending not in {".json", ".yaml", ".yml"}:
         raise UserMistake(f"{arguments.output} is no controller file; name one that ends in .json or .yaml")
-    readings = [serialize.read(path) for path in arguments.files]
+    readings = [_reading(path, arguments.trust) for path in arguments.files]
     controllers = [reading.controller for reading in readings]
     systems = _systems(arguments.files, controllers)
     if arguments.points is not None:
@@ -74,6 +81,12 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"assumed: {sentence}", file=sys.stderr)
     for key in left_out:
         print(f"left out: the provenance {key}, which differs between the files", file=sys.stderr)
+
+
+def _reading(path: str, trust: bool) -> serialize.Reading:
+    if programs.is_program(path):
+        return serialize.Reading(read_controller(path, trust), ())
+    return serialize.read(path)
 
 
 def _systems(paths: Sequence[str], controllers: Sequence[FuzzyController]) -> tuple[FuzzySystem, ...]:

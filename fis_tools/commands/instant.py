@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.analysis import flights
-from fis_tools.commands.arguments import UserMistake, assignments, chosen
+from fis_tools.commands.arguments import UserMistake, assignments, flight_paths
 from fis_tools.engines.inference import Floats
-from fis_tools.model import FuzzySystem
+from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
 from fis_tools.model.validate import nearest
-from fis_tools.source import read_controller
 from fis_tools.words.text import number
 
 
@@ -23,7 +22,10 @@ def add_instant(command: argparse.ArgumentParser) -> None:
         "--inputs", metavar="NAME=NUMBER,…", help="the inputs, in the units that `show` prints"
     )
     instant.add_argument(
-        "--time", type=float, metavar="SECONDS", help="of a logged flight: its inputs at this time"
+        "--time",
+        type=float,
+        metavar="SECONDS",
+        help="of logged data: the inputs at this time; of a table without times: of this row",
     )
 
 
@@ -45,14 +47,17 @@ class Instant:
     told: str = ""
 
 
-def instants(arguments: argparse.Namespace) -> Iterator[Instant]:
-    """Yield each system that is meant with its inputs, given by hand or logged."""
+def instants(arguments: argparse.Namespace, controller: FuzzyController) -> Iterator[Instant]:
+    """Yield each system of a controller that is meant with its inputs, given by hand or logged."""
     if arguments.time is None:
-        yield from (Instant(system, inputs) for system, inputs in _given(arguments))
+        yield from (Instant(system, inputs) for system, inputs in _given(arguments, controller))
         return
-    if not flights.is_flight(arguments.controller):
-        raise UserMistake("--time is for logged flights (.mcap); give --inputs for a controller file")
-    periods = flights.read_periods(arguments.controller, arguments.time)
+    paths = flight_paths(arguments)
+    if len(paths) != 1:
+        raise UserMistake(
+            "--time is for one file of logged data; give a flight (.mcap), or add --flights FILE"
+        )
+    periods = flights.read_periods(paths[0], arguments.time, controller)
     names = [period.flown.system.name for period in periods]
     if arguments.system is not None and arguments.system not in names:
         raise UserMistake(
@@ -87,8 +92,9 @@ def _in_words(period: flights.Period) -> str:
     return words
 
 
-def _given(arguments: argparse.Namespace) -> Iterator[tuple[FuzzySystem, Floats]]:
-    controller = chosen(read_controller(arguments.controller), arguments.system)
+def _given(
+    arguments: argparse.Namespace, controller: FuzzyController
+) -> Iterator[tuple[FuzzySystem, Floats]]:
     values = assignments(arguments.inputs or "")
     known = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
     for name in values:

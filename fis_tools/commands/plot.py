@@ -10,17 +10,18 @@ from fis_tools.analysis import flights
 from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
-    add_periods,
-    chosen,
+    add_flights,
+    asked,
     file_name,
+    flight_paths,
+    flown_inputs,
     place_for,
 )
 from fis_tools.commands.instant import add_instant, instants
 from fis_tools.engines.inference import Floats, infer
-from fis_tools.source import read_controller
 
 if TYPE_CHECKING:
-    from fis_tools.model import FuzzySystem
+    from fis_tools.model import FuzzyController, FuzzySystem
     from fis_tools.render import Figure, Theme
 
     Pictures: TypeAlias = Iterator[tuple[FuzzySystem, str, Figure]]
@@ -36,6 +37,7 @@ examples:
   python -m fis_tools plot controller.yaml --system force_x --only rules --theme dark --format svg
   python -m fis_tools plot controller.yaml --only inference --inputs distance=80,velocity_body_x=0.05
   python -m fis_tools plot episodes/best.mcap --time 600 -o figures
+  python -m fis_tools plot fan.yaml --data room.csv --only firing
 """
 
 
@@ -53,10 +55,12 @@ def add(command: argparse.ArgumentParser) -> None:
         action="append",
         metavar="KIND",
         help=f"draw only this, one of {', '.join(KINDS)}; may be given several times (default: all; an "
-        "inference when --inputs or --time say which; firing when CONTROLLER is a flight)",
+        "inference when --inputs or --time say which; firing with flights)",
     )
     add_instant(command)
-    add_periods(command)
+    add_flights(
+        command, "whose rules are drawn, and whose inputs over surfaces (default: CONTROLLER, if it is one)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -64,12 +68,13 @@ def run(arguments: argparse.Namespace) -> None:
     from fis_tools.render import THEMES, save  # noqa: PLC0415 - the other commands start without matplotlib
 
     theme, kinds = THEMES[arguments.theme], _kinds(arguments)
-    inferences = _fired(arguments) if "inference" in kinds else []
+    controller = asked(arguments)
+    inferences = _fired(arguments, controller) if "inference" in kinds else []
     taken: Counter[str] = Counter()
     for drawn in (
-        _of_systems(arguments, kinds, theme),
+        _of_systems(arguments, controller, kinds, theme),
         _of_instants(inferences, theme),
-        _of_flights(arguments, kinds, theme),
+        _of_flights(arguments, controller, kinds, theme),
     ):
         for system, name, figure in drawn:
             picture = f"{file_name(system.name)}-{file_name(name)}"
@@ -81,17 +86,15 @@ def run(arguments: argparse.Namespace) -> None:
             print(path)
 
 
-def _fired(arguments: argparse.Namespace) -> "list[tuple[FuzzySystem, Floats]]":
+def _fired(
+    arguments: argparse.Namespace, controller: "FuzzyController"
+) -> "list[tuple[FuzzySystem, Floats]]":
     """Return the inferences that there are to draw."""
-    found = list(instants(arguments))
+    found = list(instants(arguments, controller))
     drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
     if not drawn:
         raise UserMistake("; ".join(one.told for one in found))
     return drawn
-
-
-def _flown(arguments: argparse.Namespace) -> "tuple[flights.FlownSystem, ...]":
-    return flights.read_flight(arguments.controller, arguments.all_periods)
 
 
 def _kinds(arguments: argparse.Namespace) -> list[str]:
@@ -101,23 +104,22 @@ def _kinds(arguments: argparse.Namespace) -> list[str]:
         return [
             *KINDS[:3],
             *(["inference"] if is_told else []),
-            *(["firing"] if flights.is_flight(arguments.controller) else []),
+            *(["firing"] if flight_paths(arguments) else []),
         ]
     if is_told and "inference" not in arguments.only:
         raise UserMistake("--inputs and --time are for an inference; add --only inference, or leave them out")
-    if "firing" in arguments.only and not flights.is_flight(arguments.controller):
-        raise UserMistake(
-            "--only firing is for logged flights (.mcap); give one instead of a controller file"
-        )
+    if "firing" in arguments.only and not flight_paths(arguments):
+        raise UserMistake("--only firing is for logged data; give a flight (.mcap), or add --flights FILE")
     return list(arguments.only)
 
 
-def _of_systems(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
+def _of_systems(
+    arguments: argparse.Namespace, controller: "FuzzyController", kinds: list[str], theme: "Theme"
+) -> "Pictures":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    path = arguments.controller
-    sensed = flights.inputs_along([path], arguments.all_periods) if flights.is_flight(path) else {}
-    for system in chosen(read_controller(path), arguments.system).systems:
+    sensed = flown_inputs(arguments, controller) or {}
+    for system in controller.systems:
         if "memberships" in kinds:
             yield system, "memberships", render.memberships_figure(system, theme=theme)
         if "rules" in kinds:
@@ -135,10 +137,19 @@ def _of_instants(inferences: "list[tuple[FuzzySystem, Floats]]", theme: "Theme")
         yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
 
 
-def _of_flights(arguments: argparse.Namespace, kinds: list[str], theme: "Theme") -> "Pictures":
+def _of_flights(
+    arguments: argparse.Namespace, controller: "FuzzyController", kinds: list[str], theme: "Theme"
+) -> "Pictures":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    for flown in _flown(arguments) if "firing" in kinds else ():
-        if arguments.system in (None, flown.system.name) and len(flown.time_s):
-            figure = render.firing_figure(flown.system, flown.time_s, flown.firing_strengths, theme=theme)
-            yield flown.system, "firing", figure
+    for path in flight_paths(arguments) if "firing" in kinds else ():
+        for flown in flights.read_flight(path, arguments.all_periods, controller):
+            if arguments.system in (None, flown.system.name) and len(flown.time_s):
+                figure = render.firing_figure(
+                    flown.system,
+                    flown.time_s,
+                    flown.firing_strengths,
+                    is_timed=flown.is_timed,
+                    theme=theme,
+                )
+                yield flown.system, "firing", figure

@@ -4,8 +4,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from fis_tools.commands.arguments import add_controller, add_periods, chosen, place_for
-from fis_tools.source import read_controller
+from fis_tools.commands.arguments import (
+    FLIGHTS_HELP,
+    add_controller,
+    add_periods,
+    asked,
+    flight_paths,
+    place_for,
+)
 
 EPILOG = """\
 The page is one HTML file that needs no network: how it flew, requirements, findings, constants, then
@@ -27,10 +33,11 @@ def add(command: argparse.ArgumentParser) -> None:
     add_controller(command)
     command.add_argument(
         "--flights",
+        "--data",
         metavar="FLIGHT",
         nargs="+",
         default=[],
-        help="logged flights (.mcap), or the folder of a run (default: CONTROLLER, if it is a flight)",
+        help=f"{FLIGHTS_HELP}, or the folder of a run (default: CONTROLLER, if it is a flight)",
     )
     command.add_argument(
         "--evidence", metavar="FILE", help="the evidence.json that tells what became of the requirements"
@@ -45,13 +52,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Write the review page."""
     from fis_tools.review import page  # noqa: PLC0415 - the other commands start without templates
 
-    controller = chosen(read_controller(arguments.controller), arguments.system)
-    paths = arguments.flights
-    if not paths and Path(arguments.controller).suffix == ".mcap":
-        paths = [arguments.controller]
+    controller = asked(arguments)
     print(f"reviewing {controller.name}", file=sys.stderr)
     text = page.write(
-        controller, paths, arguments.system, arguments.evidence, all_periods=arguments.all_periods
+        controller,
+        flight_paths(arguments),
+        arguments.system,
+        arguments.evidence,
+        all_periods=arguments.all_periods,
     )
     path = place_for(Path(arguments.output))
     path.write_text(text, encoding="utf-8")

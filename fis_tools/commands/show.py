@@ -2,9 +2,8 @@
 
 import argparse
 
-from fis_tools.commands.arguments import add_controller, add_order, chosen, importance_asked
+from fis_tools.commands.arguments import add_controller, add_order, asked, importance_asked
 from fis_tools.formats.printed import text
-from fis_tools.source import read_controller
 
 EPILOG = """\
 examples:
@@ -23,5 +22,5 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print terms and rule tables."""
-    controller = chosen(read_controller(arguments.controller), arguments.system)
+    controller = asked(arguments)
     print(text.describe(controller, importance_asked(arguments, controller)), end="")

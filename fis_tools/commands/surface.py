@@ -10,7 +10,7 @@ from fis_tools.analysis import arrays
 from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
-    add_periods,
+    add_flights,
     assignments,
     count,
     flown_inputs,
@@ -51,10 +51,7 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument("--points", type=count, default=61, help="along each axis (default: 61)")
     command.add_argument("--3d", dest="in_space", action="store_true", help="draw it in space")
     command.add_argument("--theme", choices=["light", "dark"], default="light", help="default: light")
-    command.add_argument(
-        "--flights", nargs="+", metavar="FLIGHT", help="logged flights (.mcap) to lay over the picture"
-    )
-    add_periods(command)
+    add_flights(command, "to lay over the picture")
     command.add_argument(
         "-o", "--output", metavar="FILE", help=".png, .svg, .pdf, or CSV (default: CSV, printed)"
     )
@@ -62,7 +59,7 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Evaluate an output over two inputs: a table of numbers, or a picture."""
-    controller = read_controller(arguments.controller)
+    controller = read_controller(arguments.controller, arguments.trust)
     system = the_system(controller, arguments.system)
     fixed = assignments(arguments.fixed)
     x, y, of, num_points = arguments.x, arguments.y, arguments.of, arguments.points

@@ -21,11 +21,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 _making = threading.RLock()
 
 
-#: numba's options for a function that only compiled code calls: what Python calls it by is a quarter of the
-#: time that compiling it takes.
-INSIDE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
-
 class Compiled:
     """A function that numba compiles when it is first called, from Python or from another one.
 
@@ -128,9 +123,9 @@ def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """
     from numba import njit, types  # noqa: PLC0415 - as above
 
-    from fis_tools.engines import notice  # noqa: PLC0415 - as above
+    from fis_tools.engines import callees, notice  # noqa: PLC0415 - as above
 
-    dispatcher: Any = njit(**options, **INSIDE)(function)  # type: ignore[call-overload]
+    dispatcher: Any = njit(**options, **callees.OPTIONS)(function)
     template = dispatcher.get_call_template
     unliteral: Callable[[Any], Any] = types.unliteral  # as a value: a type checker sees numba's calls untyped
     dispatcher.get_call_template = lambda args, kws: template(

@@ -6,6 +6,7 @@ anything. LLVM has vectors of any width as values and maps them to the registers
 
 import operator
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numba
@@ -16,6 +17,8 @@ try:
     from numba import types
     from numba.core import cgutils
     from numba.core.errors import TypingError
+    from numba.core.imputils import lower_getattr_generic
+    from numba.core.typing.templates import AttributeTemplate, infer_getattr
     from numba.extending import lower_builtin, models, register_model, type_callable
 except ImportError as error:
     raise ImportError(
@@ -27,7 +30,7 @@ from fis_tools.engines import vectors
 
 MOST_LANES = 64
 
-I1, I32, I64, F64 = ir.IntType(1), ir.IntType(32), ir.IntType(64), ir.DoubleType()
+I1, I8, I32, I64, F64 = (*map(ir.IntType, (1, 8, 32, 64)), ir.DoubleType())
 
 
 class VectorType(types.Type):
@@ -434,7 +437,28 @@ def _power_of_two(builder: Any, exponent: Any) -> Any:
 _unary(vectors.power_of_two, VectorType, _power_of_two)
 
 
-# Arrays whose references are not counted
+# What is borrowed: arrays whose references are not counted, tuples of them as one pointer
+
+
+class BorrowedType(types.Type):
+    """A named tuple that somebody further up holds, as a pointer to its values."""
+
+    def __init__(self, held: Any) -> None:
+        self.held = held
+        super().__init__(name=f"Borrowed({held.name})")
+
+
+@register_model(BorrowedType)
+class _BorrowedModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: BorrowedType) -> None:
+        super().__init__(manager, kind, I8.as_pointer())
+
+
+def _borrowed_type(kind: Any) -> Any:
+    if isinstance(kind, types.BaseNamedTuple):
+        return BorrowedType(kind)
+    held = _members(kind)
+    return kind if held is None else types.Tuple([_borrowed_type(member) for member in held])
 
 
 def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -449,9 +473,53 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return value
 
 
+def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Return a value as `_borrowed_type` says; what is in a named tuple is put where a pointer leads."""
+    if isinstance(kind, types.BaseNamedTuple):
+        place = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
+        return builder.bitcast(place, I8.as_pointer())
+    if _members(kind) is None:
+        return _uncounted(context, builder, kind, value)
+    parts = [
+        _lent(context, builder, member, builder.extract_value(value, place))
+        for place, member in enumerate(_members(kind) or ())
+    ]
+    return context.make_tuple(builder, _borrowed_type(kind), parts)
+
+
 def _lower_borrowed(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    return _uncounted(context, builder, signature.args[0], args[0])
+    return _lent(context, builder, signature.args[0], args[0])
 
 
-_typed(vectors.borrowed, lambda value: value)
+_typed(vectors.borrowed, _borrowed_type)
 lower_builtin(vectors.borrowed, types.Any)(_lower_borrowed)
+
+
+@infer_getattr
+class _BorrowedAttributes(AttributeTemplate):
+    key = BorrowedType
+
+    def generic_resolve(self, kind: BorrowedType, name: str) -> Any:  # type: ignore[override]
+        if name in kind.held.fields:
+            return _borrowed_type(kind.held.types[kind.held.fields.index(name)])
+        return None
+
+
+@cache
+def _offset(context: Any, held: Any, place: int) -> int:
+    """Return how many bytes into a tuple's values one of them lies."""
+    values, data = context.get_value_type(held), context.target_data
+    if isinstance(values, ir.ArrayType):  # all are of one type
+        return place * int(values.element.get_abi_size(data))
+    return int(values.get_element_offset(data, place))
+
+
+@lower_getattr_generic(BorrowedType)
+def _lower_borrowed_attribute(context: Any, builder: Any, kind: BorrowedType, value: Any, name: str) -> Any:
+    place = kind.held.fields.index(name)
+    member = kind.held.types[place]
+    there = builder.gep(value, [I64(_offset(context, kind.held, place))])
+    if isinstance(member, types.BaseNamedTuple):
+        return there
+    found = builder.load(builder.bitcast(there, context.get_value_type(member).as_pointer()))
+    return _lent(context, builder, member, found)

@@ -159,7 +159,9 @@ def surface_figure(
     return figure
 
 
-def firing_figure(system: FuzzySystem, time_s: Floats, strengths: Floats, *, theme: Theme = LIGHT) -> Figure:
+def firing_figure(
+    system: FuzzySystem, time_s: Floats, strengths: Floats, *, is_timed: bool = True, theme: Theme = LIGHT
+) -> Figure:
     """Draw how the rules of a system fired along a flight, and below the share of each in all firing.
 
     Raises
@@ -171,8 +173,8 @@ def firing_figure(system: FuzzySystem, time_s: Floats, strengths: Floats, *, the
     tall = (0.9 + 0.22 * count, 0.9 + 0.22 * min(15, len(system.rules)))
     figure = Figure(figsize=(9.0, sum(tall) + 0.4), layout="constrained")
     above, below = figure.subplots(2, height_ratios=tall)
-    head(figure, f"{system.name}: rules along the flight", theme)
-    firing_map(system, time_s, strengths, above, most_rules=count, theme=theme)
+    head(figure, f"{system.name}: rules over {'time' if is_timed else 'rows'}", theme)
+    firing_map(system, time_s, strengths, above, most_rules=count, is_timed=is_timed, theme=theme)
     rule_bars(system, firing_shares(strengths), below, theme=theme)
     return figure
 

@@ -40,6 +40,7 @@ def firing_map(
     ax: Axes,
     *,
     most_rules: int = 20,
+    is_timed: bool = True,
     theme: Theme = LIGHT,
 ) -> Axes:
     """Draw how strongly rules fire along a flight, those with the largest share at the top.
@@ -56,19 +57,21 @@ def firing_map(
         Where to draw.
     most_rules : int
         How many rules are drawn; the others are counted below.
+    is_timed : bool
+        Whether ``time_s`` are times, and not numbers of rows.
     theme : Theme
         Colours.
 
     Raises
     ------
     ValueError
-        If the shapes do not fit, there are no samples, or the times do not ascend.
+        If the shapes do not fit, there are no samples, or the times run backwards.
     """
     expected = (len(time_s), len(system.rules))
     if strengths.shape != expected or not len(time_s):
         raise ValueError(f"strengths have shape {strengths.shape}; pass {expected}, one row or more")
-    if np.any(np.diff(time_s) <= 0):
-        raise ValueError("the times do not ascend; draw one flight at a time")
+    if np.any(np.diff(time_s) < 0):
+        raise ValueError("the times run backwards; draw one flight at a time")
     shares = firing_shares(strengths)
     order = np.argsort(-shares, kind="stable")
     is_seen = (shares >= _LEAST_SHARE) | (strengths.max(axis=0) >= FIRED)
@@ -90,7 +93,7 @@ def firing_map(
     if left:
         rest = 100 * max(0.0, 1.0 - float(shares[shown].sum()))
         ax.set_title(f"{left} more rules share {rest:.1f} %", loc="right")
-    ax.set_xlabel("time (s)")
+    ax.set_xlabel("time (s)" if is_timed else "row")
     ax.grid(visible=False)
     dress(ax, theme, y_size=size)
     return ax

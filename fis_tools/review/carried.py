@@ -84,6 +84,7 @@ def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[st
         "inputs": _doubles(flown.inputs[rows]),
         "fired": _doubles(usage.fired),
         "num_inferences": len(flown.time_s),
+        "is_timed": flown.is_timed,
     }
 
 

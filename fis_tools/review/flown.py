@@ -1,4 +1,7 @@
-"""The flights that a controller is reviewed along, and the samples that its rules are counted over."""
+"""The flights and tables that a controller is reviewed along, and what its rules are counted over.
+
+Both are called flights in the code; the page calls them logs where no flight is among them.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +51,9 @@ class Samples:
 def read_flights(
     paths: Sequence[Path | str], controller: FuzzyController, all_periods: bool = False
 ) -> list[Flight]:
-    """Read the flights to review a controller along, each once; one is called as its file, or as its path.
+    """Read the flights and tables to review a controller along, each once.
+
+    One is called as its file, or as its path.
 
     Of each the inferences whose force was fired are read, or all.
 
@@ -61,6 +66,11 @@ def read_flights(
     return [
         _flight(name, path, controller, all_periods) for name, path in zip(_names(once), once, strict=True)
     ]
+
+
+def noun_of(paths: Sequence[Path | str]) -> str:
+    """Return what the page calls what it is given: a flight, or a log where none is among them."""
+    return "flight" if any(map(flights.is_flight, paths)) else "log"
 
 
 def unique(paths: Sequence[Path | str]) -> list[Path]:
@@ -84,7 +94,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 def _flown(path: Path | str, controller: FuzzyController, all_periods: bool) -> dict[str, FlownSystem]:
     known = {system.name: system for system in controller.systems}
-    read = flights.read_flight(path, all_periods)
+    read = flights.read_flight(path, all_periods, controller)
     flown = {one.system.name: one for one in read if one.system.name in known}
     if not flown:
         names = ", ".join(known)
@@ -99,12 +109,12 @@ def _flown(path: Path | str, controller: FuzzyController, all_periods: bool) -> 
     return flown
 
 
-def samples_of(system: FuzzySystem, flown: Sequence[Flight]) -> Samples:
+def samples_of(system: FuzzySystem, flown: Sequence[Flight], noun: str) -> Samples:
     """Return what a system sensed on the flights; where it sensed nothing, samples of all its inputs."""
     rows = [flight.flown[system.name].inputs for flight in flown if system.name in flight.flown]
     sensed = np.concatenate([np.empty((0, len(system.inputs))), *rows])
     if len(sensed):
-        words = "along the flight" if len(flown) == 1 else f"along the {len(flown)} flights"
+        words = f"along the {noun}" if len(flown) == 1 else f"along the {len(flown)} {noun}s"
         return Samples(sensed, words, are_flown=True)
     spread = arrays.spread_inputs(system)
     return Samples(spread, f"over {len(spread):,} points spread evenly over all its inputs", are_flown=False)

@@ -30,7 +30,7 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
         if not inside:
             raise ControllerFileError(
                 f"{path} is a folder without {RECORDINGS}/*.mcap; give the folder of a run that has recorded "
-                "flights, or a flight"
+                "flights, a flight, or a table (.csv, .parquet)"
             )
         found += inside
     return found
@@ -44,7 +44,7 @@ def rows(paths: Sequence[Path | str], names: Sequence[str], flown: Sequence[Outc
     paths : sequence of paths
         Recordings and folders of runs; a folder's evaluation comes first.
     names, flown : sequences
-        What the recordings are called, and how they went.
+        What the flights among them are called, and how they went.
     """
     summaries = [path / SUMMARY for path in map(Path, paths) if (path / SUMMARY).is_file()]
     told = [_evaluation(json.loads(path.read_text(encoding="utf-8"))) for path in summaries]

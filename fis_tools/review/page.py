@@ -4,11 +4,13 @@ import base64
 import hashlib
 from collections.abc import Sequence
 from importlib.resources import files
+from itertools import compress
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from fis_tools.analysis import flights
 from fis_tools.analysis.flights import read_outcome
 from fis_tools.findings.audit import audit, report
 from fis_tools.formats import serialize
@@ -18,17 +20,19 @@ from fis_tools.review import carried, content, outcomes
 from fis_tools.review.colours import BRIGHTNESS, level_styles
 from fis_tools.review.constants import constants
 from fis_tools.review.findings import finding_counts, finding_rows
-from fis_tools.review.flown import read_flights, samples_of, unique
+from fis_tools.review.flown import noun_of, read_flights, samples_of, unique
 from fis_tools.review.requirements import read_evidence
 
 #: what the reviewer ticks before signing, by key
 CHECKS = {
-    "flights": "I have looked at how it flew, and the flights stand for how it will be used.",
+    "flights": "I have looked at how it {did}, and the {noun}s stand for how it will be used.",
     "constants": "Each constant is meant as it is.",
     "terms": "The terms mean what their names say.",
     "rules": "I have read the rules with the greatest shares of each system, and they say the right thing.",
     "findings": "Every serious finding and every warning is accepted, or waived for the reason given.",
 }
+
+_DID = {"flight": "flew", "log": "answered"}
 
 #: joined in this order
 SCRIPTS = (
@@ -63,8 +67,8 @@ def write(
     controller : FuzzyController
         A controller without problems.
     flight_paths : sequence of paths
-        Logged flights to review it along, and folders of runs with some; without any, rules are counted over
-        the whole input space.
+        Logged flights and tables to review it along, and folders of runs with some; without any, rules are
+        counted over the whole input space.
     part : str, optional
         The system's name, where the controller is only that part of a larger one.
     evidence : path, optional
@@ -89,10 +93,11 @@ def write(
     require_mamdani(systems, "the review page, which computes inferences itself,")
     paths = unique(outcomes.recordings(flight_paths))
     flown = read_flights(paths, controller, all_periods)
-    went = [read_outcome(path) for path in paths]
+    noun, is_flight = noun_of(paths), [flights.is_flight(path) for path in paths]
+    went = [read_outcome(path) for path in compress(paths, is_flight)]
     meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
     fingerprint = serialize.fingerprint(controller)
-    samples = {system.name: samples_of(system, flown) for system in systems}
+    samples = {system.name: samples_of(system, flown, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if flown else None)
     data = {
@@ -101,6 +106,7 @@ def write(
         "name": controller.name,
         "quadrature": carried.quadrature_data(systems),
         "systems": [carried.system_data(system) for system in systems],
+        "noun": noun,
         "flights": [carried.flight_data(flight, systems, len(flown)) for flight in flown],
     }
     return _assemble(
@@ -110,11 +116,12 @@ def write(
         constants=constants(controller, went, meanings),
         others=content.facts(content.texts(controller)),
         outcome_heads=outcomes.HEADS,
-        outcomes=outcomes.rows(flight_paths, [flight.name for flight in flown], went),
+        outcomes=outcomes.rows(flight_paths, [flight.name for flight in compress(flown, is_flight)], went),
         requirements=None if evidence is None else read_evidence(evidence, fingerprint),
         part=part,
         fingerprint=fingerprint,
-        checks=CHECKS,
+        checks={key: words.format(noun=noun, did=_DID[noun]) for key, words in CHECKS.items()},
+        noun=noun,
         flights=flown,
         findings=finding_rows(audited, controller),
         measure_words=report.measure_words(audited),

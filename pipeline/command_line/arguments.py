@@ -81,8 +81,8 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     first = arguments[0] if arguments else ""
     if first and first[0] not in "+-~" and "=" not in first:
         raise ConfigError(
-            f"there is no subcommand {first} (there are summary and verify); an experiment is started with "
-            "+experiment=NAME and settings with key=value, see python -m pipeline --help"
+            f"there is no subcommand {first} (there are cluster, summary and verify); an experiment is "
+            "started with +experiment=NAME and settings with key=value, see python -m pipeline --help"
         )
     parser = _Parser(add_help=False, allow_abbrev=False)
     for names, how in OPTIONS.items():

@@ -6,7 +6,8 @@ on standard error), 130 stopped from the keyboard.
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from hydra.core.override_parser.types import Override
@@ -15,15 +16,13 @@ from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.command_line import runs, sweeps
 from pipeline.command_line.arguments import Asked, read_arguments
-from pipeline.command_line.config import compose_jobs, compose_node, job_of, options
+from pipeline.command_line.config import compose_experiment, compose_node, job_of, options
 from pipeline.command_line.overrides import (
     EXPERIMENT,
     ConfigError,
     check_overrides,
     check_sweeps,
-    differences_of,
     first_line,
-    folder_names,
     parse,
     rewrite_paths,
     single_runs,
@@ -31,9 +30,11 @@ from pipeline.command_line.overrides import (
 from pipeline.command_line.runs import MISTAKE, OK
 from pipeline.run import artifacts, maker, reproducible
 from pipeline.run.runner import Interrupted
-from pipeline.run.sweep import SWEEP, SweptRun
+from pipeline.run.sweep import SWEEP
 
 INTERRUPTED = 130
+#: commands besides experiments, by the modules that have a function of their name; few runs need them
+COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify")}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,14 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _dispatch(arguments: Sequence[str]) -> int:
     """Tell what is only printed from what is run."""
-    if arguments[:1] == ["verify"]:
-        from pipeline.command_line.verify import verify  # noqa: PLC0415 - it reads recordings
-
-        return verify(arguments[1:])
-    if arguments[:1] == ["summary"]:
-        from pipeline.command_line.summary import summary  # noqa: PLC0415 - it draws pictures
-
-        return summary(arguments[1:])
+    if arguments and (module := COMMANDS.get(arguments[0])):
+        run: Callable[[Sequence[str]], int] = getattr(import_module(module), arguments[0])
+        return run(arguments[1:])
     asked = read_arguments(arguments)
     if asked.version:
         sys.stdout.write(f"{maker.DISTRIBUTION} {maker.product_version()}\n")
@@ -114,31 +110,16 @@ def _experiment(asked: Asked) -> int:
                 f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
                 "+experiment=NAME to start one there"
             )
-    jobs = list(single_runs(overrides, groups))
+    words = next(single_runs(overrides, groups))
     if asked.cfg:
-        sys.stdout.write(_printed(compose_node(jobs[0], asked.config_dir), asked))
+        sys.stdout.write(_printed(compose_node(words, asked.config_dir), asked))
         return OK
+    if asked.multirun:
+        return sweeps.start(*sweeps.composed(asked, overrides))
     own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
-    if not asked.multirun:
-        (job,) = compose_jobs(jobs, asked.config_dir)
-        runs.check_before(job.experiment)
-        return runs.start(job, [*own, *jobs[0]])
-    return _sweep(asked, overrides, jobs, own)
-
-
-def _sweep(
-    asked: Asked, overrides: Sequence[Override], jobs: Sequence[Sequence[str]], own: Sequence[str]
-) -> int:
-    """Run every combination of values, each in a folder that is named by them."""
-    groups = options(asked.folders)
-    differing = differences_of(overrides, groups)
-    composed = compose_jobs(jobs, asked.config_dir, names=folder_names(differing))
-    folder = composed[0].sweep_folder
-    swept = [
-        SweptRun(job.folder.relative_to(folder).as_posix(), differs, (*own, *words))
-        for job, differs, words in zip(composed, differing, jobs, strict=True)
-    ]
-    return sweeps.start(composed, swept, folder)
+    job = compose_experiment(words, asked.config_dir)
+    runs.check_before(job.experiment)
+    return runs.start(job, [*own, *words])
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:

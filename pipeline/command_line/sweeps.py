@@ -7,43 +7,63 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from hydra.core.override_parser.types import Override
+
 from pipeline.command_line import runs
-from pipeline.command_line.config import Composed
+from pipeline.command_line.arguments import Asked
+from pipeline.command_line.config import Composed, compose_jobs, options
+from pipeline.command_line.overrides import differences_of, folder_names, single_runs
 from pipeline.command_line.runs import FAULT, MISTAKE, OK, sentence
 from pipeline.run import artifacts, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
 from pipeline.run.sweep import DONE, SweptRun, state_of
 
+#: the runs of a sweep, the same as its file tells them, and its folder
+Sweep = tuple[list[Composed], list[SweptRun], Path]
 
-def start(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> int:
-    """Run the runs of a new sweep, or of one that is made larger; return the exit code.
 
-    Parameters
-    ----------
-    jobs : sequence of Composed
-    swept : sequence of SweptRun
-        The same as the sweep's file tells them.
-    folder : Path
-        Of the sweep.
+def composed(asked: Asked, overrides: Sequence[Override]) -> Sweep:
+    """Compose every combination of values, each in a folder that is named by them, and check them.
 
     Raises
     ------
     ValueError
         What can be told before any folder is made.
     """
+    groups = options(asked.folders)
+    words = list(single_runs(overrides, groups))
+    differing = differences_of(overrides, groups)
+    jobs = compose_jobs(words, asked.config_dir, names=folder_names(differing))
+    folder = jobs[0].sweep_folder
+    own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
+    swept = [
+        SweptRun(job.folder.relative_to(folder).as_posix(), differs, (*own, *chosen))
+        for job, differs, chosen in zip(jobs, differing, words, strict=True)
+    ]
     for job in jobs:
         runs.check_before(job.experiment)
+    return jobs, swept, folder
+
+
+def announce(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> list[SweptRun]:
+    """Write down the runs of a sweep, whose folder is held; return all of it, those of before included."""
+    known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
+    known = sweep.merged(known, swept)
+    sweep.write(folder, known)
+    for job in jobs:
+        _announce(job)
+    return known
+
+
+def start(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> int:
+    """Run the runs of a new sweep, or of one that is made larger, as `composed`; return the exit code."""
 
     def begin(job: Composed, run: SweptRun) -> Callable[[], int]:
         return lambda: runs.start(job, run.command)
 
     with held(folder):
-        known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
-        known = sweep.merged(known, swept)
-        sweep.write(folder, known)
-        for job in jobs:
-            _announce(job)
+        known = announce(jobs, swept, folder)
         begun = [(run, begin(job, run)) for job, run in zip(jobs, swept, strict=True)]
         return _run_all(folder, known, begun)
 
@@ -74,7 +94,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
     started, codes = time.perf_counter(), [OK]
     for number, (run, begin) in enumerate(begun, 1):
         try:
-            code, failure = _attempt(begin)
+            code, failure = attempt(begin)
         except Interrupted as interrupt:
             left = len(begun) - number + 1
             raise Interrupted(
@@ -84,6 +104,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
         codes.append(code)
         known = sweep.with_failure(known, run.folder, failure)
         sweep.write(folder, known)
+        sweep.note_failure(folder, run, "")  # of an earlier attempt as a job
         per_run = (time.perf_counter() - started) / number
         word = f"FAILED: {failure}" if failure else "done"
         sys.stderr.write(
@@ -93,7 +114,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
     return max(codes)
 
 
-def _attempt(begin: Callable[[], int]) -> tuple[int, str]:
+def attempt(begin: Callable[[], int]) -> tuple[int, str]:
     """Run one; return its exit code and why it failed, nothing where it did not."""
     if os.environ.get("HYDRA_FULL_ERROR") == "1":
         return begin(), ""

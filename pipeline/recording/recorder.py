@@ -23,12 +23,10 @@ from pipeline.controllers.played import to_mapping
 from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of, filter_of
-from pipeline.flight.reference.sight import lit_points, seen_points
+from pipeline.flight.reference.sight import lit_and_seen_points
 from pipeline.flight.reference.world import world_of
 from pipeline.flight.signals import CONSTANTS
 from pipeline.flight.surface import surface_of
-from pipeline.physics.illumination import sun_direction_h
-from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import Event, events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
@@ -316,15 +314,15 @@ def point_states(mission: Mission, log: FlightLog) -> States:
         A `telemetry.file.topics.PointState`, the first that applies of inspected, in view but dark, lit,
         dark.
     """
-    world, states = world_of(mission), np.full(log.is_inspected.shape, DARK, dtype=np.int64)
-    boresight_b = np.array(mission.sensor.boresight, dtype=np.float64)
-    for k in range(len(states)):
-        boresight_h = dcm_b_from_h(log.quaternion_b_from_h[k]).T @ boresight_b
-        sun_h = sun_direction_h(float(log.sun_angle_rad[k]), float(log.sun_elevation_rad[k]))
-        quaternion_c, is_dark = log.quaternion_c_from_h[k], ~log.is_inspected[k]
-        is_lit = lit_points(world, quaternion_c, sun_h) & is_dark
-        is_seen = seen_points(world, quaternion_c, log.position_m[k], boresight_h, sun_h, is_dark & ~is_lit)
-        states[k, log.is_inspected[k]] = INSPECTED
-        states[k, is_lit] = LIT
-        states[k, is_seen] = IN_VIEW_BUT_DARK
+    is_lit, is_seen = lit_and_seen_points(
+        world_of(mission),
+        log.quaternion_c_from_h,
+        log.quaternion_b_from_h,
+        log.position_m,
+        np.column_stack((log.sun_angle_rad, log.sun_elevation_rad)),
+        np.array(mission.sensor.boresight, dtype=np.float64),
+        ~log.is_inspected,
+    )
+    states = np.where(log.is_inspected, INSPECTED, DARK)
+    states[is_lit], states[is_seen] = LIT, IN_VIEW_BUT_DARK
     return states

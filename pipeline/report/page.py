@@ -309,6 +309,7 @@ def front_rows(front: Columns | None) -> list[list[str]]:
             f"{front['validation_outside_percent'][row]:.2f}",
             f"{front['training_delta_v_m_s'][row]:.3f}",
             f"{front['training_inspection_rate_percent'][row]:.2f}",
+            *([f"{front['rule_consistency'][row]:.2f}"] if "rule_consistency" in front else []),
             _standing(bool(front["champion"][row]), bool(front["stands"][row])),
         ]
         for row in range(len(front["controller"]))

@@ -21,6 +21,9 @@ CONFIG: Final = "config.yaml"
 MANIFEST: Final = "manifest.json"
 LOG: Final = "pipeline.log"
 SCENARIOS: Final = "scenarios.csv"
+SEARCH_JOURNAL: Final = "search/journal.log"
+SEARCH_TRIALS: Final = "search/trials.csv"
+SEARCH_BEST: Final = "search/best.json"
 LOGBOOK: Final = "train/logbook.csv"
 HISTORY: Final = "train/history.parquet"
 VALIDATION: Final = "train/validation.csv"
@@ -163,9 +166,14 @@ def _write_beside(path: Path, content: bytes | str) -> None:
 
 
 def drop_unfinished(folder: Path) -> None:
-    """Remove the files that a process was writing when it was killed; nobody else may be at work there."""
+    """Remove the files that a process was writing when it was killed; nobody else may be at work there.
+
+    Those of runs in it, which others may be at work in, stay: each run drops its own.
+    """
     for path in folder.rglob(f".*{UNFINISHED}"):
-        path.unlink(missing_ok=True)
+        inner = [parent for parent in path.parents if folder in parent.parents]
+        if not any((parent / CONFIG).exists() for parent in inner):
+            path.unlink(missing_ok=True)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -9,6 +9,8 @@ from pipeline.run import artifacts
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
+#: folder of what runs that were started by themselves, such as jobs of a cluster, failed with
+FAILURES: Final = "failures"
 
 DONE, FAILED, UNFINISHED = "done", "failed", "unfinished"
 
@@ -58,7 +60,7 @@ def read(folder: Path) -> list[SweptRun]:
     try:
         if told["sweep_version"] != SWEEP_VERSION:
             raise ValueError(f"its version is {told['sweep_version']}, {SWEEP_VERSION} is read")
-        return [_run_of(one) for one in told["runs"]]
+        return [_with_own_failure(folder, _run_of(one)) for one in told["runs"]]
     except (KeyError, TypeError, ValueError) as error:
         raise artifacts.ArtifactError(
             f"{folder / SWEEP} is no file of a sweep ({error!r}); restore it"
@@ -73,6 +75,24 @@ def _run_of(told: Mapping[str, object]) -> SweptRun:
         raise ValueError(f"{run.folder} lies outside")
     differs = {str(key): str(value) for key, value in run.differs.items()}
     return replace(run, differs=differs, command=tuple(map(str, run.command)), failure=str(run.failure))
+
+
+def _with_own_failure(folder: Path, run: SweptRun) -> SweptRun:
+    path = _failure_of(folder, run)
+    return replace(run, failure=path.read_text(encoding="utf-8")) if path.exists() else run
+
+
+def note_failure(folder: Path, run: SweptRun, failure: str) -> None:
+    """Note why a run that was started by itself failed, or, where it is empty, that it did not."""
+    path = _failure_of(folder, run)
+    if failure:
+        artifacts.write_atomically(path, failure)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _failure_of(folder: Path, run: SweptRun) -> Path:
+    return folder / FAILURES / f"{run.folder}.txt"
 
 
 def with_failure(runs: Sequence[SweptRun], folder: str, failure: str) -> list[SweptRun]:

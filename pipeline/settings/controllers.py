@@ -119,7 +119,7 @@ def check_controller(source: Mapping[str, Any]) -> None:
             "the group, controller=NAME, or a file, controller=PATH"
         )
     kind = source.get("kind", "file")
-    if kind not in CONTROLLER_KEYS:
+    if not isinstance(kind, str) or kind not in CONTROLLER_KEYS:
         known = [name for name in CONTROLLER_KEYS if name != "file"]
         guess = did_you_mean(str(kind), known)
         raise SettingError(f"controller.kind is {kind!r}; it must be one of {', '.join(known)}{guess}")

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 
 from pipeline.settings import checks
 from pipeline.settings.checks import (
@@ -49,6 +49,7 @@ class Orbit:
     mean_motion_rad_s: Annotated[Positive, Field(le=0.1)]
     radius_m: Annotated[
         float | None,
+        Strict(),
         Field(gt=0, le=1e9, description="about the Earth's centre, m; None is that of the mean motion"),
     ] = None
 

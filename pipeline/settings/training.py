@@ -116,11 +116,11 @@ class Encoding:
     see_horizon_s: NotNegativeInterval | None
     see_damping_ks2: PositiveInterval | None
     aim_urgent_m_s: NotNegativeInterval | None
-    tour_time_s: PositiveInterval | None
-    tour_lean_m: NotNegativeInterval | None
+    tour_time_s: PositiveInterval | None = None
+    tour_lean_m: NotNegativeInterval | None = None
     tour_m: Annotated[
         Interval | None, Field(description="of each mean and wave of the tour that the controller sets")
-    ]
+    ] = None
 
     def __post_init__(self) -> None:
         """Check the bounds that a range of their own limits, and that stretched systems have genes."""
@@ -208,13 +208,26 @@ class Optimizer:
     validation_cases: Annotated[
         Natural, Field(description="starts on which the best of the rounds' champions is chosen; 0: the last")
     ]
+    islands: Annotated[Count, Field(description="populations that share the individuals; 1: no islands")] = 1
+    migrate_every: Annotated[Count, Field(description="generations between two migrations")] = 10
+    migrants: Annotated[Natural, Field(description="of each island to the next; 0 keeps them apart")] = 2
+    consistency: Annotated[Flag, Field(description="whether rule consistency is an objective of a front")] = (
+        False
+    )
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another and the population suits the algorithm."""
         least = {"cma_es": 5, "nsga2": 4}.get(self.algorithm, 2)
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
+        if self.islands > 1:
+            self._check_islands()
         if self.algorithm == "nsga2":
             self._check_front()
+        elif self.consistency:
+            raise SettingError(
+                f"optimizer.consistency is true and optimizer.algorithm {self.algorithm}, which has one "
+                "objective; choose optimizer.algorithm=nsga2, or leave it false"
+            )
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
         if digits > math.log10(MOST_PRICE):
@@ -229,8 +242,28 @@ class Optimizer:
                 "optimizer.split=rest"
             )
 
+    def _check_islands(self) -> None:
+        """Check that islands have equal populations, which breed, and room for migrants."""
+        if self.algorithm != "genetic":
+            raise SettingError(
+                f"optimizer.algorithm is {self.algorithm} and optimizer.islands {self.islands}; islands "
+                "evolve by the genetic algorithm: set optimizer.algorithm=genetic, or optimizer.islands=1"
+            )
+        share, left = divmod(self.population_size, self.islands)
+        if left or share < 2:
+            raise SettingError(
+                f"optimizer.population_size is {self.population_size} and optimizer.islands {self.islands}, "
+                f"which share it equally, two or more each; choose a multiple of {self.islands}, at least "
+                f"{2 * self.islands}"
+            )
+        if self.migrants > share // 2:
+            raise SettingError(
+                f"optimizer.migrants is {self.migrants}, but an island has {share} individuals, of which at "
+                f"most half are replaced; lower it to {share // 2} or less"
+            )
+
     def _check_front(self) -> None:
-        """Check that there are starts to judge a front on, and steps that suit two objectives."""
+        """Check that there are starts to judge a front on, and steps that suit several objectives."""
         if self.validation_cases < 1:
             raise SettingError(
                 f"optimizer.validation_cases is {self.validation_cases}; it must be a whole number of at "

@@ -3,7 +3,8 @@
 Columns, a row a controller, the cheapest on the validation starts first: ``controller``, the number of its
 file; ``champion``, the one of least fitness on the validation starts; ``stands``, whether none of the front
 dominates it there too; then what it comes to there (``validation_...``) and on the starts of the last round
-of training (``training_...``).
+of training (``training_...``). Where rule consistency is an objective, ``rule_consistency`` is the mean
+of all its rules.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,8 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.run import artifacts, tables
 from pipeline.training.evolution import OBJECTIVE, Front
+from pipeline.training.evolution.nsga2 import objectives_of
+from pipeline.training.readability import INCONSISTENCY
 
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
@@ -41,7 +44,7 @@ def judged_front(
     Parameters
     ----------
     front : Front
-        Its parts are those of `pipeline.training.fitness.fitness_parts` and two objectives.
+        Its parts are those of `pipeline.training.fitness.fitness_parts` and the objectives.
     validation : mapping of str to (n,) array
         The fitness and the same parts, on the validation starts.
     num_points, num_cases : int
@@ -59,8 +62,10 @@ def judged_front(
     columns: Columns = {
         "controller": np.arange(len(order)),
         "champion": np.arange(len(order)) == np.argmin(there["fitness"]),
-        "stands": _stands(there[f"{OBJECTIVE}spent"], there[f"{OBJECTIVE}missed"]),
+        "stands": _stands(objectives_of(there)),
     }
+    if INCONSISTENCY in there:
+        columns["rule_consistency"] = 1.0 - there[INCONSISTENCY]
     columns |= _columns("validation", there, num_points)
     columns["validation_success_percent"] = 100.0 * (1.0 - there["short"] / num_cases)
     columns["validation_outside_percent"] = 100.0 * there["outside"] / num_cases
@@ -78,10 +83,10 @@ def _columns(starts: str, parts: Mapping[str, Floats], num_points: int) -> Colum
     }
 
 
-def _stands(spent: Floats, missed: Floats) -> NDArray[np.bool_]:
-    """Tell of each which none dominates."""
-    no_worse = (spent[:, None] <= spent) & (missed[:, None] <= missed)
-    better = (spent[:, None] < spent) | (missed[:, None] < missed)
+def _stands(objectives: Floats) -> NDArray[np.bool_]:
+    """Tell of each row which none dominates."""
+    no_worse = np.all(objectives[:, None] <= objectives, axis=-1)
+    better = np.any(objectives[:, None] < objectives, axis=-1)
     return np.asarray(~np.any(no_worse & better, axis=0))
 
 

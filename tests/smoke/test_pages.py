@@ -26,18 +26,26 @@ from tests.smoke.command_line import PROJECT
 from tests.smoke.pages import DOCS, PAGES, calls_of, commands, name_of
 
 #: what the site makes when it is built: no page of the repository
-GENERATED = ("live", "reference/commands.md", "reference/api")
+GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 
 
 #: words of commands that work on what an earlier one made, or the reader has
 NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary")
 
 
+#: those of the README; a developer does not wait for all others
+QUICK = [words[3:] for words in commands(PROJECT / "README.md")]
+
+
 def identify(words: list[str]) -> str:
     return " ".join(words)
 
 
-@pytest.mark.parametrize("words", calls_of("pipeline"), ids=identify)
+@pytest.mark.parametrize(
+    "words",
+    [each if each in QUICK else pytest.param(each, marks=pytest.mark.slow) for each in calls_of("pipeline")],
+    ids=identify,
+)
 def test_experiments(words, capsys):
     needs_a_folder = any(word.startswith(NEED_A_FOLDER) for word in words)
     if not words:

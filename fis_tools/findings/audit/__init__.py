@@ -82,8 +82,8 @@ def _used(system: FuzzySystem, rows: Floats | None, thresholds: Thresholds) -> I
         "never-asked",
         Severity.NOTE,
         system.name,
-        f"{system.name} made no inference on these flights.",
-        "Fly starts in which it is used.",
+        f"{system.name} made no inference in these logs.",
+        "Log inputs at which it is used.",
     )
 
 

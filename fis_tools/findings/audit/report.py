@@ -56,7 +56,7 @@ class Audit:
         counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in _WORST_FIRST]
         told = ", ".join(f"{count} {_plural(severity, count)}" for count, severity in counts if count)
         flown = [system.num_samples for system in self.systems if system.num_samples is not None]
-        along = f" and {sum(flown)} inferences on flights" if flown else ", no flights"
+        along = f" and {sum(flown)} logged inferences" if flown else ", no logs"
         number = f"{len(self.systems)} system{'' if len(self.systems) == 1 else 's'}"
         return f"{self._name}: {told or 'nothing found'} ({number}{along})"
 
@@ -125,7 +125,7 @@ def _measure_rows(audit: Audit) -> list[list[str]]:
     rows.append(["GM3M", *(f"{m.gm3m:.2f}" for m in measured)])
     rows.append(["rule consistency (lowest)", *(f"{m.rule_consistency.index:.2f}" for m in measured)])
     if any(system.num_samples is not None for system in audit.systems):
-        rows.append(["inferences on flights", *(str(system.num_samples) for system in audit.systems)])
+        rows.append(["logged inferences", *(str(system.num_samples) for system in audit.systems)])
     return rows
 
 

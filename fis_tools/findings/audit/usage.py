@@ -1,4 +1,4 @@
-"""Findings along flights or other samples: rules that never fire, dominate or do nothing; clipped inputs."""
+"""Findings along logs or other samples: rules that never fire, dominate or do nothing; clipped inputs."""
 
 from collections.abc import Iterator
 
@@ -78,7 +78,7 @@ def _dead(system: FuzzySystem, fired: Floats, num_samples: int, thresholds: Thre
         system.name,
         f"{len(dead)} of {len(fired)} rules never reached a firing strength of {thresholds.fired:g} in "
         f"{num_samples} inferences: {listed([str(number) for number in dead], 12)}.",
-        "Fly starts that need them, or remove them; a rule that never fired is untested.",
+        "Log inputs that need them, or remove them; a rule that never fired is untested.",
         rules=tuple(dead),
         evidence={"part": part, "samples": num_samples},
     )
@@ -107,7 +107,7 @@ def _dominant(
             system.name,
             f"Rule {index + 1} (if {antecedent_words(rule.antecedent)} then "
             f"{consequent_words(rule.consequents)}) {' and '.join(told)}.",
-            "Split its terms where the flights spend their time, or accept that this one rule decides.",
+            "Split its terms where most inputs lie, or accept that this one rule decides.",
             rules=(index + 1,),
             evidence={"leading": lead, "share": share},
         )
@@ -123,7 +123,7 @@ def _idle(system: FuzzySystem, fired: Floats, matters: Floats, thresholds: Thres
             f"{len(idle)} rule{'s' if len(idle) > 1 else ''} fired, but without "
             f"{'them' if len(idle) > 1 else 'it'} the outputs would differ by less than "
             f"{percent(thresholds.idle)} of their range on average: {listed([str(n) for n in idle], 12)}.",
-            "Remove them (fis_tools simplify shows the largest change), or keep them for what was not flown.",
+            "Remove them (fis_tools simplify shows the largest change), or keep them for other inputs.",
             rules=tuple(idle),
             evidence={"importance": {str(number): float(matters[number - 1]) for number in idle}},
         )

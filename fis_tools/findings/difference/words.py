@@ -136,7 +136,7 @@ def output_words(change: OutputChange) -> str:
     """Describe how far an output changed."""
     output = change.output
     samples = f"{change.num_samples} inputs " + (
-        "spread over the ranges" if change.where == "the ranges" else "along the flights"
+        "spread over the ranges" if change.where == "the ranges" else "along the logs"
     )
     if change.largest == 0.0:
         return f"{output.name} is the same at {samples}"

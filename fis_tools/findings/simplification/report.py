@@ -151,7 +151,7 @@ def num_terms(system: FuzzySystem) -> int:
 
 def budget_words(budget: Budget, *, flown: bool) -> str:
     """Return a budget in words."""
-    where = "along the flights" if flown else "over the ranges of the inputs"
+    where = "along the logs" if flown else "over the ranges of the inputs"
     if flown and not budget.flights_only:
         where += " and over the ranges of the inputs"
     return (
@@ -160,7 +160,7 @@ def budget_words(budget: Budget, *, flown: bool) -> str:
     )
 
 
-_PLACES = {FLOWN: "along the flights", SPREAD: "over the ranges"}
+_PLACES = {FLOWN: "along the logs", SPREAD: "over the ranges"}
 
 
 def _heads(system: SimplifiedSystem) -> list[str]:

@@ -151,7 +151,7 @@ class Search:
             self.steps.pop()
             rules = (*last.rules, *rules)
             numbers = [str(number) for number in sorted(rules)]
-            where = " along the flights" if self.bench.governing == (FLOWN,) else ""
+            where = " along the logs" if self.bench.governing == (FLOWN,) else ""
             words = f"drop rules {listed(numbers, len(numbers))}, without which nothing changes{where}"
             step = replace(step, sentence=words, rules=rules)
         self._last_changed = changed

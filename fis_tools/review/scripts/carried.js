@@ -27,7 +27,7 @@ function decodeFlight(flight) {
     const flat = decodeDoubles(flown.inputs);
     const width = flat.length / times.length;
     const inputs = Array.from(times, (_, row) => flat.subarray(row * width, (row + 1) * width));
-    return { times, inputs, fired: decodeDoubles(flown.fired), numInferences: flown.num_inferences };
+    return { times, inputs, fired: decodeDoubles(flown.fired), numInferences: flown.num_inferences, isTimed: flown.is_timed };
   });
   return { name: flight.name, systems };
 }
@@ -38,6 +38,7 @@ function readCarried() {
     name: carried.name,
     sha256: carried.sha256,
     systems: carried.systems.map(decodeSystem),
+    noun: carried.noun,
     flights: carried.flights.map(decodeFlight),
     brightness: carried.brightness,
     quadrature: { chances: decodeDoubles(carried.quadrature[0]), weights: decodeDoubles(carried.quadrature[1]) },

@@ -1,4 +1,4 @@
-// What a system did along a flight: its output, which rules fired, and the moment that all views show.
+// What a system did along a flight or a table, which the page calls a log: its output, which rules fired, and the moment that all views show.
 
 const MOST_ROWS = 8;
 const FIRED = 0.05;
@@ -6,8 +6,9 @@ const STRIP = { left: 64, right: 14, top: 10, output: 66, gap: 8, row: 11, foot:
 
 /** The flight and the time that all systems of the page show together. */
 class FlightClock {
-  constructor(flights) {
+  constructor(flights, noun) {
     this.flights = flights;
+    this.noun = noun;
     this.flight = 0;
     this.time = 0;
     this.listeners = [];
@@ -86,7 +87,7 @@ function paintFiring(context, inferred, rows, x, right, scale, colours) {
   return top + rows.length * STRIP.row;
 }
 
-function paintTimes(context, times, x, bottom, width, colours) {
+function paintTimes(context, times, x, bottom, width, colours, axis) {
   context.textAlign = "center";
   context.fillStyle = colours.muted;
   for (const time of ticks(times[0], times.at(-1), 6)) {
@@ -94,7 +95,7 @@ function paintTimes(context, times, x, bottom, width, colours) {
     context.fillText(shown(time, 6), x(time), bottom + 16);
   }
   context.fillStyle = colours.ink;
-  context.fillText("time (s)", (STRIP.left + width - STRIP.right) / 2, bottom + 32);
+  context.fillText(axis, (STRIP.left + width - STRIP.right) / 2, bottom + 32);
 }
 
 /** The map from time to the canvas, and the times that are shown: each sample holds until the next. */
@@ -120,7 +121,7 @@ function paintStrip(canvas, system, inferred, rows, scale, time, part) {
   paintOutputOverTime(context, system, inferred, x, right, colours);
   const bottom = paintFiring(context, inferred, rows, x, right, scale, colours);
   context.restore();
-  paintTimes(context, [start, end], x, bottom, width, colours);
+  paintTimes(context, [start, end], x, bottom, width, colours, inferred.isTimed ? "time (s)" : "row");
   clip(STRIP.left);
   context.strokeStyle = colours.mark;
   context.lineWidth = 2;
@@ -138,7 +139,12 @@ function stripWordsAt(system, { inferred, rows }, time, y) {
     place >= 0 && place < rows.length
       ? `rule ${rows[place] + 1}: ${inferred.firing[sample][rows[place]].toFixed(2)}`
       : `${variable.name} = ${quantity(inferred.outputs[sample], variable)}`;
-  return `${shown(inferred.times[sample], 6)} s, ${told}`;
+  return `${timeWords(inferred, sample)}, ${told}`;
+}
+
+/** A sample's time, or its row. */
+function timeWords({ times, isTimed }, sample) {
+  return isTimed ? `${shown(times[sample], 6)} s` : `row ${times[sample]}`;
 }
 
 /** The last sample that is not after a time; the first where all are. */
@@ -146,10 +152,10 @@ function sampleAt(times, time) {
   return Math.max(placeIn(times, time), 0);
 }
 
-function stripWords({ fired, times, numInferences }, left) {
+function stripWords({ fired, times, numInferences }, left, noun) {
   const silent = fired.filter((share) => share === 0).length;
   return [
-    `${silent} of ${fired.length} rules never fire at ${FIRED} or more on this flight.`,
+    `${silent} of ${fired.length} rules never fire at ${FIRED} or more on this ${noun}.`,
     times.length < numInferences ? `Of its ${numInferences} inferences ${times.length} are shown.` : "",
     left ? `The ${left} that fire least often have no row.` : "",
     "The brighter, the stronger. The time sets the inputs of every system.",
@@ -168,7 +174,7 @@ function flightView(element, state, place, clock, scale) {
   const about = `Output of ${system.name} and firing of its rules over time`;
   const canvas = make("canvas", { class: "strip", role: "img", tabindex: "0", "aria-label": about });
   const part = new Part();
-  const slider = make("input", { type: "range", min: "0", step: "1", "aria-label": "Time along the flight" });
+  const slider = make("input", { type: "range", min: "0", step: "1", "aria-label": `Time along the ${clock.noun}` });
   const now = make("output", { class: "number" });
   const note = make("p", { class: "note" });
   let isByNumber = false;
@@ -183,7 +189,7 @@ function flightView(element, state, place, clock, scale) {
     canvas.hidden = slider.hidden = now.hidden = inferred === null;
     if (inferred === null) {
       drawn = null;
-      note.textContent = `${system.name} decided nothing on this flight.`;
+      note.textContent = `${system.name} decided nothing on this ${clock.noun}.`;
       return;
     }
     const sample = sampleAt(inferred.times, clock.time);
@@ -192,9 +198,9 @@ function flightView(element, state, place, clock, scale) {
     canvas.style.height = `${stripHeight(rows.length)}px`;
     slider.max = String(inferred.times.length - 1);
     slider.value = String(sample);
-    now.value = `${shown(inferred.times[sample], 6)} s`;
+    now.value = timeWords(inferred, sample);
     slider.setAttribute("aria-valuetext", now.value);
-    note.textContent = stripWords(inferred, left);
+    note.textContent = stripWords(inferred, left, clock.noun);
     state.setInputs(inferred.inputs[sample]);
     paint();
   };
@@ -214,7 +220,7 @@ function flightView(element, state, place, clock, scale) {
   canvas.addEventListener("pointermove", goTo);
   slider.addEventListener("input", () => clock.set(clock.flight, drawn.inferred.times[Number(slider.value)]));
   const names = clock.flights.map(({ name }) => name);
-  const flights = choice("Flight", names, 0, (chosen) => clock.set(chosen, clock.time));
+  const flights = choice(clock.noun === "flight" ? "Flight" : "Log", names, 0, (chosen) => clock.set(chosen, clock.time));
   const orders = choice("Rules by", ["how often they fire", "their number"], 0, (chosen) => {
     isByNumber = chosen === 1;
     show();

@@ -82,7 +82,7 @@ const states = carried.systems.map((system) => new SystemState(system));
 followTheme();
 followPrinting();
 prepareTables();
-const clock = new FlightClock(carried.flights);
+const clock = new FlightClock(carried.flights, carried.noun);
 const scale = brightnessScale(carried.brightness);
 states.forEach((state, place) => fillSystem(state, place, clock, scale, carried.quadrature));
 showPoints(states);

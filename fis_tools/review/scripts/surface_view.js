@@ -5,7 +5,7 @@ function surfaceView(element, state, scale, id) {
   const { system } = state;
   const shownAs = { x: 0, y: 1, output: 0 };
   const view = { ...FIRST_VIEW };
-  const about = `Surface of ${system.name} in space; the arrow keys turn it, Home turns it back`;
+  const about = `Surface of ${system.name} in perspective; the arrow keys turn it, Home turns it back`;
   const solid = make("canvas", { class: "solid", tabindex: "0", role: "img", "aria-label": about });
   const words = `Heat map of ${system.name} with contours; + and − zoom, 0 shows all`;
   const map = make("canvas", { class: "map", tabindex: "0", role: "img", "aria-label": words });

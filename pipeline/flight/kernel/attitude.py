@@ -40,8 +40,8 @@ LARGEST_SQUARE = 0.25
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim(world: World, work: Workspace) -> None:
-    """Write the desired attitudes of all lanes at all instants of a control period.
+def aim(world: World, work: Workspace, last: int) -> None:
+    """Write the desired attitudes of all lanes at the instants of a control period before `last`.
 
     Marks the lanes that come so near a pole that the position does not define y*.
     """
@@ -49,7 +49,7 @@ def aim(world: World, work: Workspace) -> None:
     vx, vy, vz = three(work.lanes.velocity)
     fx, fy, fz = three(work.lanes.force)
     is_near = splat(0.0, LANES) > 0.0
-    for j in range(world.num_attitude_steps):
+    for j in range(last):
         x, y, z = place_after(step_of(world.instants, j), rx, ry, rz, vx, vy, vz, fx, fy, fz)
         flat_square = x * x + y * y
         square = flat_square + z * z
@@ -103,12 +103,13 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
-    """Write where all lanes should look over the control period that follows sample k."""
+def aim_by_rules(
+    world: World, work: Workspace, num_lanes: int, first: int, last: int, is_start: bool
+) -> None:
+    """Aim those lanes anew that the rules for poles are for, and note y* of all at the last instant."""
     lanes = work.lanes
-    aim(world, work)
     # of attitudes that follow from the position, y* is (k x r)/|k x r|
-    a1, a2, a3, a4 = four(work.aims, 4 * (world.num_attitude_steps - 1))
+    a1, a2, a3, a4 = four(work.aims, 4 * (last - 1))
     last_x, last_y = 2.0 * (a1 * a2 - a3 * a4), -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
     follows = one(lanes.is_near_pole) > 0.0
     if not (some(follows) or world.has_pole_blending):
@@ -116,15 +117,31 @@ def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
         return
     for lane in range(num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
-            done = 1 if world.is_attitude_ideal else 0
-            aim_plainly(world, work, lane, done, world.num_attitude_steps, k + done == 0)
-            for component in range(4 * done):
+            aim_plainly(world, work, lane, first, last, is_start)
+            for component in range(4 * first):
                 work.aims[component, lane] = lanes.attitude[component, lane]
     if not world.has_pole_blending:
         x, y, z = three(lanes.y_before)
         write_three(
             lanes.y_before, 0, select(follows, x, last_x), select(follows, y, last_y), select(follows, z, 0.0)
         )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
+    """Write where all lanes should look over the control period that follows sample k."""
+    done = 1 if world.is_attitude_ideal else 0
+    aim(world, work, world.num_attitude_steps)
+    aim_by_rules(world, work, num_lanes, done, world.num_attitude_steps, k + done == 0)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def aim_at_once(world: World, work: Workspace, num_lanes: int, k: int) -> None:
+    """Turn all lanes to where they should look at sample k, as ideal attitudes do."""
+    aim(world, work, 1)
+    aim_by_rules(world, work, num_lanes, 0, 1, k == 0)
+    q1, q2, q3, q4 = four(work.aims, 0)
+    write_four(work.lanes.attitude, 0, q1, q2, q3, q4)
 
 
 @compiled(error_model="numpy", forceinline=True)

@@ -39,7 +39,7 @@ from pipeline.flight.kernel.arrays import (
     Workspace,
     World,
 )
-from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, turn_deputies, write_instants
+from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import one, three, write_three
 from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
@@ -291,10 +291,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
         decides = is_decision(law, k)
         if world.is_attitude_ideal:
             write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
-            for lane in range(num_lanes):
-                aim_plainly(world, work, lane, 0, 1, k == 0)
-                for component in range(4):
-                    lanes.attitude[component, lane] = work.aims[component, lane]
+            aim_at_once(world, work, num_lanes, k)
         sense(world, optics, clusters, work, num_lanes, k, needs_angles)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_track(world, lanes, lane, tracks[flight + lane, k])

@@ -15,7 +15,7 @@ from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
 from pipeline.flight.kernel.actuators import Firing, fire
 from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
-from pipeline.flight.kernel.attitude import aim_deputies, aim_plainly, clip, turn_deputies
+from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, clip, turn_deputies
 from pipeline.flight.kernel.lanes import write_three
 from pipeline.flight.kernel.loop import move, spend, start_lanes
 from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
@@ -170,9 +170,7 @@ def look_about(
     lanes = work.lanes
     if world.is_attitude_ideal:
         write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
-        aim_plainly(world, work, 0, 0, 1, k == 0)
-        for component in range(4):
-            lanes.attitude[component, 0] = work.aims[component, 0]
+        aim_at_once(world, work, 1, k)
     sense(world, optics, clusters, work, 1, k, False)
     if fixes is not None:
         believe(world, fixes_of(fixes, flight), work, flight, 1, k, silent)

@@ -14,7 +14,7 @@ from pipeline.physics.illumination import (
 )
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.physics.vectors import dot, norm, times
+from pipeline.physics.vectors import dot, norm, times, transposed_times
 from pipeline.physics.visibility import is_in_view, is_resolved
 
 Floats = NDArray[np.float64]
@@ -38,12 +38,13 @@ def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) ->
     if world.has_shadow and visible_share(sun_h, world.orbit_radius) < world.min_sun_share:
         return is_lit
     dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
-    points_h, normals_h = world.points_c @ dcm_c_from_h, world.normals_c @ dcm_c_from_h
-    for i in range(len(points_h)):
+    for i in range(len(is_lit)):
+        point_h = transposed_times(dcm_c_from_h, world.points_c[i])
         if world.is_mesh:
-            is_lit[i] = dot(normals_h[i], points_h[i] - ASTRONOMICAL_UNIT_M * sun_h) < 0.0
+            normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
+            is_lit[i] = dot(normal_h, point_h - ASTRONOMICAL_UNIT_M * sun_h) < 0.0
         else:
-            is_lit[i] = is_illuminated(points_h[i], sun_h)
+            is_lit[i] = is_illuminated(point_h, sun_h)
         is_lit[i] = is_lit[i] and is_free(world, i, dcm_c_from_h, sun_h)
     return is_lit
 
@@ -60,22 +61,23 @@ def seen_points(
     """Tell which of the points sought a camera sees from a place, along a boresight, shape (P,)."""
     is_seen = np.zeros(len(is_sought), dtype=np.bool_)
     dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
-    points_h, normals_h = world.points_c @ dcm_c_from_h, world.normals_c @ dcm_c_from_h
     for i in range(len(is_sought)):
         if not is_sought[i]:
             continue
+        point_h = transposed_times(dcm_c_from_h, world.points_c[i])
+        normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
         if world.is_mesh:
-            sight = points_h[i] - position_h
-            is_facing = dot(normals_h[i], sight) <= 0.0 and is_free(world, i, dcm_c_from_h, -sight)
+            sight = point_h - position_h
+            is_facing = dot(normal_h, sight) <= 0.0 and is_free(world, i, dcm_c_from_h, -sight)
             is_seen[i] = is_facing and dot(sight, boresight_h) >= world.cos_half_angle * norm(sight)
         else:
             is_seen[i] = is_in_view(
-                points_h[i], position_h, boresight_h, world.cos_half_angle, world.points_radius
+                point_h, position_h, boresight_h, world.cos_half_angle, world.points_radius
             )
         if world.has_camera_limits:
             is_seen[i] = is_seen[i] and is_resolved(
-                points_h[i],
-                normals_h[i],
+                point_h,
+                normal_h,
                 position_h,
                 boresight_h,
                 sun_h,
@@ -84,6 +86,51 @@ def seen_points(
                 world.cos_min_sun_angle,
             )
     return is_seen
+
+
+@compiled
+def lit_and_seen_points(
+    world: PlainWorld,
+    quaternions_c_from_h: Floats,
+    quaternions_b_from_h: Floats,
+    positions_h: Floats,
+    suns_at: Floats,
+    boresight_b: Floats,
+    is_left: Booleans,
+) -> tuple[Booleans, Booleans]:
+    """Tell which points are lit, and which a camera sees that are not, at the samples of a flight.
+
+    Parameters
+    ----------
+    world : PlainWorld
+    quaternions_c_from_h, quaternions_b_from_h : (K+1, 4)
+        How chief and deputy are turned.
+    positions_h : (K+1, 3)
+        Of the deputy, m, Hill axes.
+    suns_at : (K+1, 2)
+        Angle and elevation of the Sun, rad.
+    boresight_b : (3,)
+        Unit vector along which the camera looks, body axes.
+    is_left : (K+1, P)
+        Which points are asked for.
+
+    Returns
+    -------
+    (K+1, P), (K+1, P)
+    """
+    is_lit, is_seen = np.zeros_like(is_left), np.zeros_like(is_left)
+    for k in range(len(positions_h)):
+        sun_h = sun_direction_h(suns_at[k, 0], suns_at[k, 1])
+        boresight_h = transposed_times(dcm_b_from_h(quaternions_b_from_h[k]), boresight_b)
+        lit = lit_points(world, quaternions_c_from_h[k], sun_h)
+        sought = np.zeros_like(lit)
+        for i in range(len(lit)):
+            is_lit[k, i] = lit[i] and is_left[k, i]
+            sought[i] = is_left[k, i] and not lit[i]
+        seen = seen_points(world, quaternions_c_from_h[k], positions_h[k], boresight_h, sun_h, sought)
+        for i in range(len(seen)):
+            is_seen[k, i] = seen[i]
+    return is_lit, is_seen
 
 
 @compiled

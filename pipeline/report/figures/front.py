@@ -44,6 +44,11 @@ def _draw_rate(ax: Axes, columns: Columns) -> None:
     others = ~stands & ~champion
     look: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": BLUE}
     ax.plot(spent[stands], rate[stands], markersize=5.5, label="controller of the front", **look)
+    if "rule_consistency" in columns:
+        # over the circles
+        colours = columns["rule_consistency"][stands]
+        told = ax.scatter(spent[stands], rate[stands], 42.0, colours, zorder=2.5, vmin=0.0, vmax=1.0)
+        ax.figure.colorbar(told, ax=ax, label="mean rule consistency")
     if others.any():
         open_look = {**look, "markersize": 5.0, "markerfacecolor": PAPER}
         ax.plot(spent[others], rate[others], label="dominated on these starts", **open_look)
@@ -53,7 +58,7 @@ def _draw_rate(ax: Axes, columns: Columns) -> None:
     ax.margins(x=0.05, y=0.12)
     _name_some(ax, spent, rate, np.flatnonzero(champion | stands), columns["controller"])
     ax.set(title="Points inspected", ylabel="inspection rate (%)")
-    ax.legend(loc="lower right")
+    ax.legend(loc="best")
 
 
 def _name_some(
@@ -90,4 +95,4 @@ def _draw_ends(ax: Axes, columns: Columns, threshold_percent: float) -> None:
         ax.plot(spent, columns[name], marker, markersize=4.5, color=colour, label=label)
     ax.set(title="How flights end", xlabel="mean Δv (m/s)", ylabel="flights (%)", ylim=(-4.0, 104.0))
     ax.yaxis.set_major_locator(MaxNLocator(5))
-    ax.legend(loc="center right")
+    ax.legend(loc="best")

@@ -1,6 +1,7 @@
 """Evolution: a vector of genes in [0, 1] and a fitness function in, a champion or a front out."""
 
+from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.nsga2 import OBJECTIVE, Front
-from pipeline.training.evolution.rounds import Evaluate, Evolution, OnGeneration, evolve_rounds
+from pipeline.training.evolution.rounds import Evolution, OnGeneration, evolve_rounds
 
 __all__ = ["OBJECTIVE", "Evaluate", "Evolution", "Front", "OnGeneration", "evolve_rounds"]

@@ -28,7 +28,6 @@ Floats = NDArray[np.float64]
 
 #: begins the names of those parts of the fitness that are objectives, to be made small
 OBJECTIVE = "objective_"
-NUM_OBJECTIVES = 2
 
 
 @dataclass(frozen=True)
@@ -50,9 +49,11 @@ class Front:
 
 
 class Objectives(base.Fitness):  # type: ignore[misc]
-    """Two values, to be minimised; DEAP notes beside them how far off the neighbours in a front are."""
+    """Values to be minimised; DEAP notes beside them how far off the neighbours in a front are."""
 
-    weights = (-1.0,) * NUM_OBJECTIVES
+    def __init__(self, values: Sequence[float]) -> None:
+        self.weights = (-1.0,) * len(values)
+        super().__init__(values)
 
 
 class Ranked:
@@ -64,18 +65,18 @@ class Ranked:
 
 
 def objectives_of(parts: Mapping[str, Floats]) -> Floats:
-    """Return the objectives among the parts of a fitness, shape (n, 2).
+    """Return the objectives among the parts of a fitness, shape (n, num_objectives).
 
     Raises
     ------
     ValueError
-        If there are not two, or one is not finite.
+        If there are fewer than two, or one is not finite.
     """
     names = [name for name in parts if name.startswith(OBJECTIVE)]
-    if len(names) != NUM_OBJECTIVES or not all(np.all(np.isfinite(parts[name])) for name in names):
+    if len(names) < 2 or not all(np.all(np.isfinite(parts[name])) for name in names):
         raise ValueError(
-            f"the fitness function returned the parts {sorted(parts)}; for a front, two of them must be "
-            f"finite and have names that begin with {OBJECTIVE!r}"
+            f"the fitness function returned the parts {sorted(parts)}; for a front, two or more of them "
+            f"must be finite and have names that begin with {OBJECTIVE!r}"
         )
     return np.column_stack([parts[name] for name in names])
 
@@ -111,7 +112,7 @@ def survivors(objectives: Floats, fitness: Floats, size: int) -> NDArray[np.int_
 
     Parameters
     ----------
-    objectives : (n, 2) array
+    objectives : (n, num_objectives) array
     fitness : (n,) array
     size : int
         How many; at most n.

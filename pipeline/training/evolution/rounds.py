@@ -1,42 +1,34 @@
 """Rounds of evolution: populations from their fitness, a champion from each generation.
 
-Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
-with children (`pipeline.training.evolution.genetic`); CMA-ES draws each generation anew
-(`pipeline.training.evolution.cma_es`); NSGA-II keeps the best of parents and children by two objectives
-(`pipeline.training.evolution.nsga2`). A round has a fitness function of its own; the next one starts afresh
-from the champion, or goes on with the population as it is, judged anew.
+Smaller fitness is better. One population (`pipeline.training.evolution.generations`) or several
+(`pipeline.training.evolution.islands`) evolve for a round, which has a fitness function of its own; the next
+one starts afresh from the champion, or goes on with the population as it is, judged anew.
 
 Everything random comes from one seed.
 """
 
-import random
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from deap import tools
 from numpy.typing import NDArray
 
-from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution import cma_es, nsga2
+from pipeline.run.engine import crew
+from pipeline.settings.experiment import Engine, Optimizer
+from pipeline.training.evolution import generations, nsga2
 from pipeline.training.evolution.checkpoint import load, save
-from pipeline.training.evolution.genetic import breed, scatter, split_population
-from pipeline.training.evolution.mutation import adapt_step_size
+from pipeline.training.evolution.generations import EvaluateForRound
+from pipeline.training.evolution.islands import Islands
 from pipeline.training.evolution.state import Generation, State
 
 Floats = NDArray[np.float64]
 
-#: genomes (n, num_genes) in [0, 1] -> arrays of shape (n,): ``fitness`` and, by any other name, its parts
-Evaluate = Callable[[Floats], Mapping[str, Floats]]
-#: a round's index and the champion of the one before (None in the first) -> the round's fitness function
-EvaluateForRound = Callable[[int, Floats | None], Evaluate]
-#: called after each generation with the history so far; the newest is the last
+#: called with the history so far, after each generation or, of islands, after those between two migrations
 OnGeneration = Callable[[Sequence[Generation]], None]
-
-#: keeps the draws of the evolution apart from those of scenarios made from the same seed
-SPAWN_KEY = 0xE70
 
 
 @dataclass(frozen=True)
@@ -73,131 +65,51 @@ class Evolution:
     interrupted: bool
 
 
-def _evaluated(
-    evaluate: Evaluate, genomes: Floats, names: Iterable[str] | None
-) -> tuple[Floats, dict[str, Floats]]:
-    """Call the fitness function and check what it returns; `names` are the parts of earlier generations."""
-    columns = {
-        name: np.asarray(values, dtype=np.float64) for name, values in evaluate(genomes.copy()).items()
-    }
-    for name, values in columns.items():
-        if values.shape != (len(genomes),):
-            raise ValueError(
-                f"the fitness function returned {name!r} of shape {values.shape} for {len(genomes)} genomes; "
-                f"it must return one number for each, shape ({len(genomes)},)"
-            )
-    if "fitness" not in columns or not np.all(np.isfinite(columns["fitness"])):
-        raise ValueError("the fitness function must return 'fitness', a finite number for each genome")
-    fitness = columns.pop("fitness")
-    if names is not None and set(names) != set(columns):
-        raise ValueError(f"the fitness function returned the parts {sorted(columns)} after {sorted(names)}")
-    return fitness, columns
+class _Way(Protocol):
+    """How a round is gone through: by one population, or by islands."""
+
+    def enter(self, round_index: int, champion: Floats | None) -> None:
+        """Make ready for a round, given the champion of the one before."""
+
+    def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
+        """Return the first population of a round, noted in its history."""
+
+    def advance(self, state: State) -> None:
+        """Replace a population by the next, and note it."""
 
 
-def _record(state: State) -> None:
-    """Note the present generation in the history."""
-    # the centre of a distribution is better than the luckiest of its samples
-    best = 0 if state.strategy else int(np.argmin(state.fitness))
-    state.history.append(
-        Generation(
-            round=state.round,
-            generation=state.generation,
-            evaluations=state.evaluations,
-            best=float(state.fitness[best]),
-            mean=float(np.mean(state.fitness)),
-            std=float(np.std(state.fitness, ddof=1)),
-            step_size=state.step_size,
-            parts={name: float(values[best]) for name, values in state.parts.items()},
-            champion=state.genomes[best].copy(),
-        )
-    )
+class _OnePopulation:
+    """A round of a single population."""
 
+    def __init__(self, evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int) -> None:
+        self._evaluate_for_round, self._settings, self._seed = evaluate_for_round, settings, seed
 
-def _begin_round(
-    evaluate: Evaluate,
-    seeds: Floats,
-    settings: Optimizer,
-    seed: int,
-    history: list[Generation],
-    before: State | None,
-) -> State:
-    """Make and evaluate the first population of the round after those in the history."""
-    round_index = history[-1].round + 1 if history else 0
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
-    python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
-    state = State(
-        round=round_index,
-        generation=0,
-        evaluations=history[-1].evaluations if history else 0,
-        step_size=settings.step_of_round(round_index),
-        genomes=np.empty((0, seeds.shape[1])),
-        fitness=np.empty(0),
-        parts={},
-        python_state=python_state,
-        generator=generator,
-        history=history,
-    )
-    is_carried = before is not None and settings.next_round == "carried"
-    if settings.algorithm == "cma_es":
-        state.strategy = before.strategy if before and is_carried else cma_es.begin(seeds[-1], settings)
-        _sample_generation(state, evaluate, settings)
+    def enter(self, round_index: int, champion: Floats | None) -> None:
+        self._evaluate = self._evaluate_for_round(round_index, champion)
+
+    def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
+        step = self._settings.step_of_round(round_index)
+        state = generations.unpopulated(self._seed, (round_index,), round_index, seeds.shape[1], step)
+        if before:
+            state.evaluations, state.history = before.evaluations, before.history
+        generations.begin(state, self._evaluate, seeds, self._settings, before)
+        generations.record(state)
         return state
-    if before and is_carried:
-        genomes = before.genomes
-    elif settings.first_population == "near":
-        genomes = scatter(seeds, settings, state)
-    else:
-        genomes = generator.random((settings.population_size, seeds.shape[1]))
-        genomes[: len(seeds)] = seeds
-    state.genomes = genomes
-    state.fitness, state.parts = _evaluated(evaluate, genomes, history[0].parts if history else None)
-    state.evaluations += len(genomes)
-    return state
+
+    def advance(self, state: State) -> None:
+        generations.advance(state, self._evaluate, self._settings)
+        generations.record(state)
 
 
-def _advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Replace a population by the next."""
-    state.generation += 1
-    if settings.algorithm == "cma_es":
-        _sample_generation(state, evaluate, settings)
+@contextmanager
+def _way(
+    evaluate_for_round: EvaluateForRound, settings: Optimizer, seed: int, engine: Engine
+) -> Iterator[_Way]:
+    if settings.islands == 1:
+        yield _OnePopulation(evaluate_for_round, settings, seed)
         return
-    if settings.algorithm == "nsga2":
-        _select_generation(state, evaluate, settings)
-        return
-    if settings.mutation == "adaptive_feasible" and state.generation > 1:
-        has_improved = state.history[-1].best < state.history[-2].best
-        state.step_size = adapt_step_size(state.step_size, has_improved)
-    children = breed(state, settings)
-    fitness, parts = _evaluated(evaluate, children, state.parts)
-    # the elite unchanged and in front, then the children
-    elite = np.argsort(state.fitness, kind="stable")[: split_population(settings).elite]
-    state.genomes = np.concatenate((state.genomes[elite], children))
-    state.fitness = np.concatenate((state.fitness[elite], fitness))
-    state.parts = {name: np.concatenate((old[elite], parts[name])) for name, old in state.parts.items()}
-    state.evaluations += len(children)
-
-
-def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Judge as many children as there are parents, and keep the best of both by their objectives."""
-    children = nsga2.breed(state, settings)
-    fitness, parts = _evaluated(evaluate, children, state.parts)
-    fitness = np.concatenate((state.fitness, fitness))
-    parts = {name: np.concatenate((old, parts[name])) for name, old in state.parts.items()}
-    kept = nsga2.survivors(nsga2.objectives_of(parts), fitness, settings.population_size)
-    state.genomes = np.concatenate((state.genomes, children))[kept]
-    state.fitness, state.parts = fitness[kept], {name: values[kept] for name, values in parts.items()}
-    state.evaluations += len(children)
-
-
-def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Draw a population from the strategy, judge it, and let the strategy learn from it."""
-    state.step_size = float(state.strategy["sigma"])
-    drawn = cma_es.sample(state, settings)
-    state.genomes = np.clip(drawn, 0.0, 1.0)
-    names = state.history[0].parts if state.history else None
-    state.fitness, state.parts = _evaluated(evaluate, state.genomes, names)
-    state.evaluations += len(drawn)
-    cma_es.learn(state, settings, drawn, state.fitness)
+    with crew(engine) as do_all:
+        yield Islands(evaluate_for_round, settings, seed, do_all)
 
 
 def _is_finished(state: State, settings: Optimizer) -> bool:
@@ -263,6 +175,7 @@ def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, An
         "next_round",
         "initial_step",
         "cooling",
+        *(("islands", "migrate_every", "migrants") if settings.islands > 1 else ()),
     )
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
@@ -283,6 +196,7 @@ def evolve_rounds(
     checkpoint: Path | None = None,
     resume: bool = False,
     on_generation: OnGeneration | None = None,
+    engine: Engine | None = None,
 ) -> Evolution:
     """Evolve for `settings.rounds` rounds.
 
@@ -292,8 +206,9 @@ def evolve_rounds(
         Takes a round's index and the champion of the round before, None in the first, and returns the round's
         fitness function; the same arguments must give the same function, or a resumed run differs from an
         uninterrupted one. A fitness function takes genomes of shape
-        (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be made small, and its parts. It sees
-        a generation's new individuals only: the elite is not evaluated again within a round.
+        (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be made small, and its parts. It must
+        judge each genome for itself, for it sees what is new in a generation only: neither the elite nor a
+        child that equals another, or one of the population before, is evaluated again within a round.
     num_genes : int
         Genes of a genome.
     settings : Optimizer
@@ -308,7 +223,9 @@ def evolve_rounds(
         Go on from the checkpoint where there is one; the result is that of an uninterrupted run, bit for bit.
     on_generation : callable, optional
         Called after every generation with the history so far, earlier runs' included, and with that of the
-        checkpoint before going on from it.
+        checkpoint before going on from it; where there are islands, at every migration.
+    engine : Engine, optional
+        Who does the work of islands; this process unless given.
 
     Returns
     -------
@@ -319,6 +236,8 @@ def evolve_rounds(
     ------
     CheckpointError
         If the checkpoint is damaged or belongs to other settings.
+    pipeline.run.processes.EngineError
+        If the engine cannot be had, or goes away.
     ValueError
         If initial genomes are missing where the search is local, or they or what the fitness function returns
         are of the wrong shape or not finite.
@@ -337,7 +256,6 @@ def evolve_rounds(
     history = state.history if state else []
 
     def finish_generation(state: State) -> None:
-        _record(state)
         if checkpoint is not None:
             save(checkpoint, state, fingerprint)
         if on_generation is not None:
@@ -345,15 +263,17 @@ def evolve_rounds(
 
     interrupted = False
     try:
-        for round_index in range(state.round if state else 0, settings.rounds):
-            evaluate = evaluate_for_round(round_index, _champion_before(history, round_index))
-            if state is None or state.round < round_index:
-                state = _begin_round(evaluate, seeds, settings, seed, history, state)
-                finish_generation(state)
-            while not _is_finished(state, settings):
-                _advance(state, evaluate, settings)
-                finish_generation(state)
-            seeds = history[-1].champion[np.newaxis]
+        with _way(evaluate_for_round, settings, seed, engine or Engine()) as way:
+            for round_index in range(state.round if state else 0, settings.rounds):
+                way.enter(round_index, _champion_before(history, round_index))
+                if state is None or state.round < round_index:
+                    state = way.begin(round_index, seeds, state)
+                    history = state.history
+                    finish_generation(state)
+                while not _is_finished(state, settings):
+                    way.advance(state)
+                    finish_generation(state)
+                seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:
         if not history:
             raise

@@ -57,7 +57,7 @@ def test_show_can_be_limited_to_one_system(controller_path: Path, capsys: pytest
     assert "rules for force_x" not in shown
 
 
-@pytest.mark.parametrize("form", ["png", "svg"])
+@pytest.mark.parametrize("form", ["png", pytest.param("svg", marks=pytest.mark.slow)])
 def test_plot_writes_pictures(
     tmp_path: Path, controller_path: Path, capsys: pytest.CaptureFixture[str], form: str
 ) -> None:
@@ -100,6 +100,7 @@ def test_a_dark_picture_is_dark_and_says_the_inputs(
     assert "velocity_body_x = 0.05 m/s" in content.replace("\xa0", " ")
 
 
+@pytest.mark.slow
 def test_pictures_of_systems_with_awkward_names_stay_in_their_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -242,11 +243,11 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         ),
         (["surface", "PAPER", "--system", "force_x", "--fixed", "a=1,a=2"], "'a' is given twice"),
         (["plot", "PAPER", "--only", "rules", "--inputs", "distance=1"], "add --only inference"),
-        (["plot", "PAPER", "--time", "1"], "--time is for logged flights"),
+        (["plot", "PAPER", "--time", "1"], "--time is for one file of logged data"),
         (["audit", "PAPER", "--thresholds", "coverage=-1"], "the threshold 'coverage' is below 0"),
         (["firing", "FLIGHT", "--threshold", "nan"], "'nan' is no strength above 0 and up to 1"),
         (["firing", "FLIGHT", "--threshold", "-1"], "'-1' is no strength"),
-        (["plot", "PAPER", "--only", "firing"], "--only firing is for logged flights"),
+        (["plot", "PAPER", "--only", "firing"], "--only firing is for logged data"),
         (["plot", "PAPER", "--only", "inference"], "force_x needs distance, velocity_body_x"),
         (["plot", "PAPER", "--inputs", "distance=1"], "the inputs of no system are all given"),
         (["plot", "PAPER", "--only", "surface"], "invalid choice"),
@@ -255,8 +256,11 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["explain", "PAPER", "--inputs", "distanse=1"], "did you mean 'distance'?"),
         (["explain", "PAPER", "--inputs", "distance"], "write NAME=NUMBER"),
         (["explain", "PAPER", "--inputs", "distance=nan"], "write NAME=NUMBER"),
-        (["explain", "PAPER", "--time", "1"], "--time is for logged flights"),
-        (["explain", "PAPER", "--inputs", "distance=1", "--flights", "FLIGHT"], "drop --inputs and --time"),
+        (["explain", "PAPER", "--time", "1"], "--time is for one file of logged data"),
+        (
+            ["explain", "PAPER", "--inputs", "distance=1", "--flights", "FLIGHT"],
+            "drop --inputs, or the flights",
+        ),
         (["explain", "FLIGHT", "--steps"], "about one inference; add --time"),
         (["explain", "FLIGHT", "--time", "1", "--steps", "--json"], "drop one of them"),
         (["explain", "FLIGHT", "--time", "1", "--crossing", "nan"], "'nan' is no number"),
@@ -268,7 +272,7 @@ def test_firing_lists_the_rules_by_use(tmp_path: Path, capsys: pytest.CaptureFix
         (["explain", "FLIGHT", "--time", "1", "--system", "x"], "no system 'x'"),
         (["export", "PAPER", "--format", "csv", "-o", "PAPER/x.csv"], "cannot be written"),
         (["export", "PAPER", "--format", "word"], "invalid choice"),
-        (["firing", "PAPER"], "not an MCAP file"),
+        (["firing", "PAPER"], "is no flight (.mcap) with a controller in it; add --controller"),
         (["fly"], "invalid choice"),
     ],
 )
@@ -298,7 +302,7 @@ def test_a_flight_is_one_whichever_way_its_ending_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flight = log_flight(tmp_path / "FLIGHT.MCAP", paper_like_controller())
-    assert "inferences on flights" in run(capsys, "audit", flight)[1]
+    assert "logged inferences" in run(capsys, "audit", flight)[1]
     words = ("--only", "firing", "--only", "inference", "--time", "1", "-o", tmp_path / "pictures")
     status, printed, _ = run(capsys, "plot", flight, *words)
     assert status == 0

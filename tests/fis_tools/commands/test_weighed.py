@@ -72,6 +72,7 @@ def test_pictures_leave_numbers_out(files: dict[str, Path], tmp_path: Path) -> N
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_a_number_that_changed_is_told(
     files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

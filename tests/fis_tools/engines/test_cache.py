@@ -227,6 +227,7 @@ def test_using_a_cache_keeps_it(root: Path) -> None:
 
 
 @posix
+@pytest.mark.slow
 def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path: Path) -> None:
     """numba would fall back to `__pycache__` beside the sources, which ignores a changed callee."""
     (tmp_path / "kernels").mkdir()

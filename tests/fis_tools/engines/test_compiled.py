@@ -4,11 +4,18 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba import njit
+from numpy.typing import NDArray
 
 import fis_tools
+from fis_tools.engines import callees
+
+Floats = NDArray[np.float64]
 
 PROJECT = Path(fis_tools.__file__).parents[1]
 
@@ -100,6 +107,7 @@ def test_an_edit_compiles_anew_what_depends_on_it_and_no_more(
     assert package.call() == "7 8 1 1"
 
 
+@pytest.mark.slow
 def test_the_caches_of_other_functions_stay_where_they_are(package: Package) -> None:
     package.write("foreign", "from numba import njit\n\n\n@njit(cache=True)\ndef f(x):\n    return x\n")
     look = (
@@ -127,6 +135,7 @@ def test_no_kernel_is_left_to_numbas_own_cache() -> None:
             assert is_decorator or not re.search(r"\bn?jit\b", path.read_text(encoding="utf-8")), path
 
 
+@pytest.mark.slow
 def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
     call = (
         "from numba import njit\nfrom kernels.caller import twice\n"
@@ -140,6 +149,7 @@ def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) 
     assert package.run(call, NUMBA_DISABLE_JIT="1").stdout.strip() == "7 True"
 
 
+@pytest.mark.slow
 def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) -> None:
     define = (
         "from fis_tools.engines.compiled import compiled\n@compiled\ndef f(x):\n    return x\nprint(f(3))"
@@ -162,12 +172,14 @@ def test_a_source_edited_under_a_running_process_poisons_no_cache(package: Packa
     assert package.call() == "45 8 0 0"
 
 
+@pytest.mark.slow
 def test_compilation_tells_the_function_and_the_seconds_and_a_warm_start_is_silent(package: Package) -> None:
     told = package.run(AT_ONCE + CALL).stderr
     assert re.match(r"  compiling kernels\.(caller\.twice|callee\.step), \d+ s so far\n", told)
     assert package.run(AT_ONCE + CALL).stderr == ""
 
 
+@pytest.mark.slow
 def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) -> None:
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
@@ -179,6 +191,7 @@ def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) ->
     assert told.rstrip().endswith(ERASE_LINE)
 
 
+@pytest.mark.slow
 def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(package: Package) -> None:
     look = (
         "from kernels.callee import step\nfrom kernels.caller import twice\n"
@@ -188,6 +201,39 @@ def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(packag
     assert package.run(look).stdout.strip() == "7 0 0 6"  # found again
 
 
+def test_callees_left_unfinished_give_what_finished_ones_give() -> None:
+    assert "pipeline_class" in callees.OPTIONS, "this numba is not among callees.KNOWN: try it, and add it"
+
+    def made(options: dict[str, object]) -> Callable[[Floats], float]:
+        @njit(**options)
+        def root(x: float) -> float:
+            if x < 0.0:
+                raise ValueError("no root")
+            return np.sqrt(x)
+
+        @njit(**options)
+        def folded(xs: Floats) -> float:
+            found = 0.0
+            for x in xs:
+                found = found * 0.3 + root(x) / 7.0
+            return found + np.sum(xs * xs)
+
+        @njit
+        def run(xs: Floats) -> float:
+            return folded(xs) + root(xs[0])
+
+        return run
+
+    plain = {name: value for name, value in callees.OPTIONS.items() if name != "pipeline_class"}
+    unfinished, finished = made(callees.OPTIONS), made(plain)
+    xs = np.random.default_rng(1).uniform(0.0, 9.0, 101)
+    assert unfinished(xs) == finished(xs)
+    for run in (unfinished, finished):
+        with pytest.raises(ValueError, match="no root"):
+            run(np.array([1.0, -1.0]))
+
+
+@pytest.mark.slow
 def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package: Package) -> None:
     program = (
         "import ctypes, signal, time, numba.core.event as event\n"

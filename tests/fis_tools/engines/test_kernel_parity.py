@@ -81,6 +81,7 @@ def test_many_more_agree_with_the_inference_that_equals_scikit_fuzzy() -> None:
         )
 
 
+@pytest.mark.slow
 def test_terms_narrower_than_the_grid_agree_wherever_something_fires() -> None:
     """With next to no area left, scikit-fuzzy's own rounding decides: no engine can agree there."""
     num_compared = 0

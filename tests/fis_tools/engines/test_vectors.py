@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -360,6 +361,57 @@ def test_borrowed_arrays_are_the_same_and_still_their_owners() -> None:
     assert (sys.getrefcount(row), sys.getrefcount(other)) == before
 
 
+class Inner(NamedTuple):
+    row: Floats
+    times: int
+
+
+class Outer(NamedTuple):
+    count: int
+    is_on: bool
+    row: Floats
+    inner: Inner
+    even: tuple[float, float]
+    step: float
+
+
+def test_named_tuples_are_borrowed_whole() -> None:
+    @njit
+    def of_inner(inner: Inner) -> float:
+        return inner.row[1] * inner.times
+
+    @njit
+    def of_outer(outer: Outer, factor: float) -> float:
+        found = outer.step if outer.is_on else 0.0
+        for i in range(outer.count):
+            found += outer.row[i] * factor
+        outer.row[0] = 7.0
+        return found + of_inner(outer.inner) + outer.even[1]
+
+    @njit
+    def run(outer: Outer, other: Floats) -> float:
+        outer, other = borrowed((outer, other))
+        return of_outer(outer, 2.0) + other[0]
+
+    row, other = np.arange(5.0), np.array([100.0])
+    outer = Outer(5, True, row, Inner(np.array([1.0, 1.5]), 4), (9.0, 3.0), 0.5)
+    before = sys.getrefcount(row), sys.getrefcount(outer.inner.row)
+    assert run(outer, other) == 0.5 + 2.0 * 10.0 + 1.5 * 4 + 3.0 + 100.0
+    assert row[0] == 7.0
+    assert run(outer._replace(is_on=False), other) == 2.0 * 17.0 + 1.5 * 4 + 3.0 + 100.0
+    assert (sys.getrefcount(row), sys.getrefcount(outer.inner.row)) == before
+
+
+@when_compiled
+def test_a_name_that_a_borrowed_tuple_does_not_have_is_told() -> None:
+    @njit
+    def run(inner: Inner) -> float:
+        return borrowed(inner).rows[0]
+
+    with pytest.raises(TypingError, match=r"attribute 'rows'"):
+        run(Inner(np.zeros(2), 1))
+
+
 @when_compiled
 def test_vectors_of_different_widths_do_not_mix() -> None:
     @njit
@@ -386,6 +438,7 @@ def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
     assert "pip install 'numba>=0.62" in done.stderr
 
 
+@pytest.mark.slow
 @when_compiled
 def test_the_same_without_numba() -> None:
     done = run(

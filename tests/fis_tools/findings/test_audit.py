@@ -77,7 +77,7 @@ def spread_samples() -> np.ndarray:
 def test_a_textbook_controller_is_left_alone() -> None:
     result = audit(controller_of())
     assert result.findings == ()
-    assert result.summary() == "pd: nothing found (1 system, no flights)"
+    assert result.summary() == "pd: nothing found (1 system, no logs)"
 
 
 def test_a_textbook_controller_that_flies_everywhere_gets_notes_at_most() -> None:
@@ -459,9 +459,9 @@ def test_the_command_prints_and_sets_the_exit_status(
     path.write_text(dump_yaml(controller), encoding="utf-8")
     flight = log_flight(tmp_path / "a.mcap", controller, num_samples=12)
     assert main(["audit", str(path)]) == 0
-    assert "no flights" in capsys.readouterr().out
+    assert "no logs" in capsys.readouterr().out
     assert main(["audit", str(flight)]) == 0
-    assert "24 inferences on flights" in capsys.readouterr().out
+    assert "24 logged inferences" in capsys.readouterr().out
     assert main(["audit", str(path), "--flights", str(flight), "--fail-on", "note"]) == 1
     assert "input-clipped" in capsys.readouterr().out
     assert main(["audit", str(path), "--fail-on", "serious", "--json"]) == 0

@@ -127,6 +127,7 @@ def test_what_a_variable_says_of_itself_is_compared(
     assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == facts
 
 
+@pytest.mark.slow
 def test_many_points_of_a_universe_are_told_by_a_few_and_kept_for_programs() -> None:
     system = force_x_system()
     points = tuple(float(point) for point in np.linspace(0.0, 200.0, 20) ** 2 / 200.0)
@@ -220,6 +221,7 @@ def test_terms_that_are_not_alike_are_added_and_removed() -> None:
     assert "removed" in difference(replace(system, outputs=(variable,)), system).text
 
 
+@pytest.mark.slow
 def test_changed_cells_of_a_table_are_told() -> None:
     system = force_z_system()
     rules = list(system.rules)
@@ -321,6 +323,7 @@ class _Tags(HTMLParser):
         assert self.open.pop() == tag
 
 
+@pytest.mark.slow
 def test_the_page_is_whole_by_itself_and_trusts_no_name() -> None:
     controller = paper_like_controller()
     system = controller.systems[0]

@@ -246,7 +246,7 @@ def test_a_champion_stays_one_that_flies_and_is_the_same_each_time(along_flights
     facts = dict(found.controller.provenance)
     assert facts["simplified_from"] == "paper_champion"
     assert "5 % of an output's range at most and 1 % on average" in facts["simplified_within"]
-    assert ("along the flights and over" in facts["simplified_within"]) == along_flights
+    assert ("along the logs and over" in facts["simplified_within"]) == along_flights
     assert ("(360 inferences)" in facts["simplified_within"]) == along_flights
     assert facts["trained_by"] == dict(champion.provenance)["trained_by"]
     assert loads(dump_yaml(found.controller), "yaml") == found.controller
@@ -351,8 +351,8 @@ def test_the_command_keeps_to_flights_alone_on_demand(
     flight = log_flight(tmp_path / "flight.mcap", paper_like_controller())
     words = ("simplify", flight, "--system", "force_x")
     everywhere, alone = (run(capsys, *words, *more)[1] for more in ((), ("--flights-only",)))
-    assert "along the flights and over the ranges of the inputs" in everywhere
-    assert alone.splitlines()[0].endswith("on average, along the flights")
+    assert "along the logs and over the ranges of the inputs" in everywhere
+    assert alone.splitlines()[0].endswith("on average, along the logs")
     rules = [int(text.split()[4].rstrip(",")) for text in (alone, everywhere)]
     assert rules[0] < rules[1] <= 25
 

@@ -555,7 +555,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     path = tmp_path / "evidence.json"
     path.write_text(json.dumps(evidence))
     shown = opened(page.write(controller, [run], evidence=path))
-    assert "57 of 60: 95.0 % (86.3 to 98.3)" in shown.locator("#flown").inner_text()
+    assert "57 of 60: 95.0 % (86.3 to 98.3)" in shown.locator("#logged").inner_text()
     assert "R1" in shown.locator("#requirements").inner_text()
     assert "failed" in shown.locator("#requirements").inner_text()
     assert "255.2" in shown.locator("#constants tr", has_text="urgency_time_s").inner_text()

@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
@@ -25,15 +26,22 @@ def test_every_experiment_composes(name):
     assert experiment.stages
 
 
-@pytest.mark.parametrize(
-    "group", [g for g in options([conf_folder()]) if g not in ("experiment", "controller")]
+#: every option of every group: the first of each together, then the second of each, and so on
+TOGETHER = list(
+    zip_longest(
+        *(
+            [f"{group}={name}" for name in names if (group, name) != ("starts", "file")]  # it needs a path
+            for group, names in options([conf_folder()]).items()
+            if group not in ("experiment", "controller") and "/" not in group
+        )
+    )
 )
-def test_every_option_composes(group):
-    for name in options([conf_folder()])[group]:
-        if "/" not in group and (group, name) != ("starts", "file"):  # which needs a path
-            starts = ["starts=random"] if (group, name) == ("optimizer", "champion") else []
-            composed = compose_experiment(["+experiment=fly", "controller=coast", f"{group}={name}", *starts])
-            assert composed.experiment.name == "fly"
+
+
+@pytest.mark.parametrize("words", TOGETHER, ids=lambda words: " ".join(filter(None, words))[:60])
+def test_every_option_composes(words):
+    composed = compose_experiment(["+experiment=fly", "controller=coast", *filter(None, words)])
+    assert composed.experiment.name == "fly"
 
 
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.relative_to(conf_folder()).as_posix())

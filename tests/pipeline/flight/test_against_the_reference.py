@@ -4,6 +4,8 @@ The two integrate the attitude by different methods of fourth order, so that aft
 micrometres apart, and angles more where a projection is short; with ideal pointing only rounding is left.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -165,22 +167,38 @@ POINTED = {
 }
 
 
+#: those that a developer waits for; the others are slow
+QUICK = {
+    *("paper", "clusters", "full inertia", "pole blending", "ball that is sometimes fast", "plan"),
+    *(
+        "late fixes, late thrusters with errors",
+        "systems of one, two and three inputs",
+        "what coasting shows",
+    ),
+    *("attitude period 2.5 s, full inertia", "Hill axes, weak thruster, slow clocks, narrow camera"),
+    *("centroid, coasting at the end", "going on when complete", "what goes dark soon", "another camera"),
+    *("safety layer, a few forces changed", "about the oblate Earth, in and out of its shadow"),
+}
+
+
+def named(cases: Iterable[str]) -> list[object]:
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in cases]
+
+
 def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
     plan = plan_of(law_of(controller, what).plans)
     channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
     return fly_logged(what, controller, start), fly(what, start, channels, inference_of(controller.systems))
 
 
-@pytest.mark.parametrize("name", FLOWN)
+@pytest.mark.parametrize("name", named(FLOWN))
 def test_flown_attitude(name: str) -> None:
     what, controller, starts = FLOWN[name]
     for start in starts:
         assert_same(*fly_both(what, controller, start), metres=1e-4, others=1e-4)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if "tumbling" in name else ()) for name in POINTED]
-)
+@pytest.mark.parametrize("name", named(POINTED))
 def test_ideal_pointing(name: str) -> None:
     what, controller, starts = POINTED[name]
     for start in starts:

@@ -56,6 +56,7 @@ def flight_like_sequence(seed, num_steps=150):
         yield position, points[is_lit & ~is_inspected]
 
 
+@pytest.mark.slow
 def test_the_twins_agree_along_flights():
     numbers = set()
     for seed in range(8):

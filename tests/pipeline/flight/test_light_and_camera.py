@@ -37,7 +37,9 @@ WORLDS = {
 }
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize(
+    "name", ["shadow", *(pytest.param(name, marks=pytest.mark.slow) for name in WORLDS if name != "shadow")]
+)
 def test_the_twins_agree(name: str) -> None:
     for start in [*TILTED[:2], STARTS[1]]:
         fast, plain = fly_both(WORLDS[name], SEEING, start)

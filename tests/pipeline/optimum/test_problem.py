@@ -34,7 +34,7 @@ STRICT = (
 )
 
 
-@pytest.mark.parametrize("chief", ["sphere", "mesh"])
+@pytest.mark.parametrize("chief", ["sphere", pytest.param("mesh", marks=pytest.mark.slow)])
 def test_margins_are_the_sight_of_a_flight_in_a_strict_world(chief):
     case = problem(1, *STRICT, f"chief.shape={chief}")
     log = flown(case, random_forces(case.num_controls, 0.05, 2))
@@ -46,6 +46,7 @@ def test_margins_are_the_sight_of_a_flight_in_a_strict_world(chief):
     assert case.is_lit.any(axis=0).sum() == log.is_inspectable.sum()
 
 
+@pytest.mark.slow
 def test_a_plan_for_a_strict_world_holds_in_flight():
     """Its demands are met by tangents, the flight judges by what they are tangents of."""
     run = composed(*STRICT, "optimum.points=30", "optimum.restarts=2", "optimum.kicks=0", "optimum.burns=2")

@@ -32,9 +32,15 @@ def inertial_rotation(inertia, torque):
     inverse = np.linalg.inv(inertia)
 
     def rates(time, state):
-        q, w = state[:4], state[4:]
-        acceleration = inverse @ (torque(time) - np.cross(w, inertia @ w))
-        turning = 0.5 * np.append(q[3] * w + np.cross(q[:3], w), -(q[:3] @ w))
+        (x, y, z, s), (a, b, c) = state[:4].tolist(), state[4:].tolist()
+        e, f, g = (inertia @ state[4:]).tolist()
+        acceleration = inverse @ (torque(time) - np.array([b * g - c * f, c * e - a * g, a * f - b * e]))
+        turning = [
+            0.5 * (s * a + (y * c - z * b)),
+            0.5 * (s * b + (z * a - x * c)),
+            0.5 * (s * c + (x * b - y * a)),
+            -0.5 * (x * a + y * b + z * c),
+        ]
         return np.append(turning, acceleration)
 
     return rates
@@ -181,15 +187,15 @@ def test_a_chief_that_turns_with_the_orbit_stays_aligned_with_hill():
 
 
 @pytest.mark.parametrize(
-    ("moments", "start"),
+    ("moments", "start", "duration"),
     [
-        ((900.0, 1200.0, 700.0), (0.2, 0.3, 0.35)),
-        ((1.0, 2.0, 2.9), (1.0, 2.0, 3.0)),
-        ((1.0, 1.5, 2.0), (0.3, 0.1, 0.6)),
+        ((900.0, 1200.0, 700.0), (0.2, 0.3, 0.35), 600.0),
+        ((1.0, 2.0, 2.9), (1.0, 2.0, 3.0), 100.0),
+        ((1.0, 1.5, 2.0), (0.3, 0.1, 0.6), 300.0),
     ],
 )
-def test_the_step_fits_how_fast_a_chief_turns(moments, start):
-    inertia, rate_start, duration = np.diag(moments), np.array(start), 600.0
+def test_the_step_fits_how_fast_a_chief_turns(moments, start, duration):
+    inertia, rate_start = np.diag(moments), np.array(start)
     step = longest_tumbling_step(inertia, rate_start, MEAN_MOTION, duration)
     quaternion, rate = tumble(
         IDENTITY,

@@ -77,6 +77,7 @@ def test_the_command_of_a_run_from_before_manifests_told_it(tmp_path):
     assert command_of(tmp_path, None) == "python -m pipeline --config-dir '/my conf' +experiment=evaluate"
 
 
+@pytest.mark.slow
 def test_training_flights_start_where_the_last_round_did(tmp_path):
     write_training(tmp_path)
     overrides = ("+experiment=train", "starts=random", "starts.num_cases=3", "optimizer.rounds=2")

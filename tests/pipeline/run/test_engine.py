@@ -10,7 +10,8 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.run import artifacts, tables
-from pipeline.run.engine import EngineError, address_of, each
+from pipeline.run.engine import each
+from pipeline.run.processes import EngineError, address_of
 from pipeline.settings.experiment import Engine
 
 
@@ -39,16 +40,24 @@ def test_parts_of_processes_that_die_are_done_again(tmp_path):
         ("127.0.0.1:8786", "tcp://127.0.0.1:8786"),
         ("tcp://localhost:1", "tcp://localhost:1"),
         ("file.json", "tcp://127.0.0.1:5"),
+        ("by_tls/file.json", "tls://10.0.0.7:5"),
         ("tcp://10.0.0.7:8786", None),
+        ("tls://10.0.0.7:8786", None),
+        ("tls://127.0.0.1:8786", None),
         ("cluster:8786", None),
         ("none.json", None),
     ],
 )
-def test_only_schedulers_of_this_machine_are_joined(scheduler, address, tmp_path, monkeypatch):
+def test_only_schedulers_of_this_machine_or_with_a_certificate_are_joined(
+    scheduler, address, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     Path("file.json").write_text(json.dumps({"address": "tcp://127.0.0.1:5"}))
+    Path("by_tls").mkdir()
+    Path("by_tls/file.json").write_text(json.dumps({"address": "tls://10.0.0.7:5"}))
+    Path("by_tls/tls.pem").touch()
     if address:
-        assert address_of(scheduler) == address
+        assert address_of(scheduler)[0] == address
     else:
         with pytest.raises(EngineError):
             address_of(scheduler)

@@ -35,6 +35,7 @@ print(out.tobytes().hex())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this kind")
 def test_compiled_code_gives_the_same_bits_on_every_processor(tmp_path):
     (tmp_path / "several.py").write_text(COMPILED)
@@ -54,6 +55,7 @@ def test_no_kernel_lets_the_compiler_round_as_it_likes():
     assert [path.name for path in places if "fastmath" in path.read_text(encoding="utf-8")] == []
 
 
+@pytest.mark.slow
 def test_a_run_starts_anew_with_what_it_asks_of_libraries(tmp_path):
     command = [sys.executable, "-m", "pipeline", *WORDS, f"hydra.run.dir={tmp_path / 'run'}"]
     done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)  # noqa: S603

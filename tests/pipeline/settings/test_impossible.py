@@ -1,5 +1,6 @@
 """Values that cannot be are refused with the fact, the expectation and the cure."""
 
+import contextlib
 import math
 from dataclasses import FrozenInstanceError, replace
 
@@ -11,6 +12,8 @@ from tests.pipeline.command_line.cases import plain_config
 
 CASES = [
     ("orbit.mean_motion_rad_s", 0.0, "orbit.mean_motion_rad_s is 0.0; it must be greater than 0 (rad/s)"),
+    ("orbit.radius_m", "low", "orbit.radius_m is 'low'; it must be a number"),
+    ("orbit.radius_m", math.nan, "orbit.radius_m is nan; it must be"),
     ("deputy.mass_kg", -12.0, "deputy.mass_kg is -12.0; it must be greater than 0 (kg)"),
     ("deputy.mass_kg", 9e-4, "deputy.mass_kg is 0.0009; it must be from 0.001 to 1e+06 (kg)"),
     ("deputy.mass_kg", math.nan, "deputy.mass_kg is nan; it must be a finite number"),
@@ -201,6 +204,26 @@ def test_impossible_values(key, value, message):
         experiment_from(config)
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def leaves(config, path=()):
+    for name, value in config.items():
+        if isinstance(value, dict) and value:
+            yield from leaves(value, (*path, name))
+        else:
+            yield (*path, name)
+
+
+@pytest.mark.parametrize("value", ["text", "", ["x"], {"a": 1}, math.nan, math.inf, True, -5, None], ids=repr)
+def test_a_key_takes_a_value_or_refuses_it_in_words(value):
+    for *groups, last in leaves(plain_config()):
+        config = plain_config()
+        node = config
+        for group in groups:
+            node = node[group]
+        node[last] = value
+        with contextlib.suppress(SettingError):
+            experiment_from(config)
 
 
 @pytest.mark.parametrize(

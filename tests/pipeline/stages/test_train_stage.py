@@ -23,6 +23,7 @@ from pipeline.training.evolution.checkpoint import CheckpointError
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
+from pipeline.training.judging import fitness_of_round
 from pipeline.training.progress import TrainingProgress
 from tests.pipeline.stages.cases import prepared
 
@@ -73,7 +74,7 @@ def test_each_champions_fitness_is_found_again_from_its_genome(trained: tuple[Co
     run, folder = trained
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
-    evaluate = train.fitness_of_round(experiment, genome_of(template, experiment.optimizer.encoding), 0)
+    evaluate = fitness_of_round(experiment, genome_of(template, experiment.optimizer.encoding), 0)
     found = evaluate(genomes(folder))
     for index, row in enumerate(logbook(folder)):
         assert row["best"] == found["fitness"][index]
@@ -86,7 +87,7 @@ def test_the_first_population_holds_the_configured_controller(trained: tuple[Com
     experiment = run.experiment
     template = source.load(experiment.controller, experiment.mission)
     encoding = genome_of(template, experiment.optimizer.encoding)
-    evaluate = train.fitness_of_round(experiment, encoding, 0)
+    evaluate = fitness_of_round(experiment, encoding, 0)
     configured = evaluate(encoding.encode(template.fuzzy)[np.newaxis])["fitness"][0]
     assert logbook(folder)[0]["best"] <= configured
 
@@ -216,7 +217,7 @@ def test_rounds_draw_starts_of_their_own_and_hand_the_champion_on(tmp_path: Path
     template = source.load(run.controller, run.mission)
     encoding = genome_of(template, run.optimizer.encoding)
     last = genomes(tmp_path)[1][np.newaxis]
-    judged = [train.fitness_of_round(run, encoding, index)(last)["fitness"][0] for index in (0, 1)]
+    judged = [fitness_of_round(run, encoding, index)(last)["fitness"][0] for index in (0, 1)]
     assert judged[0] == rows[1]["best"]
     assert judged[1] != judged[0]
     assert rows[2]["best"] <= judged[1]
@@ -262,8 +263,8 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     template = source.load(run.controller, run.mission)
     genome = genome_of(template, run.optimizer.encoding)
     champion = genome.encode()
-    plain = train.fitness_of_round(run, genome, 1)(champion[np.newaxis])
-    mined = train.fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
+    plain = fitness_of_round(run, genome, 1)(champion[np.newaxis])
+    mined = fitness_of_round(run, genome, 1, champion)(champion[np.newaxis])
     candidates = hard_candidates(run.starts, run.sun, run.seed, 1)
     outcomes = fly_all(run.mission, template, candidates)
     limits = (run.mission.deputy.min_distance_m, run.mission.deputy.max_distance_m)

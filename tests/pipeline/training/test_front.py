@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from fis_tools.analysis.measures import rule_consistency
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed
 from pipeline.flight.controller import from_fuzzy
@@ -35,6 +36,15 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Composed, Path]:
     run = prepared_front(folder)
     train.run(run.experiment, folder)
     return run, folder
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A front with three objectives."""
+    folder = tmp_path_factory.mktemp("read")
+    run = prepared_front(folder, "optimizer.consistency=true", "optimizer.population_size=8")
+    train.run(run.experiment, folder)
+    return folder
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -81,6 +91,20 @@ def test_the_cheapest_comes_first_and_what_is_dominated_does_not_stand(
     training = np.array([[float(row[name]) for name in names] for row in table])
     for pair in training:
         assert not np.any(np.all(training <= pair, axis=1) & np.any(training < pair, axis=1))
+
+
+def test_rule_consistency_is_an_objective(read: Path) -> None:
+    table = rows(read)
+    for row in table:
+        controller = serialize.load(read / artifacts.FRONT_CONTROLLERS / f"{int(row['controller']):02d}.json")
+        rules = [value for system in controller.systems for value in rule_consistency(system).values]
+        assert float(row["rule_consistency"]) == pytest.approx(np.mean(rules), rel=1e-9)
+    names = ("training_spent_m_s", "training_missed_m_s", "rule_consistency")
+    training = np.array([[float(row[name]) for name in names] for row in table]) * (1.0, 1.0, -1.0)
+    for objectives in training:
+        assert not np.any(np.all(training <= objectives, axis=1) & np.any(training < objectives, axis=1))
+    # some is here for its rules alone
+    assert any(np.any(np.all(training[:, :2] < objectives[:2], axis=1)) for objectives in training)
 
 
 def test_the_champion_is_the_fronts_best_on_the_validation_starts(trained: tuple[Composed, Path]) -> None:

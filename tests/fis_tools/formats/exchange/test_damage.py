@@ -31,7 +31,7 @@ def read_or_refused(text: str, kind: Kind) -> str:
     return "read" if loads(dump_json(controller), "json") == controller else "read, and another when written"
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(list(TEXTS)), st.booleans(), st.data())
 def test_damage_anywhere(kind: Kind, is_ours: bool, data: st.DataObject) -> None:
     text = TEXTS[kind][is_ours]

@@ -96,6 +96,7 @@ def test_implications_and_aggregations_survive(form: ModuleType) -> None:
         assert form.read(text).controller == alone(system)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_random_systems_survive_or_are_refused(form: ModuleType) -> None:
     refused = 0

@@ -44,6 +44,7 @@ def test_after_one_burn_the_ellipse_closes_around_the_chief_within_the_limits(pl
         assert len(set(zip(path[:, 0] > 0, path[:, 1] > 0, strict=True))) == 4
 
 
+@pytest.mark.slow
 def test_no_closed_burn_nearby_does_as_well_for_less(plans):
     world = pack_world(MISSION)
     generator = np.random.default_rng(4)
@@ -80,7 +81,10 @@ def test_what_is_foretold_is_what_a_camera_on_the_chief_inspects(sun):
     "light_and_camera",
     [
         (),
-        ("light=shadow", "sensor.max_incidence_deg=70", "sensor.max_range_m=120", "chief.shape=mesh"),
+        pytest.param(
+            ("light=shadow", "sensor.max_incidence_deg=70", "sensor.max_range_m=120", "chief.shape=mesh"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_is_foretold_for_a_chief_that_tumbles(light_and_camera):

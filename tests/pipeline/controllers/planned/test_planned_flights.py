@@ -58,6 +58,7 @@ def test_a_flight_is_its_plan_flown(kind):
     assert json.loads(controller_text(controller)) == {"kind": kind, "name": kind}
 
 
+@pytest.mark.slow
 def test_the_reference_flies_the_same_plan():
     overrides = ("guidance=clusters", "guidance.engine=sklearn", "duration_s=600.0", "attitude=ideal")
     mission, scenarios = starts("lqr", *overrides)

@@ -42,6 +42,7 @@ def ring_of(settings, start, k):
     )
 
 
+@pytest.mark.slow
 def test_a_single_burn_is_found_where_it_is_the_least(plans):
     # to change the swing along k, a burn of size d at one time gives d/n in one direction; no sum of
     # several, that point in other directions, gives as much for less
@@ -106,6 +107,7 @@ def test_it_comes_to_the_ring_and_stays(plans):
             assert off.max() < 25.0
 
 
+@pytest.mark.slow
 def test_it_keeps_the_limits_where_the_way_leads_past_them():
     plan_for = planner("receding_horizon", "sun=random", "monte_carlo.num_cases=30")
     _, many = starts("receding_horizon", "sun=random", "monte_carlo.num_cases=30")

@@ -48,6 +48,7 @@ def test_only_the_systems_asked_about_are_bounded():
         certificates(asking(Question("force_x is big")), champion())
 
 
+@pytest.mark.slow
 def test_the_layer_proves_what_follows_from_its_spheres():
     mission = experiment("safety=filter").mission
     proof = safety_proof(mission, scenarios(20))

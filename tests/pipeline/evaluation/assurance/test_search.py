@@ -73,6 +73,7 @@ def test_dispersed_settings_and_the_suns_elevation_are_searched():
         mission_of_case(mission, replace(end, settings=(12.0,)))
 
 
+@pytest.mark.slow
 def test_a_case_found_by_a_search_is_flown_again_from_its_recording(tmp_path):
     """Its mass is in no seed: without its own settings it would be flown with another."""
     mass = "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}"

@@ -64,6 +64,7 @@ def optimizer(**changes: Any) -> Optimizer:
         "initial_step": 0.1,
         "cooling": 1.0,
         "validation_cases": 0,
+        "consistency": False,
     }
     return Optimizer(**(values | changes))
 

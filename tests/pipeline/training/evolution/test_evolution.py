@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from pipeline.training.evolution import Evolution, evolve_rounds
+from pipeline.training.evolution import Evolution, evolve_rounds, generations, genetic
 from pipeline.training.evolution.checkpoint import CheckpointError
 from tests.pipeline.training.evolution.cases import Sphere, evolve, optimizer
 
@@ -29,18 +29,27 @@ def test_converges_on_a_sphere():
     assert not result.interrupted
 
 
-def test_elite_is_kept_verbatim_and_never_evaluated_again():
-    sphere = Sphere()
+def test_elite_is_kept_verbatim_and_nothing_is_evaluated_again(monkeypatch):
+    sphere, bred = Sphere(), []
+
+    def breed(*given):
+        bred.append(genetic.breed(*given))
+        return bred[-1]
+
+    monkeypatch.setattr(generations, "breed", breed)
     result = evolve(sphere, NUM_GENES, optimizer(), seed=2)
-    assert [len(batch) for batch in sphere.batches] == [40] + 30 * [36]
     assert result.history[-1].evaluations == 40 + 30 * 36
     best = [generation.best for generation in result.history]
     assert best == sorted(best, reverse=True)
-    # each generation is the four best of the last one and the new individuals, to the last bit
+    assert sum(map(len, sphere.batches)) < 40 + 30 * 36 - 5
+    # each generation is the four best of the last one and the children, to the last bit
     population = sphere.batches[0]
-    for generation, batch in zip(result.history[1:], sphere.batches[1:], strict=True):
+    for generation, batch, children in zip(result.history[1:], sphere.batches[1:], bred, strict=True):
+        met = {genome.tobytes() for genome in population}
+        is_new = [not (key in met or met.add(key)) for key in map(np.ndarray.tobytes, children)]
+        np.testing.assert_array_equal(batch, children[is_new])
         squares = ((population - 0.3) ** 2).sum(axis=1)
-        population = np.concatenate((population[np.argsort(squares, kind="stable")[:4]], batch))
+        population = np.concatenate((population[np.argsort(squares, kind="stable")[:4]], children))
         squares = ((population - 0.3) ** 2).sum(axis=1)
         assert (generation.best, generation.mean) == (squares.min(), squares.mean())
         np.testing.assert_array_equal(generation.champion, population[squares.argmin()])

@@ -169,11 +169,29 @@ def test_a_carried_round_judges_the_population_anew() -> None:
 
     settings = nsga2(generations=3, rounds=2, next_round="carried")
     result = evolve_rounds(fitness, NUM_GENES, settings, seed=8, initial=BEGUN)
-    assert [len(batch) for batch in batches] == 8 * [22]
+    assert len(batches) == 8
+    assert len(batches[0]) == len(batches[4]) == 22
     assert (batches[4] == result.round_champions[0]).all(axis=1).any()
     np.testing.assert_array_equal(
         objectives(schaffer(result.front.genomes, 0.5)), objectives(result.front.parts)
     )
+
+
+def test_a_front_of_three_objectives_is_the_triangle_between_their_optima() -> None:
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+
+    def fitness(genomes):
+        squares = ((2.0 * genomes[:, np.newaxis] - 0.5 - corners) ** 2).sum(axis=2)
+        return {"fitness": squares.sum(axis=1)} | {f"{OBJECTIVE}{i}": squares[:, i] for i in range(3)}
+
+    settings = nsga2(population_size=40, generations=150)
+    front = evolve(fitness, 2, settings, seed=1, initial=np.full((1, 2), 0.9)).front
+    places = 2.0 * front.genomes - 0.5
+    assert len(places) == 40
+    # how much of each corner a place is made of
+    weights = np.column_stack([1.0 - places.sum(axis=1), places])
+    assert np.quantile(weights.min(axis=1), 0.25) > -0.05
+    assert (weights.max(axis=0) > 0.9).all()
 
 
 @pytest.mark.parametrize("second", [{}, {f"{OBJECTIVE}b": np.full(22, np.inf)}])
@@ -182,7 +200,7 @@ def test_a_fitness_without_two_objectives_is_refused(second) -> None:
         return {"fitness": genomes[:, 0], f"{OBJECTIVE}a": genomes[:, 0], **second}
 
     with pytest.raises(
-        ValueError, match="two of them must be finite and have names that begin with 'objective_'"
+        ValueError, match="two or more of them must be finite and have names that begin with 'objective_'"
     ):
         evolve(fitness, NUM_GENES, nsga2(), seed=1, initial=BEGUN)
 
@@ -193,6 +211,7 @@ def test_a_fitness_without_two_objectives_is_refused(second) -> None:
         ({"mutation": "adaptive_feasible"}, "it must be local"),
         ({"population_size": 3}, "at least 4"),
         ({"validation_cases": 0}, "a front is judged on them"),
+        ({"algorithm": "genetic", "consistency": True}, "which has one objective"),
     ],
 )
 def test_settings_without_a_front_are_refused(changes, words: str) -> None:

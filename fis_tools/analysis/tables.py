@@ -1,0 +1,120 @@
+"""Logged data as tables: the columns of a CSV or Parquet file, by their names."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.formats.error import ControllerFileError
+from fis_tools.model.extras import MissingExtra
+from fis_tools.model.validate import nearest
+
+Floats = NDArray[np.float64]
+
+CSV, PARQUET = ".csv", ".parquet"
+#: a column of this name holds the time of each row, in seconds
+TIME = "time_s"
+
+
+def is_table(path: Path | str) -> bool:
+    """Return, from its name, whether a file is a table."""
+    return Path(path).suffix.lower() in (CSV, PARQUET)
+
+
+def read(path: Path | str, names: Sequence[str]) -> tuple[Floats, Floats | None]:
+    """Read columns of a table.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file whose first line names the columns, or a Parquet file.
+    names : sequence of str
+        The columns, in the order in which they are wanted; a table may have others, of any kind.
+
+    Returns
+    -------
+    values : (n, num_names)
+        All finite.
+    time_s : (n,) or None
+        The column `TIME`, where there is one.
+
+    Raises
+    ------
+    ControllerFileError
+        If the file cannot be read, a column is missing or holds something else than numbers, or time runs
+        backwards.
+    MissingExtra
+        If it is a Parquet file and pyarrow is not installed.
+    """
+    path = Path(path)
+    try:
+        known, columns = (_from_csv if path.suffix.lower() == CSV else _from_parquet)(path, names)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ControllerFileError(f"{path} cannot be read ({error}); give a CSV or Parquet file") from error
+    if not len(columns):
+        raise ControllerFileError(f"{path} holds no rows; give logged data")
+    time_s = columns[:, known.index(TIME)] if TIME in known else None
+    values = columns[:, [known.index(name) for name in names]]
+    if time_s is not None and np.any(np.diff(time_s) < 0.0):
+        raise ControllerFileError(f"{path}: {TIME} runs backwards; sort its rows by time")
+    return values, time_s
+
+
+def _wanted(path: Path, held: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Return the columns to read of those that a table holds."""
+    for name in names:
+        if held.count(name) != 1:
+            told = (
+                f"it has no {name!r}; {nearest(name, held)}" if name not in held else f"it has two {name!r}"
+            )
+            wanted = ", ".join(dict.fromkeys(names))
+            raise ControllerFileError(f"{path}: columns go by the names of inputs ({wanted}), and {told}")
+    return list(dict.fromkeys([*names, *([TIME] if TIME in held else [])]))
+
+
+def _from_csv(path: Path, names: Sequence[str]) -> tuple[list[str], Floats]:
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        held = [name.strip() for name in next(csv.reader(file), [])]
+        wanted = _wanted(path, held, names)
+        places = [held.index(name) for name in wanted]
+        rows = [(number, row) for number, row in enumerate(csv.reader(file), start=2) if row]
+    columns = np.empty((len(rows), len(wanted)))
+    for place, (number, row) in enumerate(rows):
+        try:
+            columns[place] = [float(row[column]) for column in places]
+        except (ValueError, IndexError):
+            raise ControllerFileError(
+                f"{path}, row {number}: {', '.join(row)} does not hold a number for each of "
+                f"{', '.join(wanted)}; complete the row, or leave it out"
+            ) from None
+    return wanted, _finite(path, wanted, columns)
+
+
+def _from_parquet(path: Path, names: Sequence[str]) -> tuple[list[str], Floats]:
+    try:
+        import pyarrow  # noqa: PLC0415 - not a package that CSV files need
+        from pyarrow import parquet  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
+    try:
+        with parquet.ParquetFile(path) as file:
+            wanted = _wanted(path, file.schema_arrow.names, names)
+            table = file.read(wanted)
+        columns = [table[name].cast("float64").to_numpy() for name in wanted]
+    except pyarrow.ArrowException as error:
+        told = str(error).partition("\n")[0]
+        raise ControllerFileError(f"{path}: {told}; give a Parquet file whose inputs are numbers") from error
+    return wanted, _finite(path, wanted, np.column_stack(columns))
+
+
+def _finite(path: Path, names: Sequence[str], columns: Floats) -> Floats:
+    wrong = np.argwhere(~np.isfinite(columns))
+    if len(wrong):
+        row, column = wrong[0]
+        raise ControllerFileError(
+            f"{path}: {names[column]} is {columns[row, column]:g} in its sample {row + 1}, and missing or "
+            f"infinite in {len({int(each) for each in wrong[:, 0]})} of {len(columns)}; leave these out"
+        )
+    return columns

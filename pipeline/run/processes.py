@@ -1,0 +1,203 @@
+"""Processes that Dask looks after, of this machine or of a scheduler that is joined.
+
+Dask's peers exchange pickles, so that whoever reaches one can run code as its user. What is started here, and
+whatever leaves this machine, therefore speaks TLS, and only to those who have its certificate.
+"""
+
+import json
+import logging
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import product
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from distributed import CancelledError, Client, KilledWorker, LocalCluster, wait
+from distributed.security import Security
+
+from pipeline.settings.experiment import Engine
+
+#: of a process, how often its part is begun again before it is blamed for the end of its processes
+MOST_DEATHS: Final = 1000
+#: parts that are under way or wait, a process; it bounds what is kept in memory
+AHEAD: Final = 3
+LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
+#: after so long without a part done, the processes are looked at, s
+LOOK_S: Final = 5.0
+#: settings of Dask's: what dies is begun again, and nobody watches what nobody looks at
+SETTINGS: Final = {
+    "distributed.scheduler.allowed-failures": MOST_DEATHS,
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+#: where Dask, which insists, serves its state: here alone, and in nobody's way
+NO_DASHBOARD: Final = f"{LOOPBACK[0]}:0"
+#: a certificate with its key, beside the file of a scheduler
+CERTIFICATE: Final = "tls.pem"
+
+
+class EngineError(ValueError):
+    """An engine that cannot be had, or has gone; what was done stays done."""
+
+
+class Processes:
+    """Does parts in processes.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    cluster : distributed.LocalCluster, optional
+        Whose processes are ours to look after.
+    """
+
+    def __init__(self, client: Any, cluster: Any = None) -> None:
+        self._client, self._cluster = client, cluster
+        self._missing: set[Any] = set()
+
+    def each(self, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
+        """Do all parts, in any order; see `pipeline.run.engine.each`."""
+        ahead = AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        left, places = iter(enumerate(parts)), dict[Any, int]()
+        try:
+            while True:
+                while len(places) < ahead and (part := next(left, None)):
+                    places[self._client.submit(do, *part[1], pure=False)] = part[0]
+                if not places:
+                    return
+                for future, result in self._done(list(places)):
+                    place = places.pop(future)
+                    future.release()
+                    yield place, result
+        except (OSError, CancelledError, KilledWorker) as error:
+            raise EngineError(
+                f"Dask's scheduler or its processes are gone ({type(error).__name__}); what was done until "
+                "then is kept: go on with resume="
+            ) from error
+
+    def _done(self, running: list[Any]) -> Iterator[tuple[Any, Any]]:
+        """Wait for a while; yield what has been done, with its result."""
+        try:
+            done = wait(running, LOOK_S, "FIRST_COMPLETED").done
+        except TimeoutError:
+            self._look()
+            return
+        for future in done:
+            try:
+                result = future.result(timeout=LOOK_S)
+            except TimeoutError:  # its process died before it could be fetched: it is done again
+                self._look()
+                continue
+            yield future, result
+
+    def _look(self) -> None:
+        """Replace processes that are found dead twice: Dask leaves alone those that die while they start."""
+        if self._cluster is None:
+            return
+        dead = {name for name, nanny in self._cluster.workers.items() if not nanny.is_alive()}
+        for name in dead & self._missing:
+            del self._cluster.workers[name]
+        if dead & self._missing:
+            self._cluster.scale(len(self._cluster.worker_spec))
+        self._missing = dead
+
+
+@contextmanager
+def joined(engine: Engine) -> Iterator[Processes]:
+    """Start processes on this machine, or join the scheduler that is given.
+
+    Raises
+    ------
+    EngineError
+        If they cannot be started or joined.
+    """
+    import dask  # noqa: PLC0415 - what distributed brings
+
+    for name in ("distributed", "distributed.client", "asyncio"):  # what matters is told as an error
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    with dask.config.set(SETTINGS), ExitStack() as stack:
+        if engine.scheduler:
+            address, certificate = address_of(engine.scheduler)
+            yield Processes(stack.enter_context(_joined(address, certificate)))
+            return
+        cluster = stack.enter_context(_started(engine, stack.enter_context(tempfile.TemporaryDirectory())))
+        yield Processes(stack.enter_context(Client(cluster)), cluster)
+
+
+def _joined(address: str, certificate: Path | None) -> Any:
+    """Join a scheduler."""
+    try:
+        return Client(address, timeout=20, security=certificate and security_of(certificate))
+    except OSError as error:
+        raise EngineError(f"there is no Dask scheduler at {address} ({error}); start it") from error
+
+
+def _started(engine: Engine, scratch: str) -> Any:
+    """Start processes of one thread each on this machine, which trust one another alone."""
+    try:
+        return LocalCluster(
+            n_workers=engine.processes or os.cpu_count() or 1,
+            threads_per_worker=1,
+            host=LOOPBACK[0],
+            protocol="tls://",
+            security=Security.temporary(),
+            dashboard_address=NO_DASHBOARD,
+            scheduler_kwargs={"dashboard": False},
+            local_directory=scratch,
+            silence_logs=50,
+            memory_limit=0,
+        )
+    except (RuntimeError, OSError, ImportError) as error:
+        raise EngineError(f"Dask could not start its processes ({error}); resume= begins again") from error
+
+
+def security_of(certificate: Path) -> Security:
+    """Return what makes Dask speak to those alone who have a certificate and its key."""
+    name = str(certificate)
+    roles = product(("client", "scheduler", "worker"), ("cert", "key"))
+    files = {f"tls_{role}_{part}": name for role, part in roles}
+    return Security(tls_ca_file=name, require_encryption=True, **files)
+
+
+def write_certificate(path: Path) -> None:
+    """Write a new certificate with its key, which its owner alone can read."""
+    made = Security.temporary()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="ascii") as stream:
+        stream.write(made.tls_scheduler_key + made.tls_scheduler_cert)
+
+
+def address_of(scheduler: str) -> tuple[str, Path | None]:
+    """Return the address of a scheduler, given itself or as its file, and the certificate beside that.
+
+    Raises
+    ------
+    EngineError
+        If the file cannot be read, or the scheduler is on another machine and does not speak TLS.
+    """
+    address, certificate = scheduler, None
+    if "://" not in scheduler and Path(scheduler).suffix == ".json":
+        try:
+            address = str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise EngineError(
+                f"{scheduler} is no file of a Dask scheduler ({error}); it is what "
+                "python -m pipeline cluster scheduler writes"
+            ) from error
+        certificate = Path(scheduler).parent / CERTIFICATE
+    parsed = urlsplit(address if "://" in address else f"tcp://{address}")
+    if parsed.scheme == "tls" and certificate is not None and certificate.exists():
+        return parsed.geturl(), certificate
+    if parsed.hostname not in LOOPBACK or parsed.scheme == "tls":
+        raise EngineError(
+            f"engine.scheduler is {scheduler}, at {address}, and there is no certificate for it; Dask's "
+            "peers exchange pickles, so one is joined on this machine, or by TLS: start it with "
+            "python -m pipeline cluster scheduler FOLDER, and give engine.scheduler=FOLDER/scheduler.json"
+        )
+    return parsed.geturl(), None

@@ -1,0 +1,126 @@
+"""What a training judges by: flights from a round's starts, and those that its champion is chosen by."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.cases import cases_of
+from pipeline.flight.controller import law_of
+from pipeline.flight.log import Scenario
+from pipeline.flight.simulation import fly_population
+from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.world import pack_world
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.training.evolution import OBJECTIVE, Evaluate
+from pipeline.training.evolution.state import Generation
+from pipeline.training.fitness import costs, fitness_parts, objectives
+from pipeline.training.genome import Genome
+from pipeline.training.readability import INCONSISTENCY, inconsistency
+
+Floats = NDArray[np.float64]
+
+
+def fitness_of_round(
+    experiment: Experiment, genome: Genome, round_index: int, champion: Floats | None = None
+) -> Evaluate:
+    """Return the function that flies genomes from a round's starts and judges them.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    genome : Genome
+        What the genes are.
+    round_index : int
+        From 0.
+    champion : (num_genes,) array, optional
+        Of the round before: those of some more starts on which it does worst join the round's own.
+    """
+    starts = experiment.starts
+    scenarios = training_scenarios(starts, experiment.sun, experiment.seed, round_index)
+    if champion is not None and starts.num_hard > 0:
+        candidates = hard_candidates(starts, experiment.sun, experiment.seed, round_index)
+        worst = np.argsort(-costs_of(experiment, genome, champion, candidates, round_index), kind="stable")
+        scenarios += [candidates[index] for index in worst[: starts.num_hard]]
+    return fitness_from(experiment, genome, scenarios, round_index)
+
+
+def fitness_from(
+    experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int
+) -> Evaluate:
+    """Return the function that flies genomes from some starts and judges them by the weights of a round."""
+    mission, optimizer = experiment.mission, experiment.optimizer
+    penalty = optimizer.penalty.of_round(round_index)
+    world, law = pack_world(mission), law_of(genome.template, mission)
+    cases = cases_of(mission, scenarios)
+    weighed = (penalty, _limits(mission), mission.inspection_threshold_percent)
+
+    def evaluate(genomes: Floats) -> Mapping[str, Floats]:
+        outcomes = fly_population(world, law, genome.pack(genomes), cases, optimizer.workers)
+        parts = fitness_parts(outcomes, *weighed)
+        if optimizer.algorithm == "nsga2":
+            parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
+            if optimizer.consistency:
+                parts[INCONSISTENCY] = inconsistency(genome, genomes)
+        return parts
+
+    return evaluate
+
+
+def costs_of(
+    experiment: Experiment, genome: Genome, champion: Floats, scenarios: list[Scenario], round_index: int
+) -> Floats:
+    """Return what each flight of a champion costs by the weights of a round, shape (scenarios,)."""
+    mission, optimizer = experiment.mission, experiment.optimizer
+    world, law = pack_world(mission), law_of(genome.template, mission)
+    numbers = genome.pack(champion[np.newaxis])
+    outcomes = fly_population(world, law, numbers, cases_of(mission, scenarios), optimizer.workers)
+    penalty = optimizer.penalty.of_round(round_index)
+    limits, threshold = _limits(mission), mission.inspection_threshold_percent
+    return costs(outcomes, penalty, limits, threshold).reshape(-1)
+
+
+def _limits(mission: Mission) -> tuple[float, float]:
+    return mission.deputy.min_distance_m, mission.deputy.max_distance_m
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The champion of a training, and what it was chosen by.
+
+    Parameters
+    ----------
+    champion : (num_genes,) array
+    fitness : float
+        In training.
+    validation_fitness : float, optional
+        On the validation starts, by the weights of the last round; None where it was not chosen there.
+    rounds : tuple of (int, float, float)
+        Index of each round, and what its champion's fitness is, by the weights of the last round, on the
+        starts that it trained on and on the validation starts; empty where they were not compared.
+    """
+
+    champion: Floats
+    fitness: float
+    validation_fitness: float | None = None
+    rounds: tuple[tuple[int, float, float], ...] = ()
+
+
+def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]) -> Choice:
+    """Choose the best of the rounds' champions on starts that no training has flown."""
+    num_cases = experiment.optimizer.validation_cases
+    if num_cases == 0:
+        return Choice(history[-1].champion, history[-1].best)
+    scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, num_cases)
+    last_of_round = list({generation.round: generation for generation in history}.values())
+    rounds = []
+    for index, generation in enumerate(last_of_round):
+        own = training_scenarios(experiment.starts, experiment.sun, experiment.seed, generation.round)
+        training, validation = (
+            float(costs_of(experiment, genome, generation.champion, starts, history[-1].round).mean())
+            for starts in (own, scenarios)
+        )
+        rounds.append((index, training, validation))
+    best, _, validation = min(rounds, key=lambda row: row[2])
+    return Choice(last_of_round[best].champion, last_of_round[best].best, validation, tuple(rounds))

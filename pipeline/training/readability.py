@@ -1,0 +1,32 @@
+"""How far the rules of individuals are from meaning what they say, the third objective of a front."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis.measures import rule_consistency
+from pipeline.training.evolution import OBJECTIVE
+from pipeline.training.genome import Genome
+
+Floats = NDArray[np.float64]
+
+#: the objective that no flight decides
+INCONSISTENCY = OBJECTIVE + "inconsistency"
+
+
+def inconsistency(genome: Genome, genomes: Floats) -> Floats:
+    """Return 1 less the mean rule consistency of each controller, shape (n,).
+
+    0 where every rule, where it holds most, has the answer that it alone would have
+    (`fis_tools.analysis.measures.rule_consistency`).
+
+    Parameters
+    ----------
+    genome : Genome
+        What the genes are.
+    genomes : (n, num_genes) array
+    """
+    return np.array([1.0 - np.concatenate(_consistency(genome, genes)).mean() for genes in genomes])
+
+
+def _consistency(genome: Genome, genes: Floats) -> list[Floats]:
+    return [rule_consistency(system).values for system in genome.decode(genes).systems]
