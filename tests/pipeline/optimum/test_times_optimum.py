@@ -39,6 +39,20 @@ def test_the_shipped_cases_are_the_first_of_the_default_seed(sun):
         np.testing.assert_allclose(found.sun_angle_rad, expected.sun_angle_rad, rtol=1e-14)
 
 
+def test_the_cases_of_a_low_orbit_are_the_first_of_the_default_seed_and_comparable_there():
+    overrides = ("world=leo", "dynamics=cw", f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}")
+    experiment = compose_experiment([*EVALUATE, *overrides, "monte_carlo.num_cases=10"]).experiment
+    solved = solved_for(experiment)
+    starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
+    for found, expected in zip(solved.scenarios, starts, strict=True):
+        np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
+        assert found.sun_elevation_rad == pytest.approx(expected.sun_elevation_rad, rel=1e-14)
+    assert np.all(solved.cases["inspected_count"] >= solved.cases["points_asked"])
+    assert np.all(solved.cases["delta_v_m_s"] >= solved.cases["delta_v_bound_m_s"])
+    with pytest.raises(IncomparableError, match=r"dynamics\.model"):
+        solved_for(compose_experiment([*EVALUATE, overrides[0], overrides[2]]).experiment)
+
+
 def test_a_plan_flown_as_a_controller_burns_the_optimum_once():
     experiment = evaluation("sun=random")
     solved = solved_for(experiment)
