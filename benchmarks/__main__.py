@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, gym, inference, recording, steps, tools
+from benchmarks import commands, gym, inference, learning, recording, steps, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
-CAMPAIGNS = ("examples", "fuzz", "islands", "kills", "slurm", "soak")
-PARTS = ("gym", "inference", "monte_carlo", "recording", "start", "steps", "tools", "training")
+CAMPAIGNS = ("examples", "fuzz", "islands", "kills", "scaling", "slurm", "soak", "workers")
+PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 
 def processor() -> str:
@@ -52,6 +52,7 @@ def main() -> int:
     runs = {
         "gym": gym.run,
         "inference": lambda: (inference.run(options.controller), inference.run_weighed()),
+        "learning": learning.run,
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),
         "start": commands.run_start,

@@ -2,11 +2,14 @@
 
 The files are whoever's who runs this: fuzzylite and pyfuzzylite publish theirs under ``examples``.
 pyfuzzylite reads `.fll` alone; fuzzylite's own program, where it is installed, turns the other formats into
-that. Both sides sample outputs finely, so that their ways of summing over points come to the same.
+that. What it misreads of MATLAB's files is put right before: zeros that pad parameters (it takes them for
+heights), terms of one name (their rules go by numbers), pi, and AggMethod and DefuzzMethod where numbers are
+weighed. Both sides sample outputs finely, so that their ways of summing over points come to the same.
 """
 
 import argparse
 import json
+import re
 import shutil
 import subprocess
 import tempfile
@@ -22,6 +25,7 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem, Sampled, Variable
+from fis_tools.model.shape import words_of
 
 #: Intervals of each output, samples of each system, and what of an output's range answers may differ by.
 RESOLUTION = 20_000
@@ -111,9 +115,50 @@ def _engine(path: Path, target: Path) -> Path | None:
     program = shutil.which("fuzzylite")
     if program is None:
         return None
-    words = [program, "-i", str(path), "-o", str(target), "-decimals", "15"]
+    source = target.with_suffix(path.suffix)
+    text = path.read_text(encoding="latin-1")
+    source.write_text(_as_matlab_means(text) if path.suffix == ".fis" else text, encoding="latin-1")
+    words = [program, "-i", str(source), "-o", str(target), "-decimals", "15"]
     subprocess.run(words, check=False, capture_output=True)  # noqa: S603
+    if target.exists() and path.suffix == ".fis":
+        target.write_text(_weighed(target.read_text(encoding="utf-8")), encoding="utf-8")
     return target if target.exists() else None
+
+
+_TERM = re.compile(r"^(\s*MF)\d+(\s*=\s*)'([^']*)'(\s*:\s*'(\w+)'\s*,\s*)\[([^\]]*)\]", re.MULTILINE)
+_PI = re.compile(r"([-+]?)pi/(\d+)")
+
+
+def _as_matlab_means(text: str) -> str:
+    """Return a `.fis` file without what fuzzylite's program misreads."""
+    counted = re.search(r"NumInputs\s*=\s*(\d+)", text)
+    lengths = {word: len(order or kind.entry.kinds) for word, (kind, order) in words_of("fis").items()}
+    lengths["linear"] = int(counted[1]) + 1 if counted else 0
+    sections = []
+    for section in re.split(r"(?=^\[)", text, flags=re.MULTILINE):
+        names: Counter[str] = Counter()
+
+        def term(found: re.Match[str], names: Counter[str] = names) -> str:
+            names[found[3]] += 1
+            name = found[3] + (f"_{names[found[3]]}" if names[found[3]] > 1 else "")
+            numbers = found[6].split()
+            length = lengths.get(found[5], len(numbers))
+            if not any(float(number) for number in numbers[length:]):
+                numbers = numbers[:length]
+            return f"{found[1]}{names.total()}{found[2]}'{name}'{found[4]}[{' '.join(numbers)}]"
+
+        sections.append(_TERM.sub(term, section))
+    return _PI.sub(lambda found: f"{found[1]}{np.pi / int(found[2])!r}", "".join(sections))
+
+
+def _weighed(engine: str) -> str:
+    """Weigh outputs whose terms are numbers, each rule by itself, whatever else a file of MATLAB says."""
+    blocks = re.split(r"(?=^OutputVariable|^RuleBlock)", engine, flags=re.MULTILINE)
+    for place, block in enumerate(blocks):
+        if block.startswith("OutputVariable") and not re.search(r"term: \S+ (?!Constant|Linear)", block):
+            alone = re.sub(r"aggregation: \w+", "aggregation: none", block)
+            blocks[place] = re.sub(r"defuzzifier: (?!Weighted).*", "defuzzifier: WeightedAverage", alone)
+    return "".join(blocks)
 
 
 def _judge(row: Row, inputs: np.ndarray, theirs: np.ndarray) -> None:

@@ -1,14 +1,15 @@
-"""Other programs that infer, timed in processes of their own: fuzzylite in C++, pyfuzzylite.
+"""Other programs that infer, timed in processes of their own.
 
-Both read the same system as a text in the FuzzyLite Language, and their outputs come back with the time.
+All get the same system, and their outputs come back with the time.
 """
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,13 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.cache import cache_root
 from fis_tools.formats.exchange import fll
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.formats.exchange.antecedents import operands_of
+from fis_tools.model import FuzzyController, FuzzySystem, Gaussian
 
 Floats = NDArray[np.float64]
 FOLDER = Path(__file__).parent
 PYFUZZYLITE = "pyfuzzylite==8.0.6"
+OTHERS = ("simpful==2.12.0", "fuzzytool==0.7.0")
 
 
 class Missing(RuntimeError):  # noqa: N818
@@ -90,19 +93,51 @@ def _seconds(command: list[str]) -> float:
     return float(done.stdout)
 
 
-def environment() -> Path:
-    """Return the interpreter of a virtual environment with pyfuzzylite, made at the first call and kept."""
-    folder = cache_root() / PYFUZZYLITE.replace("==", "-")
+def other_python(engine: str, system: FuzzySystem, inputs: Floats) -> Timed:
+    """Time simpful or fuzzytool, as `benchmarks.other_python` calls them; over Gaussian terms and `and`."""
+    python = environment(*OTHERS)
+    variables = (*system.inputs, *system.outputs)
+    if not all(isinstance(term.membership, Gaussian) for v in variables for term in v.terms):
+        raise Missing("terms that are Gaussians")
+    told = {
+        "points": system.outputs[0].num_points,
+        "variables": [
+            {
+                "name": v.name,
+                "low": v.minimum,
+                "high": v.maximum,
+                "terms": [(term.name, *astuple(term.membership)) for term in v.terms],
+            }
+            for v in variables
+        ],
+        "rules": [
+            ([astuple(leaf) for leaf in operands_of(rule.antecedent)], rule.consequents[0].term)
+            for rule in system.rules
+        ],
+    }
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "system.json").write_text(json.dumps(told), encoding="utf-8")
+        np.save(folder / "inputs.npy", inputs)
+        files = [str(folder / file) for file in ("system.json", "inputs.npy", "outputs.npy")]
+        seconds = _seconds([str(python), str(FOLDER / "other_python.py"), engine, *files])
+        return Timed(np.load(folder / "outputs.npy"), seconds / len(inputs))
+
+
+def environment(*packages: str) -> Path:
+    """Return the interpreter of a virtual environment with packages, made at the first call and kept.
+
+    By default with pyfuzzylite.
+    """
+    packages = packages or (PYFUZZYLITE,)
+    folder = cache_root() / "-".join(packages).replace("==", "-")
     python = folder / "bin" / "python"
     is_there = folder / "complete"
     if not is_there.exists():
-        for words in ([sys.executable, "-m", "venv", "--clear", str(folder)], _pip(python)):
+        pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages]
+        for words in ([sys.executable, "-m", "venv", "--clear", str(folder)], pip):
             done = subprocess.run(words, check=False, capture_output=True, text=True)  # noqa: S603
             if done.returncode != 0:
-                raise Missing(f"python -m pip install {PYFUZZYLITE} failed: {done.stderr.strip()[-200:]}")
+                raise Missing(f"python -m pip install {' '.join(packages)} failed: {done.stderr[-200:]}")
         is_there.touch()
     return python
-
-
-def _pip(python: Path) -> list[str]:
-    return [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PYFUZZYLITE]

@@ -8,9 +8,10 @@
 
 One line each, of a scikit-fuzzy ``ControlSystem``, a system, a controller or the path of a file:
 ``review(system, "page.html")``, ``plot(system, "figures")``, ``surface(system)``, ``audit(system)``,
-``explain(system, inputs)``, ``export_c(system, "controller.c")``. The rest is found by its noun:
-`analysis.bounds`, `findings.difference`, `findings.simplification`, `render`. In a notebook controllers,
-systems and variables show themselves.
+``explain(system, inputs)``, ``export_c(system, "controller.c")``; ``learn(table, "target")`` makes a system
+from a table, ``imitate(function, ranges)`` from answers. The rest is found by its noun: `analysis.bounds`,
+`findings.difference`, `findings.simplification`, `render`. In a notebook controllers, systems and variables
+show themselves.
 """
 
 import sys
@@ -20,6 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
+    from fis_tools.learning.from_tables import learn
+    from fis_tools.learning.imitation import imitate
     from fis_tools.model.extras import MissingExtra
     from fis_tools.shortcuts import audit, explain, export_c, plot, surface
     from fis_tools.source import read_controller
@@ -31,6 +34,8 @@ __all__ = [
     "compile",
     "explain",
     "export_c",
+    "imitate",
+    "learn",
     "plot",
     "read_controller",
     "review",
@@ -42,6 +47,8 @@ _PLACES = {
     "CompiledSystem": "engines.compiler",
     "MissingExtra": "model.extras",
     "compile": "engines.compiler",
+    "imitate": "learning.imitation",
+    "learn": "learning.from_tables",
     "read_controller": "source",
     **dict.fromkeys(("audit", "explain", "export_c", "plot", "surface"), "shortcuts"),
 }

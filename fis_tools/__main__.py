@@ -22,6 +22,7 @@ examples:
   python -m fis_tools simplify controller.yaml --max-change 5% -o simpler.yaml
   python -m fis_tools export controller.yaml --format markdown > controller.md
   python -m fis_tools import tipper.fis -o tipper.yaml
+  python -m fis_tools learn table.csv --target y -o learned.json
   python -m fis_tools review controller.yaml --flights episodes/*.mcap -o review.html
 
 `python -m fis_tools COMMAND --help` tells more about each command.

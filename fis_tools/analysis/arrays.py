@@ -117,19 +117,29 @@ def firing(system: FuzzySystem, inputs: Floats) -> Floats:
 
 
 def spread_inputs(system: FuzzySystem, num_samples: int = 4096) -> Floats:
-    """Return samples that cover the input ranges of a system evenly, the same at each call.
+    """Return samples that cover the input ranges of a system evenly, (n, num_inputs); see `spread`."""
+    low = np.array([variable.minimum for variable in system.inputs])
+    high = np.array([variable.maximum for variable in system.inputs])
+    return spread(low, high, num_samples)
+
+
+def spread(low: Floats, high: Floats, num_samples: int) -> Floats:
+    """Return samples that cover a box evenly, the same at each call; more of them begin with the same.
 
     The points of a Halton sequence (J. H. Halton, Numerische Mathematik 2, 1960) without its first, which
     lies in a corner.
+
+    Parameters
+    ----------
+    low, high : (num_inputs,)
+        The corners of the box.
+    num_samples : int
 
     Returns
     -------
     (num_samples, num_inputs)
     """
-    low = np.array([variable.minimum for variable in system.inputs])
-    high = np.array([variable.maximum for variable in system.inputs])
-    bases = _primes(len(system.inputs))
-    places = np.stack([_radical_inverse(num_samples, base) for base in bases], axis=1)
+    places = np.stack([_radical_inverse(num_samples, base) for base in _primes(len(low))], axis=1)
     samples: Floats = low + (high - low) * places
     return samples
 

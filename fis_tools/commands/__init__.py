@@ -7,6 +7,7 @@ SUMMARIES = {
     "surface": "evaluate an output over two inputs, as numbers or a picture",
     "export": "write a controller as tables, for other programs, or as C source",
     "import": "make one controller file from files of MATLAB, fuzzylite or IEEE 1855",
+    "learn": "make a fuzzy system from a table of numbers",
     "audit": "list what a reviewer should know: gaps, slips, idle rules",
     "explain": "tell why: which rules moved the output, what would flip it",
     "firing": "print which rules fired along logged flights, those that fired most often first",

@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections.abc import Callable
 from math import inf, isfinite
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis import arrays, flights
 from fis_tools.analysis.contribution import importance
 from fis_tools.engines.compiler import compile as compiled
+from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.validate import nearest
 from fis_tools.source import read_controller
@@ -19,6 +21,8 @@ Floats = NDArray[np.float64]
 
 #: Samples of the ranges of the inputs, where importance is asked for without flights.
 NUM_SPREAD = 2048
+
+_WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
 
 CONTROLLER_HELP = (
     "a controller file (.json, .yaml), a file of another program (.fis, .fll, .fml, .xml), the folder of a "
@@ -181,6 +185,14 @@ def place_for(path: Path) -> Path:
     """Make the folder that a file goes into; return the file's path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path
+
+
+def form_of(output: str | None) -> Callable[[FuzzyController], str] | None:
+    """Return what writes a controller into a file of such a name; None without one."""
+    form = _WRITERS.get(Path(output).suffix.lower()) if output else None
+    if output and form is None:
+        raise UserMistake(f"{output} ends in none of {', '.join(_WRITERS)}; name the file so")
+    return form
 
 
 def write(output: str | None, content: str) -> None:

@@ -19,12 +19,13 @@ from fis_tools.commands.arguments import (
     write,
 )
 from fis_tools.formats import serialize
-from fis_tools.formats.c import cost, source
+from fis_tools.formats.c import cost, fmu, source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
+from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
 
 
@@ -63,6 +64,7 @@ FORMS = {
     "fml": Form(".fml", write_one=fml.write),
     "fcl": Form(".fcl", write_one=fcl.write),
     "c": Form(".c"),
+    "fmu": Form(".fmu"),
 }
 
 EPILOG = """\
@@ -74,6 +76,8 @@ forms:
   fcl                                IEC 61131-7, written only: a file a system
   c                                  C99 source that stands alone: for a controller that commands a force
                                      step(), which has its thrust logic; else a function a system
+  fmu                                FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a
+                                     system, its inference alone; with a library where gcc is at hand
 
 examples:
   python -m fis_tools export controller.yaml --format markdown > controller.md
@@ -112,6 +116,8 @@ def run(arguments: argparse.Namespace) -> None:
     controller = asked(arguments)
     if arguments.format == "c":
         _write_c(controller, arguments)
+    elif arguments.format == "fmu":
+        _write_fmus(controller, arguments.output)
     elif form.write_one is not None:
         _write_each(controller, form.write_one, form.ending, arguments.output)
     elif form.write_ranked is not None:
@@ -142,25 +148,13 @@ def _write_each(
 ) -> None:
     """Write each system into a file of its own, and tell what the files do not say."""
     place = None if output is None else Path(output)
-    is_folder = place is not None and (place.is_dir() or not place.suffix or len(controller.systems) > 1)
-    if len(controller.systems) > 1 and (place is None or place.suffix == ending):
-        names = ", ".join(system.name for system in controller.systems)
-        raise UserMistake(
-            f"a file of this form holds one system, and there are several; add --system, one of {names}, or "
-            "-o FOLDER for a file each"
-        )
+    is_folder = place is not None and _is_folder(controller, place)
     files: dict[str, Written] = {}
-    for system in controller.systems:
-        alone = chosen(controller, system.name)
-        name = file_name(system.name) + ending
-        if any(name.casefold() == other.casefold() for other in files):
-            raise UserMistake(
-                f"two systems would both be written as {name}; write one at a time, with --system"
-            )
+    for name, alone in _files(controller, ending, place).items():
         try:
             files[name] = form(alone)
         except (NotExpressible, InvalidSystem) as error:
-            raise UserMistake(f"{system.name}: {error}") from error
+            raise UserMistake(f"{alone.systems[0].name}: {error}") from error
     for name, written in files.items():
         if is_folder and place is not None:
             write(str(place_for(place / name)), written.text)
@@ -169,3 +163,44 @@ def _write_each(
             write(output, written.text)
         for loss in written.losses:
             print(f"{name}: {loss}", file=sys.stderr)
+
+
+def _write_fmus(controller: FuzzyController, output: str | None) -> None:
+    """Write each system as an FMU, and tell what it can run on."""
+    if output is None:
+        raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
+    place = Path(output)
+    for name, alone in _files(controller, FORMS["fmu"].ending, place).items():
+        packed = fmu.pack(alone.systems[0], serialize.fingerprint(alone))
+        path = place_for(place / name if _is_folder(controller, place) else place)
+        path.write_bytes(packed.content)
+        holds = f"a library for {packed.library}, by gcc on this machine, and its source"
+        if not packed.library:
+            holds = "the source alone: a library is made where gcc is, on Linux and x86-64"
+        print(f"{path}: {holds}")
+        if thrust_logic(alone) is not None:
+            print(f"{path}: inference alone, without the thrust logic of the controller", file=sys.stderr)
+
+
+def _is_folder(controller: FuzzyController, place: Path) -> bool:
+    """Return whether a place is one for several files."""
+    return place.is_dir() or not place.suffix or len(controller.systems) > 1
+
+
+def _files(controller: FuzzyController, ending: str, place: Path | None) -> dict[str, FuzzyController]:
+    """Return what goes into which file, where a file holds one system."""
+    if len(controller.systems) > 1 and (place is None or place.suffix == ending):
+        names = ", ".join(system.name for system in controller.systems)
+        raise UserMistake(
+            f"a file of this form holds one system, and there are several; add --system, one of {names}, or "
+            "-o FOLDER for a file each"
+        )
+    files: dict[str, FuzzyController] = {}
+    for system in controller.systems:
+        name = file_name(system.name) + ending
+        if any(name.casefold() == other.casefold() for other in files):
+            raise UserMistake(
+                f"two systems would both be written as {name}; write one at a time, with --system"
+            )
+        files[name] = chosen(controller, system.name)
+    return files

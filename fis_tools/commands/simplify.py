@@ -3,7 +3,6 @@
 import argparse
 import json
 import sys
-from pathlib import Path
 
 from fis_tools.commands.arguments import (
     UserMistake,
@@ -11,15 +10,14 @@ from fis_tools.commands.arguments import (
     add_flights,
     asked,
     flown_inputs,
+    form_of,
     write,
 )
 from fis_tools.findings.simplification import Budget, Simplification, simplify
 from fis_tools.findings.simplification.budget import NUM_SPREAD
-from fis_tools.formats import serialize
 
 SCHEMA = "fuzzy-simplification"
 SCHEMA_VERSION = 1
-WRITERS = {".json": serialize.dump_json, ".yaml": serialize.dump_yaml, ".yml": serialize.dump_yaml}
 
 EPILOG = f"""\
 Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
@@ -70,9 +68,7 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the steps, and write what comes out."""
-    form = WRITERS.get(Path(arguments.output).suffix.lower()) if arguments.output else None
-    if arguments.output and form is None:
-        raise UserMistake(f"{arguments.output} ends in none of {', '.join(WRITERS)}; name the file so")
+    form = form_of(arguments.output)
     controller = asked(arguments)
     samples = flown_inputs(arguments, controller)
     if samples is None and arguments.flights_only:

@@ -5,6 +5,9 @@ samples, with every operator, weight, universe, output and defuzzifier of the mo
 `fis_tools.engines.kernel` is faster still and covers less.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,7 +75,7 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
         inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
     for conclusion, column in zip(program.conclusions, columns, strict=True):
-        conclude_rows(program, conclusion, firing, inputs, column)
+        concluding(program, conclusion, firing, inputs, column)()
     return columns.T
 
 
@@ -85,32 +88,32 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
         rows = inputs[first : first + size]
         fire_rows(*program.antecedents, rows, firing[: len(rows)])
         for conclusion, column in zip(program.conclusions, columns, strict=True):
-            conclude_rows(program, conclusion, firing[: len(rows)], rows, column[first : first + size])
+            concluding(program, conclusion, firing[: len(rows)], rows, column[first : first + size])()
     return columns.T
 
 
-def conclude_rows(
+def concluding(
     program: Program, conclusion: Conclusion | Weighing, firing: Floats, inputs: Floats, out: Floats
-) -> None:
-    """Write one output for firing strengths (n, num_rules) of inputs (n, num_inputs)."""
+) -> Callable[[], None]:
+    """Return what writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs)."""
     if isinstance(conclusion, Weighing):
-        weigh(conclusion, firing, inputs, program.ends, out)
-    elif conclusion.cuts:
-        _conclude_by_term(*conclusion[:9], firing, out)
-    else:
-        _conclude_by_rule(
-            conclusion.universe,
-            conclusion.memberships,
-            conclusion.rules,
-            conclusion.weights,
-            conclusion.terms,
-            conclusion.implication,
-            conclusion.aggregation,
-            conclusion.defuzzifier,
-            conclusion.default,
-            firing,
-            out,
-        )
+        return partial(weigh, conclusion, firing, inputs, program.ends, out)
+    if conclusion.cuts:
+        return partial(_conclude_by_term, *conclusion[:9], firing, out)
+    return partial(
+        _conclude_by_rule,
+        conclusion.universe,
+        conclusion.memberships,
+        conclusion.rules,
+        conclusion.weights,
+        conclusion.terms,
+        conclusion.implication,
+        conclusion.aggregation,
+        conclusion.defuzzifier,
+        conclusion.default,
+        firing,
+        out,
+    )
 
 
 @compiled(error_model="numpy", forceinline=True)

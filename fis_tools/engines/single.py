@@ -5,6 +5,7 @@ function belongs to one thread.
 """
 
 from collections.abc import Callable
+from functools import partial
 from math import isfinite, isnan
 
 import numpy as np
@@ -40,11 +41,9 @@ def prepare(program: Program, ends: Floats) -> Callable[..., list[float]]:
     def infer(*values: float) -> list[float]:
         if len(values) != len(limits):
             raise ValueError(f"{len(values)} inputs are given; pass {len(limits)} numbers, in their order")
+        if not isfinite(sum(values)):
+            values = tuple(map(_finite, values, limits))
         for place, value in enumerate(values):
-            if not isfinite(value):
-                if isnan(value):
-                    raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
-                value = limits[place][value > 0.0]  # noqa: PLW2901 - the end of its range
             flat[place] = value
         run()
         found: list[float] = outputs.tolist()
@@ -53,18 +52,30 @@ def prepare(program: Program, ends: Floats) -> Callable[..., list[float]]:
     return infer
 
 
+def _finite(value: float, ends: tuple[float, float]) -> float:
+    """Return a number, or the end of its range where it is infinite."""
+    if isnan(value):
+        raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
+    return value if isfinite(value) else ends[value > 0.0]
+
+
 def _runner(program: Program, row: Floats) -> tuple[Callable[[], None], Floats]:
     """Return what infers from a row, (1, num_inputs), and the array that it writes into."""
     if number_kernel.covers(program):
         out = np.empty(1)
         words = number_kernel.arguments(program)
-        return (lambda: number_kernel.infer_rows(*(*words, row, out))), out
+        return partial(number_kernel.infer_rows, *(*words, row, out)), out
     outputs = np.empty(len(program.conclusions))
     firing = np.empty((1, program.num_rules))
+    fire = partial(interpreter.fire_rows, *program.antecedents, row, firing)
+    conclude = [
+        interpreter.concluding(program, conclusion, firing, row, outputs[place : place + 1])
+        for place, conclusion in enumerate(program.conclusions)
+    ]
 
     def run() -> None:
-        interpreter.fire_rows(*program.antecedents, row, firing)
-        for place, conclusion in enumerate(program.conclusions):
-            interpreter.conclude_rows(program, conclusion, firing, row, outputs[place : place + 1])
+        fire()
+        for write in conclude:
+            write()
 
     return run, outputs

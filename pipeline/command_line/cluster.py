@@ -164,7 +164,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 def _scheduler(arguments: Sequence[str]) -> NoReturn:
     """Become a scheduler of Dask's, that speaks to those alone who can read its folder."""
-    from pipeline.run.processes import MOST_DEATHS, write_certificate  # noqa: PLC0415 - an extra
+    from pipeline.run.processes import MOST_DEATHS, NO_DASHBOARD, write_certificate  # noqa: PLC0415 - an extra
 
     parser = _Parser(prog="python -m pipeline cluster scheduler", add_help=False)
     parser.add_argument("folder", type=Path, help="of its address and its certificate, for all to read")
@@ -172,7 +172,8 @@ def _scheduler(arguments: Sequence[str]) -> NoReturn:
     chosen = parser.parse_args(arguments)
     write_certificate(chosen.folder / CERTIFICATE)
     os.environ["DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"] = str(MOST_DEATHS)
-    _become("dask_scheduler", chosen.folder, "--protocol=tls", f"--host={chosen.host}", "--port=0")
+    own = ("--protocol=tls", f"--host={chosen.host}", "--port=0", f"--dashboard-address={NO_DASHBOARD}")
+    _become("dask_scheduler", chosen.folder, *own)
 
 
 def _workers(arguments: Sequence[str]) -> NoReturn:

@@ -27,6 +27,16 @@ AHEAD: Final = 3
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 #: after so long without a part done, the processes are looked at, s
 LOOK_S: Final = 5.0
+#: settings of Dask's: what dies is begun again, and nobody watches what nobody looks at
+SETTINGS: Final = {
+    "distributed.scheduler.allowed-failures": MOST_DEATHS,
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+#: where Dask, which insists, serves its state: here alone, and in nobody's way
+NO_DASHBOARD: Final = f"{LOOPBACK[0]}:0"
 #: a certificate with its key, beside the file of a scheduler
 CERTIFICATE: Final = "tls.pem"
 
@@ -109,7 +119,7 @@ def joined(engine: Engine) -> Iterator[Processes]:
 
     for name in ("distributed", "distributed.client", "asyncio"):  # what matters is told as an error
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    with dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}), ExitStack() as stack:
+    with dask.config.set(SETTINGS), ExitStack() as stack:
         if engine.scheduler:
             address, certificate = address_of(engine.scheduler)
             yield Processes(stack.enter_context(_joined(address, certificate)))
@@ -135,7 +145,8 @@ def _started(engine: Engine, scratch: str) -> Any:
             host=LOOPBACK[0],
             protocol="tls://",
             security=Security.temporary(),
-            dashboard_address=None,
+            dashboard_address=NO_DASHBOARD,
+            scheduler_kwargs={"dashboard": False},
             local_directory=scratch,
             silence_logs=50,
             memory_limit=0,

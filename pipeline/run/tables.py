@@ -1,6 +1,6 @@
 """Tables of a run's folder: Parquet and CSV, written whole or not at all, and read back as columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,35 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
             f"{path} cannot be read ({error}); repeat the stage that writes it"
         ) from error
     return {column: table[column].to_numpy() for column in table.column_names}
+
+
+class Columns(Mapping[str, NDArray[Any]]):
+    """The columns of a table in one file or several, each read when it is asked for, and not kept.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Of Parquet files of ours with the same columns, in the order of their rows.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = paths
+        self._names = pq.read_schema(paths[0]).names
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Read a column."""
+        if name not in self._names:
+            raise KeyError(name)
+        read = (pq.read_table(path, columns=[name])[name].to_numpy() for path in self._paths)
+        return np.concatenate(list(read))
+
+    def __iter__(self) -> Iterator[str]:
+        """Name the columns."""
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        """Count the columns."""
+        return len(self._names)
 
 
 def write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

@@ -50,6 +50,7 @@ from pipeline.settings.mission import (
     Sun,
 )
 from pipeline.settings.nearest import choices_of, did_you_mean
+from pipeline.settings.space import dimensions
 from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
@@ -79,6 +80,7 @@ __all__ = [
     "Penalty",
     "Report",
     "Safety",
+    "Search",
     "Sensor",
     "SettingError",
     "Starts",
@@ -87,7 +89,7 @@ __all__ = [
 ]
 
 #: in the order in which they run: each reads what those before it have written
-STAGES = ("scenario", "train", "evaluate", "record", "optimum", "compare", "assure", "report")
+STAGES = ("scenario", "search", "train", "evaluate", "record", "optimum", "compare", "assure", "report")
 
 #: the minimum-fuel plans that come with the program, as a value of ``optimum.reference``
 SHIPPED = "shipped"
@@ -155,6 +157,27 @@ class Engine:
         Text | None, Field(description="address or file of one to join; None to start processes")
     ] = None
     part_cases: Annotated[Count, Field(description="flights of a part")] = 10000
+
+
+@settings("search")
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """Settings that are tried, and the flights that trials race on."""
+
+    space: Annotated[dict[str, Any], Field(description="keys, each with {low, high, log} or {choices}")] = (
+        field(default_factory=dict, hash=False)
+    )
+    trials: Count = 40
+    num_cases: Annotated[Count, Field(description="starts, flown by no training, of a trial")] = 400
+    block_cases: Annotated[Count, Field(description="of them that are flown before trials compare")] = 40
+    prune_below: Annotated[
+        NotNegative, Field(le=1, description="p of Wilcoxon's test below which a trial ends; 0: never")
+    ] = 0.1
+    trains: Annotated[Flag, Field(description="whether each trial trains its controller")] = False
+
+    def __post_init__(self) -> None:
+        """Check that every key of the space is one, with something to choose from."""
+        dimensions(self.space)
 
 
 @settings("compare")
@@ -239,7 +262,8 @@ class Experiment:
         Of everything random.
     stages : tuple of str
         What is done, in order.
-    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine
+    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine,
+    search
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -265,6 +289,7 @@ class Experiment:
     report: Report
     controller: dict[str, Any] = field(hash=False)
     engine: Engine = field(default_factory=Engine)
+    search: Search = field(default_factory=Search)
     reproducible: Annotated[
         Flag, Field(description="whether libraries compute alike on all x86-64 processors")
     ] = False
@@ -325,6 +350,11 @@ class Experiment:
             raise SettingError(
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
                 f"once in the order {', '.join(STAGES)}"
+            )
+        if "search" in self.stages and not self.search.space:
+            raise SettingError(
+                "stages has search, and search.space is empty; say what may be chosen, as in "
+                "'+search.space.optimizer.initial_step={low: 0.01, high: 0.3, log: true}'"
             )
         if "train" in self.stages and self.mission.dispersions:
             raise SettingError(

@@ -35,6 +35,8 @@ RENAMED: Mapping[str, str] = {
     "optimizer.penalty.c_95": "optimizer.penalty.short_point_m_s",
     "optimizer.penalty.c_99": "optimizer.penalty.missed_point_m_s",
 }
+#: the group whose keys are those of the configuration
+SPACE = "search.space"
 _known: set[str] = set()
 
 
@@ -51,7 +53,7 @@ def all_keys() -> frozenset[str]:
 
 def is_key(key: str) -> bool:
     """Return whether a dotted key may stand in the configuration."""
-    return key in _known or key.startswith((FREE + ".", DISPERSIONS + "."))
+    return key in _known or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
 
 
 def unknown(key: str) -> str:

@@ -116,11 +116,11 @@ class Encoding:
     see_horizon_s: NotNegativeInterval | None
     see_damping_ks2: PositiveInterval | None
     aim_urgent_m_s: NotNegativeInterval | None
-    tour_time_s: PositiveInterval | None
-    tour_lean_m: NotNegativeInterval | None
+    tour_time_s: PositiveInterval | None = None
+    tour_lean_m: NotNegativeInterval | None = None
     tour_m: Annotated[
         Interval | None, Field(description="of each mean and wave of the tour that the controller sets")
-    ]
+    ] = None
 
     def __post_init__(self) -> None:
         """Check the bounds that a range of their own limits, and that stretched systems have genes."""

@@ -70,7 +70,7 @@ def _viewer_line(folder: Path) -> str:
     return f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
 
 
-def _flown(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Column]:
+def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
     """Fly all cases and write them down; those of a campaign in parts, and without where they flew."""
     cases = experiment.monte_carlo
     if _is_in_parts(experiment):
@@ -78,7 +78,7 @@ def _flown(experiment: Experiment, controller: Controller, folder: Path) -> dict
         paths = _fly_parts(experiment, folder, "cases")
         tables.join_parquet(folder / artifacts.EPISODES, paths)
         _drop(paths)
-        return tables.read_parquet(folder, artifacts.EPISODES)
+        return tables.Columns([folder / artifacts.EPISODES])
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, cases.workers)
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
@@ -166,23 +166,26 @@ def _dispersed(
     keys = [one.key for one in distributions(mission.dispersions)]
     if not keys:
         return {}
-    nominal = _nominal(experiment, controller, folder)
-    return {
+    nominal, paths = _nominal(experiment, controller, folder)
+    found = {
         "sensitivity": sensitivity(episodes, keys, confidence),
         "nominal": summarise(nominal, confidence),
     }
+    _drop(paths)
+    return found
 
 
-def _nominal(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Column]:
-    """Fly the same cases without their dispersions."""
+def _nominal(
+    experiment: Experiment, controller: Controller, folder: Path
+) -> tuple[Mapping[str, Column], list[Path]]:
+    """Fly the same cases without their dispersions; return what came of it, and the files it is read from."""
     cases = experiment.monte_carlo
     if _is_in_parts(experiment):
         paths = _fly_parts(experiment, folder, "nominal")
-        parts = [tables.read_parquet(path.parent, path.name) for path in paths]
-        _drop(paths)
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return tables.Columns(paths), paths
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
-    return fly_cases(replace(experiment.mission, dispersions={}), controller, scenarios, cases.workers)[0]
+    mission = replace(experiment.mission, dispersions={})
+    return fly_cases(mission, controller, scenarios, cases.workers)[0], []
 
 
 def _dispersion_lines(summary: Mapping[str, Any]) -> str:

@@ -126,11 +126,13 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     return Genome(template, systems, reduction, tuple(constants), settings.digits)
 
 
-def _bounds_of(name: str, settings: Encoding) -> tuple[float, float] | None:
+def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
     """Return the bounds of a constant; those of some are under one key."""
     if name in TOUR_PLACES:
         return settings.tour_m
-    return settings.dead_band_n if name.startswith("dead_band") else getattr(settings, name)
+    key = "dead_band_n" if name.startswith("dead_band") else name
+    bounds: tuple[float, ...] | None = getattr(settings, key)
+    return bounds
 
 
 def _systems_of(

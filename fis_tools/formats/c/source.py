@@ -110,6 +110,11 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     )
 
 
+def function_name(system: FuzzySystem) -> str:
+    """Return what the function is called that infers a system, written alone."""
+    return f"infer_{_identifiers([system.name])[0]}"
+
+
 def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
     about: tuple[str, ...] = ()

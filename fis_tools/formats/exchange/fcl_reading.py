@@ -218,7 +218,7 @@ def _concluded(line: int, words: str, num_inputs: int) -> MembershipFunction:
 
 
 def _named_term(line: int, content: str) -> tuple[int, str, str]:
-    term = re.fullmatch(r"TERM\s+(\S+)\s*:=\s*(.*)", content, re.IGNORECASE | re.DOTALL)
+    term = re.fullmatch(r"TERM\s+(\S+)\s*:=\s*(\S.*)", content, re.IGNORECASE | re.DOTALL)
     if term is None:
         raise ControllerFileError(
             f"line {line}: {content[:40]!r} is not TERM name := (0, 0) (1, 1); correct it"

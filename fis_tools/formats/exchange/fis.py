@@ -7,7 +7,8 @@ Gaussian's numbers are the standard deviation and the mean, in this order. A rul
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from fis_tools.formats.error import ControllerFileError
@@ -24,7 +25,7 @@ from fis_tools.formats.exchange.fis_sections import (
     whole_number,
 )
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.hedges import FRACTIONS, POWERS, with_hedged_terms
+from fis_tools.formats.exchange.hedges import FRACTIONS, FUZZYLITES, POWERS, Hedge, with_hedged_terms
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import (
@@ -208,32 +209,30 @@ def read(text: str) -> Reading:
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     sections, comments = sections_of(text)
-    return understand(_system(sections), comments, DIALECT)
+    told: list[str] = []
+    hedges = FUZZYLITES if any("generated with fuzzylite" in words for _, words in comments) else POWERS
+    reading = understand(_system(sections, hedges, told), comments, DIALECT)
+    return Reading(reading.controller, (*reading.assumptions, *told))
 
 
-#: Kinds of systems; those with outputs of several kinds would need a defuzzifier for each.
-_TYPES = ("mamdani", "sugeno", "tsukamoto")
+#: Kinds of systems; hybrid is fuzzylite's word for outputs of several kinds.
+_TYPES = ("mamdani", "sugeno", "tsukamoto", "hybrid")
 _SYSTEM_KEYS = ("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules")
 _METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod")
 
 
-def _system(sections: dict[str, Section]) -> FuzzySystem:
+def _system(sections: dict[str, Section], hedges: Mapping[str, Hedge], told: list[str]) -> FuzzySystem:
     head = section_of(sections, "[System]")
     entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
     for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
         if key not in entries:
             raise ControllerFileError(f"{head.title} has no {key}; add it, or get a whole copy of the file")
     kind, where = quoted_word(entries, "Type")
-    if kind == "hybrid":
-        raise ControllerFileError(
-            f"{where} is 'hybrid', outputs of several kinds, but a .fis file has one DefuzzMethod for "
-            "all; get the system as .fll"
-        )
     if kind not in _TYPES:
         raise ControllerFileError(f"{where} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
     defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), *quoted_word(entries, "DefuzzMethod"), "")
     weighs = defuzzifier in WEIGHING
-    if weighs == (kind == "mamdani"):
+    if weighs == (kind in {"mamdani", "hybrid"}):
         places = [f"line {entries[key][0]}" for key in ("Type", "DefuzzMethod")]
         raise ControllerFileError(
             f"{' and '.join(places)}: Type is {kind!r}, but DefuzzMethod is "
@@ -249,17 +248,24 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
                 f"line {section.line}: {title[:40]} is not one of the sections that [System] counts; "
                 "correct NumInputs or NumOutputs, or drop it"
             )
-    num_weighed = counts["NumInputs"] if weighs else None
-    inputs, outputs = (
-        [_variable(section_of(sections, title), num) for title in expected if title.startswith(side)]
-        for side, num in (("[Input", None), ("[Output", num_weighed))
-    )
+    found = {title: section_of(sections, title) for title in expected}
+    inputs = [_variable(found[title], None, told) for title in expected if title.startswith("[Input")]
+    outputs = []
+    for title in expected[len(inputs) :]:
+        is_number = weighs or (kind == "hybrid" and _concludes_numbers(found[title]))
+        output = _variable(found[title], len(inputs) if is_number else None, told)
+        if is_number and not weighs:
+            output = replace(output, defuzzifier="weighted_average")
+            told.append(f"{output.name} concludes numbers: their weighted average is taken")
+        outputs.append(replace(output, aggregation="unbounded_sum") if is_number else output)
     lines = section_of(sections, "[Rules]").lines
-    if len(lines) != counts["NumRules"]:
+    if len(lines) < counts["NumRules"]:
         raise ControllerFileError(
             f"[System] says NumRules={counts['NumRules']} but [Rules] has {len(lines)} lines; correct the "
             "number, or get a whole copy of the file"
         )
+    if len(lines) > counts["NumRules"]:
+        told.append(f"[System] says NumRules={counts['NumRules']} but has {len(lines)} rules: all are taken")
     rules = tuple(_rule(line, content, inputs, outputs) for line, content in lines)
     joins = (
         foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
@@ -268,12 +274,15 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
     aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(entries, "AggMethod"), "")
     implication = foreign.choice(_AND, *quoted_word(entries, "ImpMethod"), "")
     if weighs:  # MATLAB asks for neither
-        aggregation, implication = "unbounded_sum", "min"
+        implication = "min"
     return settle(
         FuzzySystem(
             name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
-            inputs=with_hedged_terms(inputs, rules, POWERS),
-            outputs=tuple(replace(output, aggregation=aggregation) for output in outputs),
+            inputs=with_hedged_terms(inputs, rules, hedges),
+            outputs=tuple(
+                output if output.aggregation == "unbounded_sum" else replace(output, aggregation=aggregation)
+                for output in outputs
+            ),
             rules=rules,
             and_operator=joins[0],
             or_operator=joins[1],
@@ -283,7 +292,13 @@ def _system(sections: dict[str, Section]) -> FuzzySystem:
     )
 
 
-def _variable(section: Section, num_weighed: int | None) -> Variable:
+def _concludes_numbers(section: Section) -> bool:
+    """Return whether an output's terms are numbers, which have no other defuzzifier than a weighing one."""
+    values = [content for _, content in section.lines if content.startswith("MF")]
+    return all(re.search(r":\s*['\"](constant|linear)['\"]", value) for value in values)
+
+
+def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Variable:
     """Read a variable; of an output that is weighed, `num_weighed` is how many inputs there are."""
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
@@ -299,27 +314,49 @@ def _variable(section: Section, num_weighed: int | None) -> Variable:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
     num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
-    keys = [f"MF{place}" for place in range(1, num_terms + 1)]
     found = [key for key in entries if key.startswith("MF")]
+    keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]
     if sorted(found) != sorted(keys):
         raise ControllerFileError(
             f"{section.title} says NumMFs={num_terms} but has {', '.join(found) or 'none'}; number them from "
             "MF1 on, or get a whole copy of the file"
         )
+    told += section.told
+    if len(found) > num_terms:
+        told.append(f"{section.title} says NumMFs={num_terms} but has {len(found)} terms: all are taken")
     line, value = entries["Range"]
     low, high = numbers_in(value, f"line {line}: Range", 2)
     extent = Extent(low, high)
     default = entries.get("Default")
     states_default = is_output and default is not None and default[1].lower() != "nan"
+    name = quoted_word(entries, "Name")[0]
+    terms = [_term(*entries[key], extent, num_weighed) for key in keys]
     return foreign.variable(
-        quoted_word(entries, "Name")[0],
+        name,
         extent,
-        [_term(*entries[key], extent, num_weighed) for key in keys],
+        _told_apart(name, terms, told),
         is_output=is_output,
         default=foreign.number(default[1], f"line {default[0]}: Default")
         if default and states_default
         else None,
     )
+
+
+_Named = tuple[str, MembershipFunction | Table]
+
+
+def _told_apart(variable: str, terms: list[_Named], told: list[str]) -> list[_Named]:
+    """Add numbers to names that several terms have; rules go by places."""
+    counts = Counter(name for name, _ in terms)
+    told += [
+        f"{variable} has {count} terms called {name!r}: they are numbered"
+        for name, count in counts.items()
+        if count > 1
+    ]
+    return [
+        (name if counts[name] == 1 else f"{name} {place}", membership)
+        for place, (name, membership) in enumerate(terms, start=1)
+    ]
 
 
 _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(?P<numbers>\[[^\]]*\])")

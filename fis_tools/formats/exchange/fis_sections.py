@@ -1,5 +1,6 @@
 """The sections of a `.fis` file, and the words and numbers in their lines."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,11 +24,14 @@ class Section:
         Where it begins.
     lines : list of (int, str)
         What it contains, each with its number.
+    told : list of str
+        What was put right.
     """
 
     title: str
     line: int
     lines: list[tuple[int, str]] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
 
     def entries(self, known: Sequence[str]) -> Entries:
         """Return ``key=value`` lines by key."""
@@ -35,6 +39,9 @@ class Section:
         for line, content in self.lines:
             key, equals, value = content.partition("=")
             key = key.strip()
+            if key in found and key.startswith("MF"):  # MathWorks' own slcp1.fis counts MF1, MF2, MF2
+                twice, key = key, f"MF{1 + sum(other.startswith('MF') for other in found)}"
+                self.told.append(f"line {line}: {self.title} has {twice} twice; the second is taken as {key}")
             if not equals:
                 raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
             if key in found:
@@ -118,12 +125,21 @@ def whole_number(entries: Entries, key: str, least: int = 1) -> int:
     return foreign.count(value, f"line {line}: {key}", 100_000)
 
 
+#: pi as MathWorks' own files have it, -pi/4
+_PI = re.compile(r"([-+]?)pi(?:/(\d+))?")
+
+
+def _number_of_pi(found: re.Match[str]) -> str:
+    return f"{found[1]}{math.pi / float(found[2] or 1)!r}"
+
+
 def numbers_in(value: str, where: str, expected: int | None = None) -> list[float]:
     """Read ``[1 2 3]``; commas may part the numbers."""
     inside = re.fullmatch(r"\[(.*)\]", value)
     if inside is None:
         raise ControllerFileError(f"{where} is {value[:40]!r}; expected numbers in brackets, [0 1]")
-    found = foreign.numbers(re.split(r"[\s,;]+", inside[1].strip()), where)
+    words = [_PI.sub(_number_of_pi, word) for word in re.split(r"[\s,;]+", inside[1].strip())]
+    found = foreign.numbers(words, where)
     if expected is not None and len(found) != expected:
         raise ControllerFileError(f"{where} has {len(found)} numbers; expected {expected}")
     return found

@@ -26,5 +26,4 @@ def tour_place(constants: Floats, sun_angle: float, sun_elevation: float) -> Flo
 def push_to(place_h: Floats, state: Floats, mean_motion: float, time: float) -> Floats:
     """Return the push that leads a state of shape (6,) by free motion to a place after some time, m/s."""
     transition = state_transition(mean_motion, time)
-    push: Floats = np.linalg.solve(transition[:3, 3:], place_h - transition[:3] @ state)
-    return push
+    return np.linalg.solve(transition[:3, 3:], place_h - transition[:3] @ state).astype(np.float64)

@@ -8,13 +8,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from pipeline.report.figures.style import BLUE, DOTS, GREEN, INK, MUTED, OLIVE, ORANGE, PURPLE, SKY, VERMILION
+from pipeline.report.figures.style import (
+    BLUE,
+    DOTS,
+    GREEN,
+    INK,
+    MUTED,
+    OLIVE,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    SKY,
+    VERMILION,
+)
 
-#: markers tell controllers apart without colours
-MARKS = (
+_FILLED = (
     *((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (PURPLE, "D"), (ORANGE, "v"), (SKY, "P")),
     *((OLIVE, "X"), (INK, "*"), (MUTED, "h")),
 )
+#: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
+MARKS = tuple((colour, marker, face or colour) for face in ("", PAPER) for colour, marker in _FILLED)
 #: up to here the scale of delta-v is linear, beyond it logarithmic, m/s
 LINEAR = 0.1
 TICKS = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
@@ -55,10 +68,10 @@ def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> 
     return figure
 
 
-def _draw(ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str]], threshold: float) -> None:
+def _draw(ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str, str]], threshold: float) -> None:
     ax.axhline(threshold, color=MUTED, linewidth=0.9, linestyle=DOTS)
     for mark in marks:
-        colour, marker = styles[mark.name]
+        colour, marker, face = styles[mark.name]
         low = min(mark.delta_v[1], mark.delta_v[0])
         ax.errorbar(
             mark.delta_v[0],
@@ -68,8 +81,9 @@ def _draw(ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str]], t
             color=colour,
             marker=marker,
             markersize=7.0,
-            markeredgecolor=INK,
-            markeredgewidth=0.6,
+            markerfacecolor=face,
+            markeredgecolor=INK if face == colour else colour,
+            markeredgewidth=0.6 if face == colour else 1.4,
             elinewidth=0.9,
             linestyle="none",
             label=mark.name,

@@ -16,8 +16,8 @@ from pipeline.run import artifacts, sweep
 from tests.pipeline.command_line.cases import use_stages
 
 SWEEP = [
-    "cluster", "slurm", "--cpus", "3", "--partition", "batch", "--at-once", "2", "--setup",
-    "module load this", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]",
+    "cluster", "slurm", "--cpus", "3", "--partition", "batch", "--at-once", "2",
+    "--setup", "module load this", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]",
     "seed=1,2,3", "hydra.sweep.dir=out", "monte_carlo.workers=5",
 ]  # fmt: skip
 

@@ -78,6 +78,7 @@ def test_fcl_of_ours_is_read_back() -> None:
         ("COG;", "COGS;", "cannot be weighed"),
         ("DEFAULT := 15;", "DEFAULT := NC;", "keeps its last value"),
         ("TRIAN 0 5 10;", "5;", "a number and no fuzzy set"),
+        ("TRIAN 0 5 10;", ";", "is not TERM name := "),
         ("RANGE := (0 .. 30);", "", "has no RANGE"),
         ("RULE 1 : IF", "RULE 1 IF service IS", "line 25"),
         ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK\nFUNCTION_BLOCK two", "2 function blocks"),
@@ -128,6 +129,76 @@ def test_old_fis_files_are_read_and_latin_letters_told(tmp_path: Path) -> None:
     assert system.inputs[0].terms[1].membership == Triangular(0.0, 1.0, 1.0)
     strengths = compile(system).firing_strengths(np.array([[0.3]]))
     np.testing.assert_allclose(strengths, [[0.49, 1.0 - 0.3**3]], atol=1e-6)
+
+
+SLIPS = """[System]
+Name='slips'
+Type='hybrid'
+NumInputs=1
+NumOutputs=2
+NumRules=2
+AndMethod='min'
+OrMethod='max'
+ImpMethod='min'
+AggMethod='max'
+DefuzzMethod='centroid'
+[Input1]
+Name='x'
+Range=[-pi/4 pi/4]
+NumMFs=3
+MF1='low':'trimf',[-2 -1 0]
+MF2='middle':'trimf',[-1 0 1]
+MF2='high':'trimf',[0 1 2]
+[Output1]
+Name='y'
+Range=[0 1]
+NumMFs=1
+MF1='same':'trimf',[0 0.2 0.4]
+MF2='same':'trimf',[0.6 0.8 1]
+[Output2]
+Name='z'
+Range=[0 8]
+NumMFs=2
+MF1='two':'constant',[2]
+MF2='six':'constant',[6]
+[Rules]
+1, 1 1 (1) : 1
+2, 2 1 (1) : 1
+3, 2 2 (1) : 1
+"""
+
+
+def test_slips_of_fis_files_are_put_right_and_told() -> None:
+    """Each slip is one of the files that MathWorks and fuzzylite ship."""
+    reading = serialize.reads(SLIPS, "fis")
+    (system,) = reading.controller.systems
+    assert (system.inputs[0].minimum, system.inputs[0].maximum) == (-np.pi / 4, np.pi / 4)
+    assert [term.name for term in system.inputs[0].terms] == ["low", "middle", "high"]
+    assert [term.name for term in system.outputs[0].terms] == ["same 1", "same 2"]
+    for words in (
+        "[Input1] has MF2 twice",
+        "[Output1] says NumMFs=1 but has 2 terms",
+        "y has 2 terms called 'same'",
+        "[System] says NumRules=2 but has 3 rules",
+        "z concludes numbers: their weighted average is taken",
+    ):
+        assert any(words in sentence for sentence in reading.assumptions), words
+    y, z = compile(system)(np.array([[0.5]]))[0]
+    assert z == pytest.approx(0.5 * 2 + 0.5 * 6)
+    assert y == pytest.approx(0.8, abs=1e-9)
+
+
+def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites() -> None:
+    text = OLD_FIS.replace("-2.3, 2", "2.3, 2")
+    ours = compile(serialize.reads(text, "fis").controller.systems[0])
+    theirs = compile(
+        serialize.reads(
+            f"#Code automatically generated with fuzzylite 6.0.\n{text}", "fis"
+        ).controller.systems[0]
+    )
+    x = np.array([[0.3], [0.8]])
+    np.testing.assert_allclose(ours.firing_strengths(x)[:, 1], [0.3**3, 0.8**3], atol=1e-6)
+    np.testing.assert_allclose(theirs.firing_strengths(x)[:, 1], [2 * 0.3**2, 1 - 2 * 0.2**2], atol=1e-6)
 
 
 FLL = """Engine: chain

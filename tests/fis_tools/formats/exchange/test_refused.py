@@ -95,7 +95,7 @@ def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new:
         ("fis", "[System]", "", "stands before [System]"),
         ("fis", "(1) : 1", "(1.5) : 1", "weight 1.5 lies outside [0, 1]"),
         ("fis", "'cheap':'trimf',[0 5 10]", "'cheap':'trimf',[10 5 0]", "do not ascend"),
-        ("fis", "'cheap'", "'average'", "2 terms called 'average'"),
+        ("fll", "term: off", "term: low", "2 terms called 'low'"),
         ("fis", "Range=[0 30]", "Range=[30 0]", "the range [30.0, 0.0] is empty"),
         ("fll", "Engine: dimmer", "", "before 'Engine:'"),
         ("fll", "daylight is dark", "daylight is dusk", "no term 'dusk'"),

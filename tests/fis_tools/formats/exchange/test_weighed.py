@@ -148,5 +148,5 @@ def test_the_kind_of_a_fis_file_and_its_defuzzifier_must_agree() -> None:
     text = fis.write(alone(systems()["constant"])).text
     with pytest.raises(ControllerFileError, match="outputs of mamdani are defuzzified"):
         fis.read(text.replace("'sugeno'", "'mamdani'"))
-    with pytest.raises(ControllerFileError, match=r"get the system as .fll"):
+    with pytest.raises(ControllerFileError, match="outputs of mamdani are defuzzified"):
         fis.read(text.replace("'sugeno'", "'hybrid'"))

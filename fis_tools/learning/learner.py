@@ -1,0 +1,170 @@
+"""Fuzzy systems from tables: the columns that matter, their terms, a rule for each combination met."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiler import compile
+from fis_tools.learning import consequents
+from fis_tools.learning.choice import chosen_columns
+from fis_tools.learning.columns import Column, distinct
+from fis_tools.learning.consequents import Kind
+from fis_tools.learning.partition import Partition, even
+from fis_tools.learning.recipe import Recipe, Unlearnable
+from fis_tools.learning.takagi_sugeno import bare_output, takagi_sugeno
+from fis_tools.learning.tuning import Partitions, tuned
+from fis_tools.learning.wang_mendel import wang_mendel
+from fis_tools.model import FuzzySystem, Variable
+
+Floats = NDArray[np.float64]
+
+#: Rows that columns are chosen and terms are tuned by, spread over the table; rules are learned from all.
+MOST_ROWS = 2_000
+#: Rules that the terms of a table may combine to.
+MOST_RULES = 1_000
+
+
+class Learned(NamedTuple):
+    """A system, and what it is fed with.
+
+    Attributes
+    ----------
+    system : FuzzySystem
+    columns : tuple of int
+        The places of its inputs among the columns of the table.
+    """
+
+    system: FuzzySystem
+    columns: tuple[int, ...]
+
+
+def learn_number(
+    columns: Sequence[Column], rows: Floats, target: Column, values: Floats, recipe: Recipe
+) -> Learned:
+    """Learn a system whose output is a number; its mean where no rule fires.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        What rules may ask for.
+    rows : (n, num_columns)
+        Two rows or more.
+    target : Column
+        What is to be learned.
+    values : (n,)
+        Its values.
+    recipe : Recipe
+    """
+    if recipe.consequents == "sets":
+        return _learn_sets(columns, rows, target, values, recipe)
+    ends = (target.low, target.high)
+    output = bare_output(target.name, target.unit, ends, float(values.mean()))
+    return _learn_numbers(
+        target.name, columns, rows, [output], values[:, np.newaxis], recipe, recipe.consequents
+    )
+
+
+def learn_classes(
+    name: str, columns: Sequence[Column], rows: Floats, classes: Sequence[str], owners: Floats, recipe: Recipe
+) -> Learned:
+    """Learn a system with an output for each class: the share of it among rows of such inputs.
+
+    Parameters
+    ----------
+    name : str
+        What the system is called.
+    columns : sequence of Column
+        What rules may ask for.
+    rows : (n, num_columns)
+        Two rows or more.
+    classes : sequence of str
+        What they are called.
+    owners : (n, num_classes)
+        One where a row is of a class, else zero.
+    recipe : Recipe
+        What it says of consequents does not count.
+    """
+    outputs = [
+        bare_output(label, "", (0.0, 1.0), share)
+        for label, share in zip(classes, owners.mean(axis=0).tolist(), strict=True)
+    ]
+    return _learn_numbers(name, columns, rows, outputs, owners, recipe, "shares")
+
+
+def _learn_numbers(
+    name: str,
+    columns: Sequence[Column],
+    rows: Floats,
+    outputs: Sequence[Variable],
+    targets: Floats,
+    recipe: Recipe,
+    kind: Kind,
+) -> Learned:
+    """Learn a system whose rules conclude numbers."""
+    some = _spread(len(rows))
+    chosen = _choose(columns, rows[some], targets[some], recipe, kind)
+    rows = rows[:, chosen]
+    fed = [columns[place] for place in chosen]
+    partitions = _even(fed, recipe.terms)
+    if recipe.tune:
+        partitions = tuned(
+            partitions, lambda tried: consequents.fit(tried, rows[some], targets[some], kind).score
+        )
+    found = consequents.fit(partitions, rows, targets, kind)
+    names = distinct([*(column.name for column in fed), *(output.name for output in outputs)])
+    inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed, strict=False)]
+    outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(fed) :], strict=True)]
+    return Learned(takagi_sugeno(name, inputs, outputs, found), chosen)
+
+
+def _learn_sets(
+    columns: Sequence[Column], rows: Floats, target: Column, values: Floats, recipe: Recipe
+) -> Learned:
+    """Learn a Mamdani system."""
+    some = _spread(len(rows))
+    chosen = _choose(columns, rows[some], values[some, np.newaxis], recipe, "constants")
+    rows = rows[:, chosen]
+    names = distinct([*(columns[place].name for place in chosen), target.name])
+    fed = [replace(columns[place], name=name) for place, name in zip(chosen, names, strict=False)]
+    mean = float(values.mean())
+
+    def system(partitions: Partitions, among: slice | NDArray[np.int64]) -> FuzzySystem:
+        *parts, last = partitions
+        inputs = [(p.as_input(c.name, c.unit), p) for p, c in zip(parts, fed, strict=True)]
+        output = last.as_output(names[-1], target.unit, mean)
+        return wang_mendel(target.name, inputs, (output, last), rows[among], values[among])
+
+    def error(partitions: Partitions) -> float:
+        answers = compile(system(partitions, some))(rows[some])[:, 0]
+        return float(np.square(answers - values[some]).sum())
+
+    partitions = (*_even(fed, recipe.terms), even(target.low, target.high, recipe.output_terms))
+    if recipe.tune:
+        partitions = tuned(partitions, error)
+    return Learned(system(partitions, slice(None)), chosen)
+
+
+def _choose(
+    columns: Sequence[Column], rows: Floats, targets: Floats, recipe: Recipe, kind: Kind
+) -> tuple[int, ...]:
+    inputs = min(recipe.max_inputs, len(columns))
+    if recipe.terms**inputs > MOST_RULES:
+        raise Unlearnable(
+            f"{recipe.terms} terms of {inputs} inputs are up to {recipe.terms**inputs:,} rules, more than "
+            f"{MOST_RULES:,}, which nobody reads; lower terms or max_inputs"
+        )
+    return tuple(
+        chosen_columns(columns, rows, targets, terms=recipe.terms, most=recipe.max_inputs, kind=kind)
+    )
+
+
+def _even(columns: Sequence[Column], terms: int) -> tuple[Partition, ...]:
+    return tuple(even(column.low, column.high, terms) for column in columns)
+
+
+def _spread(count: int) -> NDArray[np.int64]:
+    """Return the places of some rows, evenly spread over a table."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).astype(np.int64))

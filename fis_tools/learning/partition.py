@@ -1,0 +1,117 @@
+"""Partitions that a person can read: triangles in order, each point held by its neighbours with a sum of one.
+
+Such a partition is called strong, or Ruspini's (E. H. Ruspini, Information and Control 15, 1969). Whatever
+its peaks are, some term holds each point to one half or more, and two terms share a third of their area or
+less (Jaccard's measure), so readability need not be watched while the peaks move.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.model import Term, Triangular, Variable
+
+Floats = NDArray[np.float64]
+
+#: What terms are called, from the lowest to the highest, by their number.
+WORDS = {
+    2: ("low", "high"),
+    3: ("low", "medium", "high"),
+    4: ("very_low", "low", "high", "very_high"),
+    5: ("very_low", "low", "medium", "high", "very_high"),
+    6: ("extremely_low", "very_low", "low", "high", "very_high", "extremely_high"),
+    7: ("extremely_low", "very_low", "low", "medium", "high", "very_high", "extremely_high"),
+}
+#: Steps of a range. A peak lies on one of them, so that memberships are exact on the points of a universe.
+STEPS = 100
+#: Steps that peaks keep apart.
+CLOSEST = 5
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Where the terms of a variable have their peaks.
+
+    Parameters
+    ----------
+    low, high : float
+        The range; the first and the last peak lie at its ends.
+    places : tuple of int
+        The peaks in hundredths of the range, ascending.
+    """
+
+    low: float
+    high: float
+    places: tuple[int, ...]
+
+    @property
+    def peaks(self) -> Floats:
+        """The peaks in the unit of the variable, shape (num_terms,)."""
+        points = np.linspace(self.low, self.high, STEPS + 1)
+        peaks: Floats = points[list(self.places)]
+        return peaks
+
+    @property
+    def num_moved(self) -> int:
+        """How many peaks are not where they are in an even partition."""
+        evenly = even(self.low, self.high, len(self.places)).places
+        return sum(mine != other for mine, other in zip(self.places, evenly, strict=True))
+
+    def memberships(self, values: Floats) -> Floats:
+        """Return how far values, (n,), belong to each term, (n, num_terms); outside as at the ends."""
+        peaks = self.peaks
+        return np.stack([np.interp(values, peaks, own) for own in np.eye(len(peaks))], axis=1)
+
+    def moved(self, index: int, steps: int) -> "Partition | None":
+        """Return it with an inner peak moved; None where that would come too close to another."""
+        place = self.places[index] + steps
+        if place - self.places[index - 1] < CLOSEST or self.places[index + 1] - place < CLOSEST:
+            return None
+        return replace(self, places=(*self.places[:index], place, *self.places[index + 1 :]))
+
+    def as_input(self, name: str, unit: str) -> Variable:
+        """Return the variable over the range."""
+        peaks = self.peaks.tolist()
+        around = [peaks[0], *peaks, peaks[-1]]
+        return Variable(name, unit, self.low, self.high, _terms(around), STEPS + 1)
+
+    def as_output(self, name: str, unit: str, default: float) -> Variable:
+        """Return the variable for centroids: outer terms are whole, so that their centres are the ends."""
+        before, after = self.places[1], STEPS - self.places[-2]
+        num_points = before + STEPS + after + 1
+        step = (self.high - self.low) / STEPS
+        low, high = self.low - before * step, self.high + after * step
+        points = np.linspace(low, high, num_points)
+        around = points[[0, *(before + place for place in self.places), -1]].tolist()
+        return Variable(name, unit, low, high, _terms(around), num_points, default=default)
+
+
+def even(low: float, high: float, num_terms: int) -> Partition:
+    """Return the partition whose peaks are evenly spaced, as nearly as its points allow."""
+    places = np.round(np.linspace(0, STEPS, num_terms)).astype(int)
+    return Partition(low, high, tuple(places.tolist()))
+
+
+def range_of(values: Floats) -> tuple[float, float]:
+    """Return the range of values, its ends rounded outward to two digits of its width; never empty."""
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        half = max(0.5, abs(low) * 0.5)
+        return low - half, high + half
+    digits = 1 - math.floor(math.log10(high - low))
+    scale = 10.0**digits
+    ends = math.floor(low * scale + ROUNDING) / scale, math.ceil(high * scale - ROUNDING) / scale
+    return ends if all(map(math.isfinite, ends)) and ends[0] < ends[1] else (low, high)
+
+
+#: Of the last digit of a range: what rounding may have added to a value.
+ROUNDING = 1e-6
+
+
+def _terms(around: list[float]) -> tuple[Term, ...]:
+    """Return a triangle over each point between the first and the last."""
+    corners = zip(around[:-2], around[1:-1], around[2:], strict=True)
+    words = WORDS[len(around) - 2]
+    return tuple(Term(word, Triangular(*three)) for word, three in zip(words, corners, strict=True))

@@ -1,0 +1,168 @@
+"""Tables of numbers: from CSV files, and from whatever goes by the names of its columns."""
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.analysis import tables
+from fis_tools.engines.rows import columns_of
+from fis_tools.model.extras import MissingExtra
+from fis_tools.model.validate import nearest
+
+Floats = NDArray[np.float64]
+
+
+class UnreadableTable(ValueError):  # noqa: N818 - the sentence is the message
+    """A table that nothing can be learned from, told in a sentence."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """What is learned from.
+
+    Parameters
+    ----------
+    labels : tuple of str
+        Of the columns that rules may ask for.
+    rows : (n, num_columns)
+    target : str
+        Of the column that is to be learned.
+    values : (n,)
+        What stands there: numbers, or words that are classes.
+    """
+
+    labels: tuple[str, ...]
+    rows: Floats
+    target: str
+    values: NDArray[Any]
+
+    @property
+    def has_classes(self) -> bool:
+        """Whether the target is a word."""
+        return self.values.dtype.kind != "f"
+
+
+def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Table:
+    """Take the columns of a mapping, data frame or structured array.
+
+    Parameters
+    ----------
+    content : Any
+        Columns of numbers by their names; that of the target may hold words.
+    target : str
+        Which column is to be learned.
+    inputs : list of str, optional
+        Which columns rules may ask for; by default all others.
+
+    Raises
+    ------
+    UnreadableTable
+        If a column is missing, holds what is no finite number, or there are fewer than two rows.
+    """
+    names = columns_of(content)
+    if names is None:
+        raise UnreadableTable(
+            "an array does not say what its columns are; pass a mapping of names to columns"
+        )
+    for name in (target, *(inputs or ())):
+        if name not in names:
+            raise UnreadableTable(f"the table has no column {name!r}; {nearest(name, names)}")
+    labels = tuple(inputs or (name for name in names if name != target))
+    if not labels:
+        raise UnreadableTable(f"the table has no column besides {target!r}; add what rules may ask for")
+    values = np.asarray(content[target])
+    columns = [_numbers(name, np.asarray(content[name])) for name in labels]
+    if len({len(values), *map(len, columns)}) != 1 or len(values) < 2:
+        raise UnreadableTable("the columns are not equally long, or of fewer than two rows; give two or more")
+    try:
+        values = _numbers(target, values)
+    except UnreadableTable:
+        if not all(isinstance(value, str) and value and not _says_number(value) for value in values.tolist()):
+            raise
+    return Table(labels, np.stack(columns, axis=1), target, values)
+
+
+def read(path: Path | str) -> Mapping[str, Any]:
+    """Read the columns of a CSV or Parquet file.
+
+    Raises
+    ------
+    UnreadableTable
+        If it cannot be read.
+    MissingExtra
+        If it is a Parquet file and pyarrow is not installed.
+    """
+    return _read_parquet(path) if Path(path).suffix.lower() == tables.PARQUET else read_csv(path)
+
+
+def _read_parquet(path: Path | str) -> dict[str, NDArray[Any]]:
+    try:
+        import pyarrow  # noqa: PLC0415 - an extra
+        from pyarrow import parquet  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
+    try:
+        found = parquet.read_table(path)
+    except (OSError, pyarrow.ArrowException) as error:
+        told = str(error).partition("\n")[0]
+        raise UnreadableTable(f"{path}: {told}; give a CSV or Parquet file") from error
+    return {name: found[name].to_numpy() for name in found.column_names}
+
+
+def read_csv(path: Path | str) -> dict[str, list[str]]:
+    """Read the columns of a CSV file whose first line names them, as texts.
+
+    Raises
+    ------
+    UnreadableTable
+        If it cannot be read, or a line is longer or shorter than the first.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream)
+            (_, head), *lines = [(reader.line_num, cells) for cells in reader if cells] or [(1, [""])]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or "no CSV in UTF-8"
+        raise UnreadableTable(f"{path}: cannot be read ({why}); give a CSV file") from error
+    names = [name.strip() for name in head]
+    if len(set(names)) != len(names) or not all(names):
+        raise UnreadableTable(f"{path}: two columns have one name, or one has none; name each in line 1")
+    for number, cells in lines:
+        if len(cells) != len(names):
+            raise UnreadableTable(
+                f"{path}, line {number} has {len(cells)} cells, but line 1 names {len(names)} columns; make "
+                "them equal"
+            )
+    return {name: [cells[place].strip() for _, cells in lines] for place, name in enumerate(names)}
+
+
+def _numbers(name: str, values: NDArray[Any]) -> Floats:
+    """Return a column as numbers, (n,)."""
+    if values.ndim != 1:
+        raise UnreadableTable(f"column {name!r} has shape {values.shape}; give one number a row")
+    numbers = np.array([_number(value) for value in values.tolist()], dtype=np.float64)
+    if not np.isfinite(numbers).all():
+        row = int(np.argmin(np.isfinite(numbers)))
+        raise UnreadableTable(
+            f"column {name!r} has {values[row]!s} in row {row + 1}, which is no finite number; leave such "
+            "rows or the column out"
+        )
+    return numbers
+
+
+def _number(value: Any) -> float:
+    return float(value) if _says_number(value) else math.nan
+
+
+def _says_number(value: Any) -> bool:
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return False
+    return True

@@ -1,0 +1,113 @@
+"""Try settings of the experiment and keep the best: trials, what to type for the best, its champion."""
+
+import csv
+import io
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fis_tools.formats import serialize
+from pipeline.controllers import source
+from pipeline.flight.controller import Controller, from_fuzzy
+from pipeline.flight.simulation import fly_all
+from pipeline.flight.starts import validation_scenarios
+from pipeline.run import artifacts
+from pipeline.run.progress import Progress
+from pipeline.settings.checks import SettingError
+from pipeline.settings.experiment import Experiment
+from pipeline.settings.schema import experiment_from
+from pipeline.settings.space import with_values
+from pipeline.training.evolution import evolve_rounds
+from pipeline.training.fitness import costs
+from pipeline.training.genome import genome_of
+from pipeline.training.judging import choose, fitness_of_round
+
+
+def run(experiment: Experiment, folder: Path) -> None:
+    """Try as many settings as are asked for, each judged by the experiment's own prices."""
+    try:
+        from pipeline.evaluation.trials import trials  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise SettingError(
+            "the stage search needs Optuna; install the extra: "
+            "pip install 'fuzzy-spacecraft-inspection[optuna]'"
+        ) from error
+    search, journal = experiment.search, folder / artifacts.SEARCH_JOURNAL
+    if not experiment.resume:
+        journal.unlink(missing_ok=True)
+    config, made = artifacts.read_config(folder), dict[str, Controller]()
+    best, rows = None, list[tuple[Any, ...]]()
+    with Progress("trial", search.trials) as progress:
+        for trial in trials(journal, search, experiment.seed, partial(_judge, experiment, config, made)):
+            if trial.state == "complete" and (best is None or trial.cost < best.cost):
+                best = trial
+                _keep(experiment, folder, made)
+            rows.append((trial.number, trial.state, trial.cost, len(trial.blocks), *trial.values.values()))
+            _write_table(folder, list(trial.values), rows)
+            told = "none complete" if best is None else f"best {best.cost:.4f} m/s, trial {best.number}"
+            progress.show(trial.number + 1, f"{trial.state} {trial.cost:.4f} m/s; {told}")
+    if best is None:
+        raise SettingError(
+            "no trial of the search could be flown to its end; choose a search.space that fits"
+        )
+    words = [f"{key}={value}" for key, value in best.values.items()]
+    artifacts.write_json(
+        folder / artifacts.SEARCH_BEST,
+        {"trial": best.number, "cost_m_s": best.cost, "values": dict(best.values), "words": words},
+    )
+    sys.stderr.write(f"  the best: {' '.join(words)}\n")
+
+
+def _judge(
+    experiment: Experiment, config: Mapping[str, Any], made: dict[str, Controller], values: Mapping[str, Any]
+) -> Iterator[float]:
+    """Fly a trial's controller, trained where that is asked for, block by block; yield mean costs, m/s."""
+    search, mission = experiment.search, experiment.mission
+    tried = experiment_from(with_values(config, values))
+    controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
+    made["last"] = controller
+    scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, search.num_cases)
+    limits = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    for first in range(0, len(scenarios), search.block_cases):
+        block = scenarios[first : first + search.block_cases]
+        outcomes = fly_all(tried.mission, controller, block, experiment.monte_carlo.workers)
+        threshold = mission.inspection_threshold_percent
+        yield float(costs(outcomes, experiment.optimizer.penalty, limits, threshold).mean())
+
+
+def _trained(experiment: Experiment) -> Controller:
+    """Train from the configured controller, without a trace but the champion."""
+    experiment = replace(experiment, engine=replace(experiment.engine, kind="local"))
+    genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
+    result = evolve_rounds(
+        partial(fitness_of_round, experiment, genome),
+        genome.num_genes,
+        experiment.optimizer,
+        experiment.seed,
+        initial=genome.encode()[np.newaxis],
+    )
+    if result.interrupted:
+        raise KeyboardInterrupt
+    champion = genome.decode(choose(experiment, genome, result.history).champion)
+    return from_fuzzy(replace(champion, name=f"{genome.template.name}_{experiment.name}"))
+
+
+def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) -> None:
+    """Write the controller that was trained last; one of an earlier process is written already."""
+    if experiment.search.trains and "last" in made and made["last"].fuzzy is not None:
+        artifacts.write_atomically(
+            folder / artifacts.CHAMPION, serialize.dump_json(made["last"].fuzzy) + "\n"
+        )
+
+
+def _write_table(folder: Path, keys: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["trial", "state", "cost_m_s", "blocks", *keys])
+    writer.writerows(rows)
+    artifacts.write_atomically(folder / artifacts.SEARCH_TRIALS, text.getvalue())

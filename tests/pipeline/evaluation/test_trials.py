@@ -1,0 +1,104 @@
+"""Trials: what is proposed, the race, and a search that goes on as if it had not been stopped."""
+
+import numpy as np
+import pytest
+
+from pipeline.evaluation.trials import trials
+from pipeline.settings.checks import SettingError
+from pipeline.settings.experiment import Search
+from pipeline.settings.space import dimensions, with_values
+
+SPACE = {
+    "optimizer": {"initial_step": {"low": 0.001, "high": 1.0, "log": True}, "rounds": {"low": 1, "high": 9}},
+    "sun": {"mode": {"choices": ["fixed", "random"]}},
+}
+
+
+def search(**changes):
+    return Search(**({"space": SPACE, "trials": 25, "num_cases": 400, "block_cases": 20} | changes))
+
+
+def cost(values):
+    """A bowl around 0.1, 5 and a random Sun."""
+    away = np.log10(values["optimizer.initial_step"]) + 1.0, (values["optimizer.rounds"] - 5) / 4.0
+    return 1.0 + away[0] ** 2 + away[1] ** 2 + (values["sun.mode"] == "fixed")
+
+
+def judge(values):
+    """Blocks that are harder or easier alike for all trials, with a little noise of each trial's own."""
+    hard = np.random.default_rng(1).normal(0.0, 1.0, 20)
+    own = np.random.default_rng(int(1e6 * cost(values))).normal(0.0, 0.05, 20)
+    yield from (cost(values) + hard + own).tolist()
+
+
+def test_a_search_finds_the_bowl_and_drops_the_worse_early(tmp_path):
+    tried = list(trials(tmp_path / "journal.log", search(), 1, judge))
+    complete = [trial for trial in tried if trial.state == "complete"]
+    best = min(complete, key=lambda trial: trial.cost)
+    # of 25 random trials the best is expected at about 1.2
+    assert cost(best.values) < 1.15
+    assert best.values["sun.mode"] == "random"
+    assert isinstance(best.values["optimizer.rounds"], int)
+    assert all(len(trial.blocks) == 20 for trial in complete)
+    pruned = [trial for trial in tried if trial.state == "pruned"]
+    assert len(pruned) > 5
+    assert all(len(trial.blocks) < 20 for trial in pruned)
+    assert all(cost(trial.values) > cost(best.values) for trial in pruned)
+    unpruned = trials(tmp_path / "other.log", search(trials=12, prune_below=0.0), 1, judge)
+    assert {trial.state for trial in unpruned} == {"complete"}
+
+
+def test_an_interrupted_search_ends_as_if_it_had_not_been(tmp_path):
+    whole = list(trials(tmp_path / "whole.log", search(trials=14), 3, judge))
+    flown = []
+
+    def interrupted(values):
+        for block in judge(values):
+            flown.append(values)
+            if len(flown) == 70:
+                raise KeyboardInterrupt
+            yield block
+
+    with pytest.raises(KeyboardInterrupt):
+        list(trials(tmp_path / "journal.log", search(trials=14), 3, interrupted))
+    assert list(trials(tmp_path / "journal.log", search(trials=14), 3, judge)) == whole
+    assert [trial.number for trial in whole] == list(range(14))
+
+
+def test_settings_that_do_not_fit_fail_their_trial_alone(tmp_path):
+    def refuse(values):
+        if values["sun.mode"] == "fixed":
+            raise SettingError("it does not fit")
+        yield from judge(values)
+
+    tried = list(trials(tmp_path / "journal.log", search(trials=12), 2, refuse))
+    assert {trial.state for trial in tried if trial.values["sun.mode"] == "fixed"} == {"fail"}
+    assert "complete" in {trial.state for trial in tried if trial.values["sun.mode"] == "random"}
+
+
+@pytest.mark.parametrize(
+    ("space", "told"),
+    [
+        ({"optimizer": {"initial_stp": {"low": 1, "high": 2}}}, "did you mean optimizer.initial_step"),
+        ({"seed": {"low": 2, "high": 1}}, "search.space.seed is"),
+        ({"seed": {"low": 0.0, "high": 1, "log": True}}, "with log positive"),
+        ({"seed": {"choices": [1]}}, "two or more"),
+        ({"seed": 3}, "give a range"),
+    ],
+)
+def test_spaces_that_cannot_be_are_refused(space, told):
+    with pytest.raises(SettingError, match=told):
+        search(space=space)
+
+
+def test_values_are_set_where_they_stand():
+    config = {"seed": 1, "sun": {"mode": "fixed"}}
+    assert with_values(config, {"sun.mode": "random"}) == {"seed": 1, "sun": {"mode": "random"}}
+    assert config["sun"]["mode"] == "fixed"
+    with pytest.raises(SettingError, match=r"search.space.controller.gain is no key of this experiment"):
+        with_values(config, {"controller.gain": 1.0})
+    assert [one.key for one in dimensions(SPACE)] == [
+        "optimizer.initial_step",
+        "optimizer.rounds",
+        "sun.mode",
+    ]
