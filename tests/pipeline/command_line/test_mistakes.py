@@ -39,7 +39,7 @@ MISTAKES = [
     ([*FLY, "sun=qqqqqq"], "there is no sun=qqqqqq; the choices are fixed, mixed, random\n"),
     (
         [*FLY, "stages=[qqqqqq]"],
-        "stages has 'qqqqqq'; the stages are scenario, train, evaluate, record, optimum, compare, assure",
+        "stages has 'qqqqqq'; the stages are scenario, search, train, evaluate, record, optimum, compare, assure",
     ),
     ([*FLY, "+sun=random"], "sun is chosen already; write sun=random without the +"),
     ([*FLY, "++sun=randm"], "did you mean random?"),
