@@ -30,7 +30,7 @@ GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 
 
 #: words of commands that work on what an earlier one made, or the reader has
-NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary")
+NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary", "cluster")
 
 
 #: those of the README; a developer does not wait for all others

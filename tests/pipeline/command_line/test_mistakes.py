@@ -39,7 +39,7 @@ MISTAKES = [
     ([*FLY, "sun=qqqqqq"], "there is no sun=qqqqqq; the choices are fixed, mixed, random\n"),
     (
         [*FLY, "stages=[qqqqqq]"],
-        "stages has 'qqqqqq'; the stages are scenario, train, evaluate, record, optimum, compare, assure",
+        "stages has 'qqqqqq'; the stages are scenario, search, train, evaluate, record, optimum, compare",
     ),
     ([*FLY, "+sun=random"], "sun is chosen already; write sun=random without the +"),
     ([*FLY, "++sun=randm"], "did you mean random?"),
@@ -67,7 +67,7 @@ MISTAKES = [
     ([*FLY, "--multrun"], "there is no option --multrun; did you mean --multirun?"),
     ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
-    (["check", "x"], "there is no subcommand check (there are summary and verify)"),
+    (["check", "x"], "there is no subcommand check (there are cluster, summary and verify)"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "deputy.mass_kg=nan"], "deputy.mass_kg is nan; it must be a finite number"),

@@ -173,10 +173,10 @@ CASES = [
     (
         "stages",
         [],
-        "stages is empty; name at least one of scenario, train, evaluate, record, optimum, compare, assure, ",
+        "stages is empty; name at least one of scenario, search, train, evaluate, record, optimum, compare, ",
     ),
     ("stages", ["reprt"], "stages has 'reprt'; did you mean report?"),
-    ("stages", ["report", "evaluate"], "name each once in the order scenario, train"),
+    ("stages", ["report", "evaluate"], "name each once in the order scenario, search, train"),
     ("stages", ["train"], "a controller of kind coast has nothing to train"),
     ("stages", "train", "stages is 'train'; it must be a list"),
     ("controller", {}, "controller is neither written out (systems) nor a file (path) nor of a kind"),
