@@ -19,6 +19,7 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.extras import MissingExtra
 from fis_tools.model.thrust import COUNTED, UNKNOWN
+from fis_tools.words.text import with_unit
 
 if TYPE_CHECKING:
     from telemetry.file.reader import Recording
@@ -391,7 +392,8 @@ def _controller_for(path: Path | str, controller: FuzzyController | None) -> Fuz
 
 def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:
     """Ask a system what it would have done at the inputs of a table."""
-    inputs, time_s = tables.read(path, [variable.name for variable in system.inputs])
+    labels = {variable.name: with_unit(variable) for variable in system.inputs}
+    inputs, time_s = tables.read(path, list(labels), labels)
     return FlownSystem(
         system,
         np.arange(1.0, len(inputs) + 1.0) if time_s is None else time_s,

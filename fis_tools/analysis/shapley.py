@@ -10,7 +10,8 @@ independently: G. Owen, Multilinear extensions of games, Management Science 18 (
 """
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -176,6 +177,10 @@ def _after(
     players: list[int], activations: Sequence[_Cuts], accumulate: Operator | None, most: int
 ) -> _Leads | None:
     """Return where the players of a block lead; None if they can cut its terms in more ways than `most`."""
+    heights = [activations[player][0][1] for player in players if len(activations[player]) == 1]
+    is_of_one_term = accumulate is ACCUMULATIONS["max"] and len(heights) == len(players) < most
+    if is_of_one_term and all(higher > lower for higher, lower in pairwise(heights)):
+        return _after_one_another(len(players))
     places: dict[Hashable, int] = {frozenset(): 0}
     states: list[tuple[dict[int, float], list[int]]] = [({}, [])]
     after: list[tuple[int, ...]] = []
@@ -195,6 +200,12 @@ def _after(
             return None
         after.append(tuple(leads))
     return tuple(after)
+
+
+@cache
+def _after_one_another(num_players: int) -> _Leads:
+    """Return where players lead that cut one term, each lower than those before: the highest counts."""
+    return tuple((player + 1, *range(1, player + 1)) for player in range(num_players))
 
 
 def _num_states(after: _Leads) -> int:

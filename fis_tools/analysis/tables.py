@@ -1,7 +1,7 @@
 """Logged data as tables: the columns of a CSV or Parquet file, by their names."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,9 @@ def is_table(path: Path | str) -> bool:
     return Path(path).suffix.lower() in (CSV, PARQUET)
 
 
-def read(path: Path | str, names: Sequence[str]) -> tuple[Floats, Floats | None]:
+def read(
+    path: Path | str, names: Sequence[str], labels: Mapping[str, str] | None = None
+) -> tuple[Floats, Floats | None]:
     """Read columns of a table.
 
     Parameters
@@ -32,6 +34,8 @@ def read(path: Path | str, names: Sequence[str]) -> tuple[Floats, Floats | None]
         A CSV file whose first line names the columns, or a Parquet file.
     names : sequence of str
         The columns, in the order in which they are wanted; a table may have others, of any kind.
+    labels : mapping, optional
+        What else the column of a name may be called, such as with its unit: ``angle (rad)``.
 
     Returns
     -------
@@ -50,7 +54,8 @@ def read(path: Path | str, names: Sequence[str]) -> tuple[Floats, Floats | None]
     """
     path = Path(path)
     try:
-        known, columns = (_from_csv if path.suffix.lower() == CSV else _from_parquet)(path, names)
+        reader = _from_csv if path.suffix.lower() == CSV else _from_parquet
+        known, columns = reader(path, names, labels or {})
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ControllerFileError(f"{path} cannot be read ({error}); give a CSV or Parquet file") from error
     if not len(columns):
@@ -62,23 +67,26 @@ def read(path: Path | str, names: Sequence[str]) -> tuple[Floats, Floats | None]
     return values, time_s
 
 
-def _wanted(path: Path, held: Sequence[str], names: Sequence[str]) -> list[str]:
-    """Return the columns to read of those that a table holds."""
-    for name in names:
-        if held.count(name) != 1:
+def _wanted(
+    path: Path, held: Sequence[str], names: Sequence[str], labels: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the columns to read of those that a table holds, by the names that are asked for."""
+    wanted = {name: name if name in held else labels.get(name, name) for name in names}
+    for name, column in wanted.items():
+        if held.count(column) != 1:
             told = (
-                f"it has no {name!r}; {nearest(name, held)}" if name not in held else f"it has two {name!r}"
+                f"it has no {name!r}; {nearest(name, held)}" if column not in held else f"it has two {name!r}"
             )
-            wanted = ", ".join(dict.fromkeys(names))
-            raise ControllerFileError(f"{path}: columns go by the names of inputs ({wanted}), and {told}")
-    return list(dict.fromkeys([*names, *([TIME] if TIME in held else [])]))
+            asked = ", ".join(wanted)
+            raise ControllerFileError(f"{path}: columns go by the names of inputs ({asked}), and {told}")
+    return wanted | ({TIME: TIME} if TIME in held else {})
 
 
-def _from_csv(path: Path, names: Sequence[str]) -> tuple[list[str], Floats]:
+def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
     with path.open(encoding="utf-8-sig", newline="") as file:
         held = [name.strip() for name in next(csv.reader(file), [])]
-        wanted = _wanted(path, held, names)
-        places = [held.index(name) for name in wanted]
+        wanted = _wanted(path, held, names, labels)
+        places = [held.index(column) for column in wanted.values()]
         rows = [(number, row) for number, row in enumerate(csv.reader(file), start=2) if row]
     columns = np.empty((len(rows), len(wanted)))
     for place, (number, row) in enumerate(rows):
@@ -89,10 +97,10 @@ def _from_csv(path: Path, names: Sequence[str]) -> tuple[list[str], Floats]:
                 f"{path}, row {number}: {', '.join(row)} does not hold a number for each of "
                 f"{', '.join(wanted)}; complete the row, or leave it out"
             ) from None
-    return wanted, _finite(path, wanted, columns)
+    return list(wanted), _finite(path, list(wanted), columns)
 
 
-def _from_parquet(path: Path, names: Sequence[str]) -> tuple[list[str], Floats]:
+def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
     try:
         import pyarrow  # noqa: PLC0415 - not a package that CSV files need
         from pyarrow import parquet  # noqa: PLC0415
@@ -100,13 +108,13 @@ def _from_parquet(path: Path, names: Sequence[str]) -> tuple[list[str], Floats]:
         raise MissingExtra("reading Parquet files", "pyarrow", '"fis-tools[parquet]"') from error
     try:
         with parquet.ParquetFile(path) as file:
-            wanted = _wanted(path, file.schema_arrow.names, names)
-            table = file.read(wanted)
-        columns = [table[name].cast("float64").to_numpy() for name in wanted]
+            wanted = _wanted(path, file.schema_arrow.names, names, labels)
+            table = file.read(list(wanted.values()))
+        columns = [table[column].cast("float64").to_numpy() for column in wanted.values()]
     except pyarrow.ArrowException as error:
         told = str(error).partition("\n")[0]
         raise ControllerFileError(f"{path}: {told}; give a Parquet file whose inputs are numbers") from error
-    return wanted, _finite(path, wanted, np.column_stack(columns))
+    return list(wanted), _finite(path, list(wanted), np.column_stack(columns))
 
 
 def _finite(path: Path, names: Sequence[str], columns: Floats) -> Floats:

@@ -61,7 +61,7 @@ class Processes:
 
     def each(self, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
         """Do all parts, in any order; see `pipeline.run.engine.each`."""
-        ahead = AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        ahead = AHEAD * max(1, self._count())
         left, places = iter(enumerate(parts)), dict[Any, int]()
         try:
             while True:
@@ -93,6 +93,11 @@ class Processes:
                 self._look()
                 continue
             yield future, result
+
+    def _count(self) -> int:
+        if self._cluster is not None:
+            return len(self._cluster.worker_spec)
+        return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _look(self) -> None:
         """Replace processes that are found dead twice: Dask leaves alone those that die while they start."""
@@ -139,8 +144,8 @@ def _joined(address: str, certificate: Path | None) -> Any:
 def _started(engine: Engine, scratch: str) -> Any:
     """Start processes of one thread each on this machine, which trust one another alone."""
     try:
-        return LocalCluster(
-            n_workers=engine.processes or os.cpu_count() or 1,
+        cluster = LocalCluster(
+            n_workers=0,
             threads_per_worker=1,
             host=LOOPBACK[0],
             protocol="tls://",
@@ -151,6 +156,9 @@ def _started(engine: Engine, scratch: str) -> Any:
             silence_logs=50,
             memory_limit=0,
         )
+        # not at once: one that died while it started would take the cluster with it
+        cluster.scale(engine.processes or os.cpu_count() or 1)
+        return cluster
     except (RuntimeError, OSError, ImportError) as error:
         raise EngineError(f"Dask could not start its processes ({error}); resume= begins again") from error
 

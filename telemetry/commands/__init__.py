@@ -76,6 +76,7 @@ def _ended_in_order() -> Iterator[None]:
 
     def end(_number: int, _frame: object) -> None:
         sys.unraisablehook = lambda _unraisable: None  # what libraries have half made complains as it goes
+        os.write(2, b"telemetry: ended by SIGTERM\n")  # not by print, which may be at work
         raise SystemExit(TERMINATED)
 
     if threading.current_thread() is not threading.main_thread():  # which alone may handle signals

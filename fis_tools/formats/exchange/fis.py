@@ -369,6 +369,10 @@ def _term(
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
+    if parts["shape"] == "function":
+        raise ControllerFileError(
+            f"{where}: the term is a formula, {parts['numbers'][:40]}, which cannot be read; give numbers"
+        )
     values = numbers_in(parts["numbers"], where)
     if num_weighed is not None:
         return parts["name"], foreign.concluded(parts["shape"], values, num_weighed, "fis", where)
@@ -404,6 +408,12 @@ def _rule(line: int, content: str, inputs: Sequence[Variable], outputs: Sequence
     ]
     if not leaves or not concluded:
         raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
+    for variable, name, _ in concluded:
+        if name not in {term.name for term in variable.terms}:
+            raise ControllerFileError(
+                f"{where}: the hedge in {name!r} on what the rule concludes cannot be read; give the rule a "
+                "weight, or conclude another term"
+            )
     if any(is_negated for _, _, is_negated in concluded):
         raise ControllerFileError(
             f"{where}: the rule concludes 'not'; conclude a term, made for it if need be"

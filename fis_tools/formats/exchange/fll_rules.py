@@ -158,5 +158,6 @@ def _conclusion(words: _Words) -> tuple[str, str]:
 def _refuse_hedge(words: _Words) -> None:
     if words.peek() in FUZZYLITES:
         raise ControllerFileError(
-            f"{words.where}: the hedge {words.peek()!r} cannot be read; define a term for it and name that"
+            f"{words.where}: the hedge {words.peek()!r} on what a rule concludes cannot be read; give the "
+            "rule a weight, or conclude another term"
         )

@@ -3,6 +3,7 @@
 import io
 import json
 import random
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -90,6 +91,13 @@ def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
         raise _damaged(path) from error
 
 
+#: what NumPy lets through of a damaged archive; it takes the headers of arrays apart as Python
+_UNREADABLE = (
+    *(OSError, ValueError, KeyError, EOFError, RuntimeError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+)
+
+
 def _damaged(path: Path) -> CheckpointError:
     return CheckpointError(f"{path} is not a readable checkpoint (damaged, or cut short); {_AFRESH}")
 
@@ -107,7 +115,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             note = json.loads(archive["note"].tobytes())
             learnt = [name for name in archive.files if name.startswith(_STRATEGY)]
             arrays = {name: archive[name] for name in (*_ARRAYS, *learnt)}
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except _UNREADABLE as error:
         raise _damaged(path) from error
     if not isinstance(note, dict):
         raise _damaged(path)

@@ -4,8 +4,8 @@ The operators and rates of Choi, Kim and Leeghim (AAS 25-727), defined as in MAT
 Toolbox ("Genetic Algorithm Options"). Instead of its adaptive feasible mutation a local one may be chosen,
 which moves few genes a little: the search near a controller that is already good.
 
-DEAP draws from Python's global generator: it is lent a state of ours for each generation, and the caller gets
-his own back.
+DEAP draws from Python's global generator, which others draw from as well, such as threads of Dask's: for each
+generation it is lent one of ours in its place.
 """
 
 import random
@@ -16,6 +16,7 @@ from typing import cast
 
 import numpy as np
 from deap import base, tools
+from deap.tools import crossover, emo, mutation, selection
 from numpy.typing import NDArray
 
 from pipeline.settings.experiment import Optimizer
@@ -25,6 +26,9 @@ from pipeline.training.evolution.state import State
 Floats = NDArray[np.float64]
 
 GENE_SWAP_PROBABILITY = 0.5
+
+#: what of DEAP draws
+DRAWING = (crossover, emo, mutation, selection)
 
 #: a local mutant moves each gene with one of these probabilities, by one of these multiples of the step: most
 #: steps are fine, some are bold
@@ -83,21 +87,26 @@ def scattered_crossover(first: Individual, second: Individual) -> Individual:
 
 def local_mutation(genome: Sequence[float], step_size: float) -> Individual:
     """Move few genes by normal steps; one that leaves [0, 1] stops at its end."""
-    share, scale = random.choice(LOCAL_SHARES), random.choice(LOCAL_STEPS)  # noqa: S311
+    generator = mutation.random  # as DEAP draws
+    share, scale = generator.choice(LOCAL_SHARES), generator.choice(LOCAL_STEPS)
     (mutant,) = tools.mutGaussian(Individual(genome), 0.0, scale * step_size, share)
     return Individual([min(1.0, max(0.0, gene)) for gene in mutant])
 
 
 @contextmanager
-def lent_global_random(state: State) -> Iterator[None]:
-    """Let DEAP draw from our state of Python's global generator, and give the caller's back."""
-    callers = random.getstate()
-    random.setstate(state.python_state)
+def lent_random(state: State) -> Iterator[None]:
+    """Let DEAP draw from our state in place of Python's global generator."""
+    own = random.Random()  # noqa: S311
+    own.setstate(state.python_state)
+    before = [module.random for module in DRAWING]
+    for module in DRAWING:
+        module.random = own
     try:
         yield
     finally:
-        state.python_state = random.getstate()
-        random.setstate(callers)
+        state.python_state = own.getstate()
+        for module, theirs in zip(DRAWING, before, strict=True):
+            module.random = theirs
 
 
 def breed(state: State, settings: Optimizer) -> Floats:
@@ -108,7 +117,7 @@ def breed(state: State, settings: Optimizer) -> Floats:
     split = split_population(settings)
     num_crossed = 2 * split.crossover
     is_local = settings.mutation == "local"
-    with lent_global_random(state):
+    with lent_random(state):
         population = [
             Individual(genes, fitness)
             for genes, fitness in zip(state.genomes.tolist(), state.fitness.tolist(), strict=True)
@@ -129,7 +138,7 @@ def breed(state: State, settings: Optimizer) -> Floats:
 
 def scatter(seeds: Floats, settings: Optimizer, state: State) -> Floats:
     """Make a first population of the seeds and local mutants of them, shape (population_size, num_genes)."""
-    with lent_global_random(state):
+    with lent_random(state):
         mutants = [
             local_mutation(seeds[index % len(seeds)].tolist(), settings.initial_step)
             for index in range(settings.population_size - len(seeds))

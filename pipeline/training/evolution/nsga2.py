@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution.genetic import (
     Individual,
-    lent_global_random,
+    lent_random,
     local_mutation,
     scattered_crossover,
 )
@@ -86,7 +86,7 @@ def breed(state: State, settings: Optimizer) -> Floats:
     num_children = settings.population_size
     num_crossed = round(settings.crossover_rate * num_children)
     genomes = state.genomes.tolist()
-    with lent_global_random(state):
+    with lent_random(state):
         rows = _select_parents(objectives_of(state.parts), num_crossed + num_children)
         parents = [Individual(genomes[row]) for row in rows]
         pairs = zip(parents[: 2 * num_crossed : 2], parents[1 : 2 * num_crossed : 2], strict=True)

@@ -14,6 +14,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation import shares
+from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.serialize import load
 from tests.places import PROJECT
 
@@ -45,6 +46,19 @@ def test_columns_go_by_their_names(ending: str, tmp_path: Path) -> None:
     values, time_s = tables.read(write(tmp_path / f"evening.{ending}", ROWS), ["service", "food"])
     assert np.array_equal(values, ROWS)
     assert np.array_equal(time_s, [0.0, 10.0, 20.0])
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_column_may_name_its_unit_and_no_other(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"heat.{ending}"
+    if ending == "csv":
+        path.write_text("temperature (°C)\n21.5\n", encoding="utf-8")
+    else:
+        parquet.write_table(pa.table({"temperature (°C)": [21.5]}), path)
+    values, _ = tables.read(path, ["temperature"], {"temperature": "temperature (°C)"})
+    assert np.array_equal(values, [[21.5]])
+    with pytest.raises(ControllerFileError, match="it has no 'temperature'"):
+        tables.read(path, ["temperature"], {"temperature": "temperature (K)"})
 
 
 def test_every_command_that_takes_flights_takes_tables(

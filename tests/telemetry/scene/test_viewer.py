@@ -29,7 +29,6 @@ from tests.telemetry import synthetic_flight, synthetic_run
 
 pytestmark = pytest.mark.slow
 
-QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 VULKAN = "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json"
 
 
@@ -198,7 +197,11 @@ def test_web_listens_to_this_machine_alone_and_ends_in_order(
     command = [sys.executable, "-m", "telemetry", *(places.get(word, word) for word in arguments), "--web"]
     # a browser that opens nothing
     environment = {**os.environ, "BROWSER": "true", "TMPDIR": str(tmp_path)}
-    with subprocess.Popen(command, cwd=PROJECT, env=environment, **QUIET) as process:  # noqa: S603
+    told = tmp_path.parent / f"{tmp_path.name}.log"
+    with (
+        told.open("wb") as log,
+        subprocess.Popen(command, cwd=PROJECT, env=environment, stdout=log, stderr=log) as process,  # noqa: S603
+    ):
         try:
             listening = _await_listeners(process.pid, 2)
         finally:
@@ -207,6 +210,7 @@ def test_web_listens_to_this_machine_alone_and_ends_in_order(
             code = process.wait(60)
     assert {address for address, _ in listening} == {"127.0.0.1"}
     assert code == 143
+    assert "telemetry: ended by SIGTERM" in told.read_text()
     assert psutil.wait_procs(children, 60)[1] == []
     assert list(tmp_path.glob("tmp*")) == []
 

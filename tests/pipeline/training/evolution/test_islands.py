@@ -1,5 +1,8 @@
 """Islands: what migrates, what is told of all of them, and that a seed decides, not who does the work."""
 
+import random
+import sys
+import threading
 from contextlib import contextmanager
 from functools import partial
 
@@ -80,6 +83,25 @@ def test_islands_that_were_interrupted_end_as_if_they_had_not_been(next_round, t
     with pytest.raises(CheckpointError, match=r"optimizer.migrants = 2, now it is 3"):
         evolve(Sphere(), NUM_GENES, optimizer(**FOUR, rounds=3, next_round=next_round, migrants=3), 7,
                checkpoint=checkpoint, resume=True)  # fmt: skip
+
+
+def test_threads_that_draw_from_the_global_generator_change_nothing():
+    """As those of a worker of Dask's do."""
+    one, is_over = evolve(Sphere(), NUM_GENES, optimizer(**FOUR), seed=5), threading.Event()
+
+    def draw():
+        while not is_over.is_set():
+            random.random()  # noqa: S311
+
+    thread, interval = threading.Thread(target=draw), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    thread.start()
+    try:
+        assert_same(one, evolve(Sphere(), NUM_GENES, optimizer(**FOUR), seed=5))
+    finally:
+        sys.setswitchinterval(interval)
+        is_over.set()
+        thread.join()
 
 
 def test_it_does_not_matter_which_island_is_done_first(monkeypatch):
