@@ -160,7 +160,8 @@ def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[
     _, first, place = np.unique(known, axis=0, return_index=True, return_inverse=True)
     source = first[place.reshape(-1)][len(state.genomes) :]
     is_new = source == np.arange(len(state.genomes), len(known))
-    fitness, parts = _evaluated(evaluate, genomes[is_new], state.parts)
+    none = np.empty(0), dict.fromkeys(state.parts, np.empty(0))
+    fitness, parts = _evaluated(evaluate, genomes[is_new], state.parts) if is_new.any() else none
     # where among those judged, the population first, the result of each stands
     at = np.concatenate((np.arange(len(state.genomes)), len(state.genomes) + np.cumsum(is_new) - 1))[source]
     return (

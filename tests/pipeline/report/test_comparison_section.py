@@ -7,6 +7,7 @@ from matplotlib import colors
 
 from pipeline.report.comparison_tables import marks_of, read_comparison, tables_of
 from pipeline.report.figures.delta_v_and_rate import MARKS, Mark, compared
+from pipeline.report.figures.style import PAPER
 from pipeline.run import artifacts
 from pipeline.run.artifacts import ArtifactError
 from tests.pipeline.report.runs import run_of
@@ -58,10 +59,15 @@ def test_marks_are_means_and_spreads(folder):
 
 
 def test_controllers_are_told_apart_without_colours():
-    assert len({marker for _, marker in MARKS}) == len(MARKS)
-    assert len({colour for colour, _ in MARKS}) == len(MARKS)
-    assert all(colors.is_color_like(colour) for colour, _ in MARKS)
-    marks = [Mark(f"c{i}", (0.1 * i, 0.05), (90.0 + i, 3.0)) for i in range(9)]
+    half = len(MARKS) // 2
+    for marks in (MARKS[:half], MARKS[half:]):
+        assert len({marker for _, marker, _ in marks}) == half
+        assert len({colour for colour, _, _ in marks}) == half
+    # filled, then open
+    assert {colour == face for colour, _, face in MARKS[:half]} == {True}
+    assert {face for _, _, face in MARKS[half:]} == {PAPER}
+    assert all(colors.is_color_like(colour) for colour, _, _ in MARKS)
+    marks = [Mark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
     figure = compared([("one", marks)], 95.0)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [mark.name for mark in marks]
     lines = [container.lines[0] for container in figure.axes[0].containers]
