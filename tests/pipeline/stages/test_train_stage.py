@@ -19,6 +19,7 @@ from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.starts import given_start, hard_candidates, training_scenarios, validation_scenarios
 from pipeline.run import artifacts
 from pipeline.stages import train
+from pipeline.training import judging
 from pipeline.training.evolution.checkpoint import CheckpointError
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs
@@ -201,7 +202,7 @@ def test_an_interrupt_before_anything_is_known_leaves_no_champion(
     def interrupt(*_arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(train, "fitness_parts", interrupt)
+    monkeypatch.setattr(judging, "fitness_parts", interrupt)
     with pytest.raises(KeyboardInterrupt):
         train.run(prepared(tmp_path).experiment, tmp_path)
     assert not (tmp_path / artifacts.CHAMPION).exists()
