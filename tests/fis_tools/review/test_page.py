@@ -560,7 +560,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     assert "failed" in shown.locator("#requirements").inner_text()
     assert "255.2" in shown.locator("#constants tr", has_text="urgency_time_s").inner_text()
     order = shown.evaluate("[...document.querySelectorAll('main > section')].map(({ id }) => id)")
-    assert order[:5] == ["flown", "requirements", "findings", "constants", "systems"]
+    assert order[:5] == ["logged", "requirements", "findings", "constants", "systems"]
     path.write_text(json.dumps(evidence | {"controller": {"name": "other", "sha256": "0"}}))
     with pytest.raises(ControllerFileError, match="about the controller 'other'"):
         page.write(controller, evidence=path)
