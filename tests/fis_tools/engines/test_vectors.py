@@ -1,5 +1,6 @@
 """Vectors against NumPy, compiled; and the same where numba is switched off."""
 
+import gc
 import math
 import os
 import subprocess
@@ -355,6 +356,8 @@ def test_borrowed_arrays_are_the_same_and_still_their_owners() -> None:
         return total(load(borrowed(row), 0, 4))
 
     row, other = np.arange(4.0), np.array([5.0, 6.0])
+    run((row, (other, 2)))
+    gc.collect()  # what compiling has left behind may hold them
     before = sys.getrefcount(row), sys.getrefcount(other)
     for _ in range(100):
         assert run((row, (other, 2))) == 8.0 + 1.0 + 2.0 + 3.0
