@@ -18,6 +18,7 @@ from fis_tools.model import (
     And,
     Expression,
     FuzzySystem,
+    Hedged,
     Is,
     MembershipFunction,
     MonotoneFunction,
@@ -28,7 +29,7 @@ from fis_tools.model import (
     Variable,
 )
 from fis_tools.model.membership import sample_terms
-from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
 Floats = NDArray[np.float64]
 
@@ -237,6 +238,8 @@ def _degree(
             return degrees[variable, term]
         case Not(operand):
             return 1.0 - _degree(system, rule, operand, degrees)
+        case Hedged(hedge, operand):
+            return HEDGES[hedge](_degree(system, rule, operand, degrees))
         case And(operands):
             combine = AND_OPERATORS[system.and_operator_of(rule)]
         case Or(operands):

@@ -21,8 +21,10 @@ from fis_tools.engines.program import (
     DRASTIC_SUM,
     EINSTEIN_PRODUCT,
     EINSTEIN_SUM,
+    EXTREMELY,
     HAMACHER_PRODUCT,
     HAMACHER_SUM,
+    INTENSELY,
     MAX,
     MEAN_OF_MAXIMUM,
     MIN,
@@ -30,8 +32,11 @@ from fis_tools.engines.program import (
     NILPOTENT_MINIMUM,
     PROBABILISTIC_SUM,
     PRODUCT,
+    SELDOM,
     SMALLEST_OF_MAXIMUM,
+    SOMEWHAT,
     UNBOUNDED_SUM,
+    VERY,
     Conclusion,
     Program,
     Weighing,
@@ -152,6 +157,23 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
         return max(a, b) if either < 1.0 else 1.0
     if operator == UNBOUNDED_SUM:
         return either
+    return _changed(operator, a)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _changed(operator: int, a: float) -> float:
+    """Return what a hedge makes of a degree of truth, or its complement."""
+    if operator == VERY:
+        return a * a
+    if operator == SOMEWHAT:
+        return float(np.sqrt(max(a, 0.0)))
+    if operator == EXTREMELY:
+        return a * a * a
+    if operator == INTENSELY:
+        return 2.0 * a * a if a <= 0.5 else 1.0 - 2.0 * (1.0 - a) * (1.0 - a)
+    if operator == SELDOM:
+        half = max(a if a <= 0.5 else 1.0 - a, 0.0)
+        return float(np.sqrt(0.5 * half)) if a <= 0.5 else float(1.0 - np.sqrt(0.5 * half))
     return 1.0 - a
 
 

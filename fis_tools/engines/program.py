@@ -17,6 +17,8 @@ from fis_tools.model import (
     Defuzzifier,
     Expression,
     FuzzySystem,
+    Hedge,
+    Hedged,
     Is,
     MonotoneFunction,
     Not,
@@ -40,14 +42,17 @@ AND_CODES = range(7)
 OR_CODES = range(7, 14)
 NOT = 14
 UNBOUNDED_SUM = 15
+HEDGE_CODES = range(16, 21)
 MIN, PRODUCT, BOUNDED_DIFFERENCE, EINSTEIN_PRODUCT, HAMACHER_PRODUCT, DRASTIC_PRODUCT, NILPOTENT_MINIMUM = (
     AND_CODES
 )
 MAX, PROBABILISTIC_SUM, BOUNDED_SUM, EINSTEIN_SUM, HAMACHER_SUM, DRASTIC_SUM, NILPOTENT_MAXIMUM = OR_CODES
+VERY, SOMEWHAT, EXTREMELY, INTENSELY, SELDOM = HEDGE_CODES
 OPERATORS: dict[str, int] = {
     **dict(zip(get_args(AndOperator), AND_CODES, strict=True)),
     **dict(zip(get_args(OrOperator), OR_CODES, strict=True)),
     "unbounded_sum": UNBOUNDED_SUM,
+    **dict(zip(get_args(Hedge), HEDGE_CODES, strict=True)),
 }
 DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
@@ -254,6 +259,9 @@ def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
             case Not(operand):
                 slot = slot_of(operand, rule)
                 return step(NOT, slot, slot)
+            case Hedged(hedge, operand):
+                slot = slot_of(operand, rule)
+                return step(OPERATORS[hedge], slot, slot)
             case And(operands):
                 operator = OPERATORS[system.and_operator_of(rule)]
             case Or(operands):

@@ -257,7 +257,7 @@ def _adopt(visible: FuzzySystem, original: FuzzySystem, said: Said) -> FuzzySyst
 
 
 def _adopt_variable(visible: Variable, original: Variable, said: Variable) -> Variable:
-    terms = {shown.name: (source, shown) for source, shown in zip(original.terms, said.terms, strict=True)}
+    terms = {shown.name: (source, shown) for source, shown in zip(original.terms, said.terms, strict=False)}
     is_same = {term.name: term.name in terms and term == terms[term.name][1] for term in visible.terms}
     extent = ("minimum", "maximum", "num_points", "points")
     keeps_universe = all(getattr(visible, key) == getattr(said, key) for key in extent) and all(

@@ -13,9 +13,9 @@ from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import Reading, understand
 from fis_tools.formats.exchange.dialect import settle
 from fis_tools.formats.exchange.fcl import DIALECT
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
-from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
+from fis_tools.formats.exchange.hedges import with_any
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
@@ -145,7 +145,7 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=name or "unnamed",
-            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
+            inputs=with_any(inputs, rules),
             outputs=outputs,
             rules=tuple(chained(rules, outputs)),
             implication=foreign.choice(meanings(AND, "fcl"), word, "the activation ACT", ""),
@@ -172,8 +172,8 @@ def _rules(block: _Block) -> Iterator[Rule]:
                 f"line {line}: {content[:40]!r} is not RULE number : IF … THEN …; correct it"
             )
         words = (w.lower() if w.lower() in _RULE_WORDS else w for w in re.findall(r"[()]|[^\s()]+", rule[1]))
-        read = read_rule(line, " ".join(words), operators)
-        yield replace(read, and_operator=conjunction, or_operator=disjunction)
+        for read in read_rules(line, " ".join(words), operators):
+            yield replace(read, and_operator=conjunction, or_operator=disjunction)
 
 
 def _variable(block: _Block, num_inputs: int, *, is_output: bool) -> Variable:

@@ -15,9 +15,9 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
+from fis_tools.formats.exchange.hedges import with_any
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.own.mapping import MOST_POINTS
@@ -47,6 +47,9 @@ DIALECT = Dialect(
     holds_resolution=True,
     default_resolution=RESOLUTION,
     is_nested=True,
+    hedges="fll",
+    most_words=99,
+    concludes_hedged=True,
 )
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
@@ -225,8 +228,9 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     first = next(iter(operators), (None, None))
     groups = [
         [
-            replace(read_rule(line, words, own), and_operator=own[0], or_operator=own[1])
+            replace(rule, and_operator=own[0], or_operator=own[1])
             for line, words in block.repeated
+            for rule in read_rules(line, words, own)
         ]
         for block, own in zip(rule_blocks, operators, strict=True)
     ]
@@ -243,7 +247,7 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=engines[0].name or "unnamed",
-            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
+            inputs=with_any(inputs, rules),
             outputs=outputs,
             rules=tuple(chained(rules, outputs)),
             and_operator=first[0] or "min",

@@ -14,10 +14,12 @@ import numpy as np
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
+from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Aggregation,
     Defuzzifier,
+    Is,
     Linear,
     MembershipFunction,
     MonotoneFunction,
@@ -31,7 +33,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import Format, words_of
 from fis_tools.model.validate import nearest
-from fis_tools.words.text import antecedent_words
+from fis_tools.words.text import antecedent_words, before
 
 _Choice = TypeVar("_Choice")
 
@@ -340,8 +342,13 @@ def _universe(
 
 def rule_words(rule: Rule) -> str:
     """Say a rule in the words of FLL and FCL; its consequents have one weight."""
-    concluded = " and ".join(f"{c.variable} is {c.term}" for c in rule.consequents)
+    words, asked = before(rule.antecedent)
+    if isinstance(asked, Is):
+        words, asked = [], rule.antecedent
+    known = {str(hedge): names.fll for hedge, names in HEDGES.items()}
+    hedges = "".join(f"{known[word]} " for word in words)
+    concluded = " and ".join(f"{c.variable} is {hedges}{c.term}" for c in rule.consequents)
     weight = rule.consequents[0].weight
-    return f"if {antecedent_words(rule.antecedent)} then {concluded}" + (
+    return f"if {antecedent_words(asked, known)} then {concluded}" + (
         "" if weight == 1.0 else f" with {weight!r}"
     )
