@@ -393,6 +393,8 @@ def rule_consistency(system: FuzzySystem) -> RuleConsistency:
         grid = arrays.spread_inputs(system)
     strengths = arrays.firing(system, grid)
     answers = arrays.evaluate(system, grid)
+    has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
+    grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     points, outputs, alone, values = [], [], [], []
     for number in range(len(system.rules)):
         firing = strengths[:, number]

@@ -79,8 +79,8 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
             raise ValueError("rules conclude numbers that depend on the inputs; pass these, (n, num_inputs)")
         inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
-    for conclusion, column in zip(program.conclusions, columns, strict=True):
-        concluding(program, conclusion, firing, inputs, column)()
+    for place, conclusion in enumerate(program.conclusions):
+        concluding(program, conclusion, firing, inputs, columns[:place], columns[place])()
     return columns.T
 
 
@@ -92,17 +92,26 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     for first in range(0, len(inputs), size):
         rows = inputs[first : first + size]
         fire_rows(*program.antecedents, rows, firing[: len(rows)])
-        for conclusion, column in zip(program.conclusions, columns, strict=True):
-            concluding(program, conclusion, firing[: len(rows)], rows, column[first : first + size])()
+        part = columns[:, first : first + size]
+        for place, conclusion in enumerate(program.conclusions):
+            concluding(program, conclusion, firing[: len(rows)], rows, part[:place], part[place])()
     return columns.T
 
 
 def concluding(
-    program: Program, conclusion: Conclusion | Weighing, firing: Floats, inputs: Floats, out: Floats
+    program: Program,
+    conclusion: Conclusion | Weighing,
+    firing: Floats,
+    inputs: Floats,
+    earlier: Floats,
+    out: Floats,
 ) -> Callable[[], None]:
-    """Return what writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs)."""
+    """Return what writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs).
+
+    The outputs before it, (num_outputs, n), have been written by then.
+    """
     if isinstance(conclusion, Weighing):
-        return partial(weigh, conclusion, firing, inputs, program.ends, out)
+        return partial(weigh, conclusion, firing, inputs, program.ends, earlier, out)
     if conclusion.cuts:
         return partial(_conclude_by_term, *conclusion[:9], firing, out)
     return partial(

@@ -1,5 +1,6 @@
 """What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
 
+from fis_tools.model.formulas import Formula
 from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
 from fis_tools.model.numbers import Constant, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
@@ -47,6 +48,7 @@ __all__ = [
     "Cosine",
     "Defuzzifier",
     "Expression",
+    "Formula",
     "FuzzyController",
     "FuzzySystem",
     "Gaussian",

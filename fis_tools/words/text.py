@@ -11,6 +11,7 @@ from fis_tools.model import (
     And,
     Consequent,
     Expression,
+    Formula,
     FuzzySystem,
     Hedged,
     Is,
@@ -116,6 +117,8 @@ def shape_words(term: Term) -> str:
     shape = term.membership
     if isinstance(shape, Sampled):
         return f"sampled at {len(shape.values)} points"
+    if isinstance(shape, Formula):
+        return shape.text
     if isinstance(shape, Linear):
         factors = ", ".join(map(number, shape.coefficients))
         return f"({factors}) times the inputs, plus {number(shape.constant)}"

@@ -10,6 +10,7 @@ from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, V
 from fis_tools.model import (
     And,
     Expression,
+    Formula,
     FuzzySystem,
     Hedged,
     Is,
@@ -133,6 +134,8 @@ def _middle(variable: Variable, term: Term) -> float:
     mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
     if mean is not None:
         return float(mean)
+    if isinstance(term.membership, Formula):
+        return 0.0
     if isinstance(term.membership, Number):
         return term.membership.row(0)[-1]
     values = sample(variable, term)

@@ -28,6 +28,7 @@ from fis_tools.model import (
     And,
     AndOperator,
     Consequent,
+    Formula,
     FuzzyController,
     FuzzySystem,
     Hedge,
@@ -413,8 +414,15 @@ def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: 
             )
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
     said = _said_variable(plain, names, dialect, is_output=True)
-    terms = (Term(names.terms[output.name, term.name], term.membership) for term in output.terms)
+    terms = (
+        Term(names.terms[output.name, term.name], _said_number(term.membership, names))
+        for term in output.terms
+    )
     return replace(said, terms=tuple(terms), num_points=OUTPUT_POINTS)
+
+
+def _said_number(shape: MembershipFunction, names: Names) -> MembershipFunction:
+    return Formula(shape.parsed.text(names.variables)) if isinstance(shape, Formula) else shape
 
 
 def _said_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:

@@ -95,7 +95,8 @@ def _concluded_lines(output: Variable) -> Iterator[str]:
     for term in output.terms:
         word, values = concluded_words(term.membership, "fll")
         said = [] if isinstance(term.membership, Constant) else [word]
-        yield f"  TERM {term.name} := {' '.join([*said, *map(repr, values)])};"
+        said += [value if isinstance(value, str) else repr(value) for value in values]
+        yield f"  TERM {term.name} := {' '.join(said)};"
 
 
 def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:

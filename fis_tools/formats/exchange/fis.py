@@ -258,10 +258,11 @@ def _system(sections: dict[str, Section], fractions: Fractions, told: list[str])
             )
     found = {title: section_of(sections, title) for title in expected}
     inputs = [_variable(found[title], None, told) for title in expected if title.startswith("[Input")]
+    names = [variable.name for variable in inputs]
     outputs = []
     for title in expected[len(inputs) :]:
         is_number = weighs or (kind == "hybrid" and _concludes_numbers(found[title]))
-        output = _variable(found[title], len(inputs) if is_number else None, told)
+        output = _variable(found[title], names if is_number else None, told)
         if is_number and not weighs:
             output = replace(output, defuzzifier="weighted_average")
             told.append(f"{output.name} concludes numbers: their weighted average is taken")
@@ -305,11 +306,11 @@ def _system(sections: dict[str, Section], fractions: Fractions, told: list[str])
 def _concludes_numbers(section: Section) -> bool:
     """Return whether an output's terms are numbers, which have no other defuzzifier than a weighing one."""
     values = [content for _, content in section.lines if content.startswith("MF")]
-    return all(re.search(r":\s*['\"](constant|linear)['\"]", value) for value in values)
+    return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Variable:
-    """Read a variable; of an output that is weighed, `num_weighed` is how many inputs there are."""
+def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str]) -> Variable:
+    """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
     )
@@ -318,11 +319,13 @@ def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Var
             raise ControllerFileError(
                 f"{section.title} has no {key}; add it, or get a whole copy of the file"
             )
-    only_free = [] if num_weighed is None else [("LockRange", 0.0)]
-    for key, only in (("Enabled", 1.0), ("LockPrevious", 0.0), *only_free):
+    only_free = [] if weighed_by is None else [("LockRange", 0.0)]
+    for key, only in (("Enabled", 1.0), *only_free):
         if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
+    if "LockPrevious" in entries and entries["LockPrevious"][1] == "1":
+        told.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
     num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     found = [key for key in entries if key.startswith("MF")]
     keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]
@@ -340,7 +343,7 @@ def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Var
     default = entries.get("Default")
     states_default = is_output and default is not None and default[1].lower() != "nan"
     name = quoted_word(entries, "Name")[0]
-    terms = [_term(*entries[key], extent, num_weighed) for key in keys]
+    terms = [_term(*entries[key], extent, weighed_by) for key in keys]
     return foreign.variable(
         name,
         extent,
@@ -373,19 +376,22 @@ _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(
 
 
 def _term(
-    line: int, value: str, extent: Extent, num_weighed: int | None
+    line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None
 ) -> tuple[str, MembershipFunction | Table]:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
+    if parts["shape"] == "function" and weighed_by is not None:
+        return parts["name"], foreign.concluded_formula(parts["numbers"][1:-1], weighed_by, where)
     if parts["shape"] == "function":
         raise ControllerFileError(
-            f"{where}: the term is a formula, {parts['numbers'][:40]}, which cannot be read; give numbers"
+            f"{where}: the term is a formula, {parts['numbers'][:40]}, which only outputs by wtaver and "
+            "wtsum have; give numbers"
         )
     values = numbers_in(parts["numbers"], where)
-    if num_weighed is not None:
-        return parts["name"], foreign.concluded(parts["shape"], values, num_weighed, "fis", where)
+    if weighed_by is not None:
+        return parts["name"], foreign.concluded(parts["shape"], values, len(weighed_by), "fis", where)
     if parts["shape"] in {"constant", "linear"}:
         raise ControllerFileError(
             f"{where}: the term is {parts['shape']}, a number and no fuzzy set; only outputs by wtaver and "

@@ -105,7 +105,8 @@ def _term_lines(variable: Variable) -> Iterator[str]:
 def _concluded_lines(output: Variable) -> Iterator[str]:
     for term in output.terms:
         word, values = foreign.concluded_words(term.membership, "fll")
-        yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
+        said = (value if isinstance(value, str) else repr(value) for value in values)
+        yield f"  term: {term.name} {word} {' '.join(said)}"
 
 
 def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
@@ -187,7 +188,9 @@ def read(text: str) -> Reading:
             f"the last line '# {END}' is missing, so the file may be cut; get a whole copy, or add the line "
             "if it is whole"
         )
-    return understand(_system(blocks), comments, DIALECT)
+    reading = understand(_system(blocks), comments, DIALECT)
+    kept = (block.name for block in blocks if block.entries.get("lock-previous", (0, ""))[1] == "true")
+    return Reading(reading.controller, (*reading.assumptions, *map(foreign.kept_words, kept)))
 
 
 def _take(blocks: list[_Block], line: int, content: str) -> None:
@@ -220,7 +223,8 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     for block in blocks:
         _refuse_setting(block, "enabled", ("true",))
     inputs = tuple(_variable(block) for block in blocks if block.kind == "InputVariable")
-    outputs = tuple(_output(block, len(inputs)) for block in blocks if block.kind == "OutputVariable")
+    names = tuple(variable.name for variable in inputs)
+    outputs = tuple(_output(block, names) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
         _refuse_setting(block, "activation", ("General", "none", "Minimum"))
@@ -337,9 +341,8 @@ def _description(block: _Block) -> str:
     return block.entries.get("description", (0, ""))[1]
 
 
-def _output(block: _Block, num_inputs: int) -> Variable:
+def _output(block: _Block, inputs: Sequence[str]) -> Variable:
     extent = _extent(block)
-    _refuse_setting(block, "lock-previous", ("false",))
     line, words = _entry(block, "defuzzifier")
     defuzzifier, parameter = _defuzzifier(line, words)
     line, default = block.entries.get("default", (block.line, "nan"))
@@ -350,7 +353,7 @@ def _output(block: _Block, num_inputs: int) -> Variable:
         "defuzzifier": defuzzifier,
     }
     if defuzzifier in WEIGHING:
-        terms = _concluded_terms(block, parameter, num_inputs)
+        terms = _concluded_terms(block, parameter, inputs)
         return foreign.variable(block.name, extent, terms, aggregation="unbounded_sum", **facts)
     return foreign.variable(
         block.name,
@@ -363,15 +366,19 @@ def _output(block: _Block, num_inputs: int) -> Variable:
 
 
 def _concluded_terms(
-    block: _Block, parameter: str, num_inputs: int
+    block: _Block, parameter: str, inputs: Sequence[str]
 ) -> list[tuple[str, MembershipFunction | Table]]:
     """Read the terms of an output that is weighed."""
     _refuse_setting(block, "lock-range", ("false",))
     terms: list[tuple[str, MembershipFunction | Table]] = []
     for line, words in block.repeated:
         name, word, rest = _parted(line, words)
-        values = foreign.places(rest, f"line {line}") if word != "Function" else []
-        shape = foreign.concluded(word, values, num_inputs, "fll", f"line {line}")
+        where = f"line {line}"
+        shape = (
+            foreign.concluded_formula(" ".join(rest), inputs, where)
+            if word == "Function"
+            else foreign.concluded(word, foreign.places(rest, where), len(inputs), "fll", where)
+        )
         kind = "TakagiSugeno" if isinstance(shape, Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
             raise ControllerFileError(

@@ -51,11 +51,17 @@ def hedged(hedges: Sequence[Hedge], expression: Expression) -> Expression:
     return reduce(lambda inside, hedge: Hedged(hedge, inside), reversed(hedges), expression)
 
 
+def any_term(variable: Variable) -> Term:
+    """Return the term that every value of a variable belongs to."""
+    low, high = variable.minimum, variable.maximum
+    return Term(ANY, Trapezoidal(low, low, high, high))
+
+
 def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Variable, ...]:
     """Give variables that rules call `any` a term of this name, which every value belongs to."""
     asked = {owner for rule in rules for owner, name in mentions(rule) if name == ANY}
     return tuple(
-        replace(v, terms=(*v.terms, Term(ANY, Trapezoidal(v.minimum, v.minimum, v.maximum, v.maximum))))
+        replace(v, terms=(*v.terms, any_term(v)))
         if v.name in asked and all(term.name != ANY for term in v.terms)
         else v
         for v in variables

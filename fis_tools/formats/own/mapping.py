@@ -19,6 +19,7 @@ from fis_tools.model import (
     And,
     Consequent,
     Expression,
+    Formula,
     FuzzyController,
     FuzzySystem,
     Hedged,
@@ -124,7 +125,9 @@ def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
     return {**told, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
 
 
-def _plain(parameter: float | tuple[float, ...]) -> float | list[float]:
+def _plain(parameter: float | str | tuple[float, ...]) -> float | str | list[float]:
+    if isinstance(parameter, str):
+        return parameter
     if isinstance(parameter, tuple):
         return [float(number) for number in parameter]
     return float(parameter)
@@ -332,6 +335,8 @@ def _term(value: Any, where: str) -> Term:
     if shape == "linear":
         coefficients = tuple(_items(value["coefficients"], f"{where}.coefficients", _number))
         return Term(name, Linear(coefficients, _number(value["constant"], f"{where}.constant")))
+    if shape == "formula":
+        return Term(name, Formula(_text(value["text"], f"{where}.text")))
     numbers = {key: _number(value[key], f"{where}.{key}") for key in _keys(shape)}
     return Term(name, SHAPES[shape](**numbers))
 
