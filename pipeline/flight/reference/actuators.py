@@ -23,8 +23,11 @@ class PlainThrusters:
 
     def __init__(self, mission: Mission, scenario: Scenario):
         self._law = thrusters_of(mission)
-        self._errors = thrust_errors(mission.actuators, [scenario])[0]
+        errors = thrust_errors(mission.actuators, [scenario])
+        self._errors, self.arm = errors.matrices[0], errors.arms[0]
         self._max_force = mission.deputy.max_force_n
+        self._period, self._full = mission.control_period_s, mission.deputy.mass_kg
+        self._mass = self._full
         self._commands: list[Floats] = []
 
     @property
@@ -35,10 +38,16 @@ class PlainThrusters:
     def fired(self, command: Floats) -> Floats:
         """Return what is fired in the control period of a command, N, Hill axes, shape (3,)."""
         self._commands.append(command)
-        if len(self._commands) <= self._law.delay:
+        if len(self._commands) <= self._law.delay or self._mass <= self._law.dry * self._full:
             return np.zeros(3)
         force = self.in_impulses(self._errors @ self._commands[-1 - self._law.delay])
         return np.asarray(np.clip(force, -self._max_force, self._max_force))
+
+    def burnt(self, force: Floats) -> tuple[float, float]:
+        """Use up the propellant of a control period; return the mean mass in it, and that after it, kg."""
+        before = self._mass
+        self._mass = before - np.abs(force).sum() * self._period / self._law.exhaust_speed
+        return 0.5 * (before + self._mass), self._mass
 
     def in_impulses(self, force: Floats) -> Floats:
         """Return a force in whole impulses, none where it is less than the least."""
