@@ -6,18 +6,26 @@ which forces are fired. The safety layer acts on commands, before all this. Delt
 
 What is fired acts beside the centre of mass and so turns the deputy, by ``arm x force`` in body axes; that
 torque comes on top of that of attitude control, and follows the attitude while the force stays along Hill
-axes. By Tsiolkovsky's equation it uses up ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control period,
-in which the mean of the mass before and after is accelerated; the deputy itself computes with the mass of the
-start.
+axes. By Tsiolkovsky's equation it uses up ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control
+period, in which the mean of the mass before and after is accelerated; the deputy itself computes with the
+mass at the start.
+
+With a layout of thrusters the command, turned and scaled as above, is divided among these by a table: for
+each of the six directions along the body axes, the forces of least sum that push by one newton and do not
+turn the deputy, if there are any. What is asked along the axes is added up. Where a thruster would have to
+give more than it can, all give less in proportion. Impulses are those of each thruster, and so is what is
+used up.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Actuators, Mission
+from pipeline.settings.experiment import Actuators, Mission, SettingError
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
@@ -41,6 +49,10 @@ class Thrusters(NamedTuple):
         Of propellant, m/s; infinite where the mass stays.
     dry : float
         Share of the mass at the start that nothing is fired with; -1 where the mass stays.
+    table : (N, 6)
+        Forces of the thrusters per newton along +x, +y, +z, -x, -y, -z of the body; no rows for one an axis.
+    layout : (N, 7)
+        Of each the direction of its force, its torque per newton, m, body axes, and its greatest force, N.
     """
 
     delay: int
@@ -48,6 +60,8 @@ class Thrusters(NamedTuple):
     least: float
     exhaust_speed: float
     dry: float
+    table: Floats
+    layout: Floats
 
 
 class ThrustErrors(NamedTuple):
@@ -75,12 +89,51 @@ def thrusters_of(mission: Mission) -> Thrusters:
         actuators.least_impulse_n_s / period,
         np.inf if impulse is None else STANDARD_GRAVITY_M_S2 * impulse,
         -1.0 if impulse is None else 1.0 - actuators.propellant_kg / mission.deputy.mass_kg,
+        *(layout_of(actuators.thrusters) if actuators.thrusters else (np.zeros((0, 6)), np.zeros((0, 7)))),
     )
 
 
-def has_arm(mission: Mission) -> bool:
-    """Tell whether thrust acts beside the centre of mass."""
-    return mission.actuators.kind == "real" and mission.actuators.thrust_arm_m > 0.0
+@cache
+def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]:
+    """Return `Thrusters.table` and `Thrusters.layout` of rows as settings have them.
+
+    Raises
+    ------
+    SettingError
+        If the thrusters cannot push in some direction.
+    """
+    rows = np.array(thrusters, dtype=np.float64)
+    directions = rows[:, 3:6]
+    layout = np.column_stack([directions, np.cross(rows[:, :3], directions), rows[:, 6]])
+    table = np.column_stack([_division(layout, sign * axis) for sign in (1.0, -1.0) for axis in np.eye(3)])
+    return table, layout
+
+
+def _division(layout: Floats, direction: Floats) -> Floats:
+    """Return the forces of least sum that push by a newton along a direction, turning as little as can be."""
+    count = len(layout)
+    # the torque that is left has two parts not below zero about each axis, at a price above any thrust's
+    forces = np.hstack([layout[:, :3].T, np.zeros((3, 6))])
+    torques = np.hstack([layout[:, 3:6].T, np.eye(3), -np.eye(3)])
+    price = 1e3 / max(1e-3, float(np.abs(layout[:, 3:6]).max()))
+    solved = linprog(
+        np.r_[np.ones(count), np.full(6, price)],
+        A_eq=np.vstack([forces, torques]),
+        b_eq=np.r_[direction, np.zeros(3)],
+        method="highs",
+    )
+    if solved.x is None:
+        raise SettingError(
+            f"actuators.thrusters cannot push along {direction.tolist()} of the body axes; add thrusters "
+            "whose forces have a part along it"
+        )
+    return np.asarray(np.maximum(0.0, solved.x[:count]))
+
+
+def turns_by_thrust(mission: Mission) -> bool:
+    """Tell whether what is fired turns the deputy."""
+    actuators = mission.actuators
+    return actuators.kind == "real" and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None)
 
 
 def thrust_errors(actuators: Actuators, scenarios: list[Scenario]) -> ThrustErrors:

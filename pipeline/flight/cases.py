@@ -85,7 +85,14 @@ class Cases:
             return None
         law, errors = self.thrusters
         commands = np.zeros((self.num_controls, 3, LANES))
-        return Firing(*law, *errors, commands, errors=np.zeros((9, LANES)), mass=np.zeros(LANES))
+        return Firing(
+            *law,
+            *errors,
+            commands,
+            errors=np.zeros((9, LANES)),
+            mass=np.zeros(LANES),
+            thrust=np.zeros((len(law.table), LANES)),
+        )
 
 
 def starts_of(scenarios: list[Scenario]) -> Starts:

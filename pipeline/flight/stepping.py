@@ -144,6 +144,9 @@ def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | Non
         )
     if firing is not None:
         firing = firing._replace(
-            commands=stack(firing.commands), errors=stack(firing.errors), mass=stack(firing.mass)
+            commands=stack(firing.commands),
+            errors=stack(firing.errors),
+            mass=stack(firing.mass),
+            thrust=stack(firing.thrust),
         )
     return fixes, firing

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
-from pipeline.flight.actuators import has_arm
+from pipeline.flight.actuators import turns_by_thrust
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course
 from pipeline.flight.kernel.arrays import POINTS, World
@@ -158,7 +158,7 @@ def pack_world(mission: Mission) -> World:
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
-        has_arm=has_arm(mission),
+        turns_by_thrust=turns_by_thrust(mission),
         is_attitude_ideal=mission.attitude.mode == "ideal",
         has_pole_blending=mission.attitude.pole_blending,
         has_clusters=mission.guidance.kind == "clusters",

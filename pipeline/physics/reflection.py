@@ -58,7 +58,7 @@ def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camer
     facing = max(0.0, dot(normal, to_sun))
     glancing = max(0.0, dot(normal, halfway / norm(halfway)))
     lit = reflection.ambient + reflection.diffuse * facing
-    return np.minimum(1.0, lit + reflection.specular * glancing**reflection.exponent)
+    return np.asarray(np.minimum(1.0, lit + reflection.specular * glancing**reflection.exponent))
 
 
 @compiled(error_model="numpy")

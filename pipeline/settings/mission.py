@@ -19,6 +19,7 @@ from pipeline.settings.checks import (
     SettingError,
     Share,
     Text,
+    Thrusters,
     UnitVector,
     Vector,
 )
@@ -292,6 +293,10 @@ class Actuators:
     ] = 0.0
     specific_impulse_s: Annotated[
         Positive | None, Field(description="with which propellant is used up, s; None keeps the mass")
+    ] = None
+    thrusters: Annotated[
+        Thrusters | None,
+        Field(description="a row each: place (m), direction of force, greatest force (N); None is per axis"),
     ] = None
     propellant_kg: Annotated[
         Positive, Field(description="part of the deputy's mass; without any left nothing is fired, kg")

@@ -98,7 +98,7 @@ class World(NamedTuple):
     max_force: float
     min_distance: float
     max_distance: float
-    has_arm: bool  # whether thrust turns the deputy
+    turns_by_thrust: bool
     is_attitude_ideal: bool
     has_pole_blending: bool
     has_clusters: bool
@@ -153,6 +153,7 @@ CARRIED = np.dtype(
         ("asked", np.float64, (3, LANES)),  # forces as the controller's systems ask for them, in its axes
         ("force", np.float64, (3, LANES)),  # as fired
         ("arm", np.float64, (3, LANES)),  # where it acts, body axes, where that turns the deputy
+        ("twist", np.float64, (3, LANES)),  # by which torque single thrusters turn it besides, body axes
         ("coasts", np.float64, LANES),  # 1 where nothing is fired
         ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
         ("sun", np.float64, (2, LANES)),  # the same now

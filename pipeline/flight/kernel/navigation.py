@@ -17,7 +17,7 @@ from pipeline.flight.kernel.actuators import Firing, in_impulses
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.attitude import clip
 from pipeline.flight.kernel.lanes import four, three, write_four, write_three
-from pipeline.flight.kernel.sight import dcm_of
+from pipeline.flight.kernel.sight import to_body, to_hill
 from pipeline.flight.log import FlightLog
 from pipeline.flight.navigation import WIDER
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -213,26 +213,6 @@ def sense_attitude(world: World, fixes: Fixes, work: Workspace, first: int, num_
     write_three(fixes.tilt, 0, *to_hill(q, (2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
 
 
-@compiled(error_model="numpy", forceinline=True)
-def to_hill(
-    q: tuple[Vector, Vector, Vector, Vector], v: tuple[Vector, Vector, Vector]
-) -> tuple[Vector, Vector, Vector]:
-    """Return vectors in body axes in Hill axes."""
-    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm_of(*q)
-    x, y, z = v
-    return c11 * x + c21 * y + c31 * z, c12 * x + c22 * y + c32 * z, c13 * x + c23 * y + c33 * z
-
-
-@compiled(error_model="numpy", forceinline=True)
-def to_body(
-    q: tuple[Vector, Vector, Vector, Vector], v: tuple[Vector, Vector, Vector]
-) -> tuple[Vector, Vector, Vector]:
-    """Return vectors in Hill axes in body axes."""
-    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm_of(*q)
-    x, y, z = v
-    return c11 * x + c12 * y + c13 * z, c21 * x + c22 * y + c23 * z, c31 * x + c32 * y + c33 * z
-
-
 @compiled(error_model="numpy")
 def turn_out_so(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
     """Put the true attitude back, aim as it will be taken for the desired one, and turn what is fired."""
@@ -334,7 +314,7 @@ def note_command(fixes: Fixes, firing: Firing | None, work: Workspace, k: int, n
     delay = 0 if firing is None else firing.delay
     for axis in range(3):
         force = load(work.lanes.force, axis, LANES)
-        if firing is not None:
+        if firing is not None and len(firing.table) == 0:
             force = in_impulses(force, firing.step, firing.least)
         if k < delay:
             store(fixes.acting, (k, axis, 0), splat(0.0, LANES))

@@ -118,11 +118,14 @@ def firing_of(firing: Firing, flight: int) -> Firing:
         firing.least,
         firing.exhaust_speed,
         firing.dry,
+        firing.table,
+        firing.layout,
         firing.matrices,
         firing.arms,
         firing.commands[flight],
         firing.errors[flight],
         firing.mass[flight],
+        firing.thrust[flight],
     )
 
 

@@ -51,6 +51,7 @@ Booleans = NDArray[np.bool_]
 
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
+NOTHING = np.zeros(3)
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 TOUR_TIME, TOUR_LEAN = constant("tour_time_s"), constant("tour_lean_m")
 
@@ -111,7 +112,7 @@ def turn_deputy(
     attitude: tuple[Floats, Floats, Floats],
     played: tuple[Floats, Floats],
     turn: Floats,
-    thrust: tuple[Floats, Floats],
+    thrust: tuple[Floats, Floats, Floats],
     quaternion_log: Floats,
     rate_log: Floats,
     torque_log: Floats,
@@ -133,7 +134,8 @@ def turn_deputy(
     turn : array, shape (4,)
         From the desired attitude to that which the deputy takes for it.
     thrust : tuple of arrays
-        What is fired, N, Hill axes, shape (3,), and where it acts, m, body axes, shape (3,).
+        What is fired, N, Hill axes, where it acts, m, body axes, and the torque of single thrusters, N m,
+        body axes; each of shape (3,).
     quaternion_log, rate_log, torque_log : array, shape (S, 4), (S, 3), (S, 3)
         Written.
 
@@ -144,7 +146,7 @@ def turn_deputy(
     """
     quaternion, rate, y = attitude
     wanted, given = played
-    fired_h, arm = thrust
+    fired_h, arm, twist = thrust
     for tick in range(world.num_ticks):
         if tick > 0:
             state = propagate(world.tick, state, force_h)
@@ -163,7 +165,7 @@ def turn_deputy(
         rate_log[tick] = rate
         torque_log[tick] = torque
         fired_b = times(dcm_b_from_h(quaternion), fired_h)
-        quaternion, rate = turn_for_a_tick(world, quaternion, rate, torque + cross(arm, fired_b))
+        quaternion, rate = turn_for_a_tick(world, quaternion, rate, torque + cross(arm, fired_b) + twist)
     return quaternion, rate, y
 
 
@@ -380,13 +382,13 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         )
 
         if navigator is not None:
-            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.in_impulses(force_h))
+            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.known(force_h))
             navigator.note(k, *told)
         fired_h = force_h
         if navigator is not None:  # thrusters turn with the body, which is not turned as it seems
             fired_h = transposed_times(dcm_b_from_h(quaternion), times(dcm, force_h))
             fired_h = clipped(fired_h, world.max_force)
-        fired_h = fired_h if thrusters is None else thrusters.fired(fired_h)
+        fired_h = fired_h if thrusters is None else thrusters.fired(fired_h, dcm_b_from_h(quaternion))
         log.force_hill_n[k] = fired_h
         quaternion, rate, y = turn_deputy(
             world,
@@ -395,18 +397,20 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             (quaternion, rate, y),
             (turns.attitude(k), turns.torque(k, world.max_torque)),
             conjugate(turn),
-            (fired_h, np.zeros(3) if thrusters is None else thrusters.arm),
+            (fired_h, *((NOTHING, NOTHING) if thrusters is None else (thrusters.arm, thrusters.twist))),
             log.attitude_quaternion[k],
             log.attitude_rate_b_rad_s[k],
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
-        mean_mass, mass = (world.mass, world.mass) if thrusters is None else thrusters.burnt(fired_h)
-        log.mass_kg[k + 1] = mass
+        total, mean_mass = np.abs(fired_h).sum(), world.mass
+        log.mass_kg[k + 1] = world.mass
+        if thrusters is not None:
+            total, mean_mass, log.mass_kg[k + 1] = thrusters.burnt(fired_h)
         fired_h = fired_h * (world.mass / mean_mass)
         if world.course.is_on:
             state = move_beside(world.course, k, truth, fired_h / world.mass, sun_direction_h(*sun_at_start))
         else:
             state = propagate(world.motion, truth, fired_h)
-        delta_v += np.abs(fired_h).sum() * world.control_period / world.mass
+        delta_v += total * world.control_period / mean_mass
     return log

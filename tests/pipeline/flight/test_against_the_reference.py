@@ -59,6 +59,20 @@ SIGHTED = {
 }
 REAL = {"kind": "real", "scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.02}
 
+#: a thruster a direction beside the centre of mass, askew and weak
+ASKEW = tuple(
+    (*np.roll((0.15, 0.02 * sign, -0.03), axis), *np.roll((sign * 0.8, 0.6, 0.0), axis), 0.03)
+    for axis in range(3)
+    for sign in (1.0, -1.0)
+)
+
+LAYOUT = {
+    "thrusters": ASKEW,
+    "specific_impulse_s": 60.0,
+    "least_impulse_n_s": 0.01,
+    "impulse_step_n_s": 0.005,
+}
+
 LOW_ORBIT = {
     "model": "two_body",
     "eccentricity": 0.02,
@@ -116,7 +130,7 @@ FLOWN = {
     "range and bearing, an attitude known with an error": (
         mission(
             navigation=FIXES | SIGHTED | {"fix_period_s": 20.0, "delay_s": 10.0, "outlier_share": 0.1},
-            actuators=REAL | {"delay_s": 10.0, "thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
+            actuators=REAL | LAYOUT | {"delay_s": 10.0, "thrust_arm_m": 0.02},
             safety=vars(LAST_MOMENT),
             duration_s=1200.0,
         ),
@@ -156,12 +170,17 @@ POINTED = {
     "clusters": (mission(attitude=IDEAL, guidance={"kind": "clusters"}), STEERING, [*STARTS, *OVER_POLES]),
     "tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), STEERING, STARTS),
     "range and bearing, an attitude known with an error": (
-        mission(attitude=IDEAL, navigation=FIXES | SIGHTED, actuators=REAL, safety=vars(LAST_MOMENT)),
+        mission(
+            attitude=IDEAL,
+            navigation=FIXES | SIGHTED,
+            actuators=REAL | {"thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
+            safety=vars(LAST_MOMENT),
+        ),
         STEERING,
         STARTS,
     ),
     "over a pole without force": (mission(attitude=IDEAL), coast(), OVER_POLES),
-    "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, STARTS),
+    "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
     "free motion, target and Sun": (mission(attitude=IDEAL), ORBITAL, [*STARTS, *OVER_POLES]),
     "where drift leads": (mission(attitude=IDEAL), LOOKING_AHEAD, [*STARTS, *OVER_POLES]),

@@ -17,7 +17,7 @@ from tests.pipeline.flight.test_against_the_reference import fly_both
 
 POINTED = IDEAL.attitude
 SHADOW = Light(shadow="conical")
-#: seen where it reflects neither too little nor too much, from where the Sun is 3 degrees below the horizon on
+#: seen where it reflects neither too little nor too much, and while the Sun is 3 degrees below the horizon
 GLITTER = Light(
     past_terminator_deg=3.0,
     reflection="blinn_phong",

@@ -4,19 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from pipeline.flight.actuators import thrust_errors
+from pipeline.command_line.config import compose_experiment
+from pipeline.flight.actuators import layout_of, thrust_errors
 from pipeline.flight.controller import open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of
 from pipeline.flight.reference.navigation import Navigator
 from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.settings.experiment import Actuators, Mission
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.settings.experiment import Actuators, Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.guarded import LAST_MOMENT
-from tests.pipeline.flight.test_against_the_reference import FIXES, REAL
+from tests.pipeline.flight.test_against_the_reference import ASKEW, FIXES, REAL
 
 #: thrusters that do as they are told, flown by the code of those that do not
 EXACT = REAL | {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}
@@ -163,6 +166,42 @@ def test_thrust_beside_the_centre_of_mass_turns_the_deputy() -> None:
         if tick + 1 < len(log.torque_b_n_m[k]):
             after = Rotation.from_quat(instants[tick + 1]).inv().apply([0.0, 0.0, n])
             np.testing.assert_allclose(log.attitude_rate_b_rad_s[k, tick + 1] + after, reached, atol=1e-12)
+
+
+def test_a_layout_of_thrusters_gives_what_is_asked_and_no_torque() -> None:
+    """Two thrusters a face: what is commanded comes out, by forces not below zero that cannot be less."""
+    what = compose_experiment(
+        ["+experiment=evaluate", "controller=coast", "actuators=layout"]
+    ).experiment.mission
+    table, layout = layout_of(what.actuators.thrusters)
+    for force in np.random.default_rng(8).normal(0.0, 0.2, (20, 3)):
+        thrusts = table @ np.concatenate((np.maximum(force, 0.0), np.maximum(-force, 0.0)))
+        assert np.all(thrusts >= 0.0)
+        np.testing.assert_allclose(layout[:, :6].T @ thrusts, [*force, 0.0, 0.0, 0.0], atol=1e-12)
+        exact, rest = nnls(layout[:, :6].T, np.array([*force, 0.0, 0.0, 0.0]))
+        assert rest < 1e-12
+        assert thrusts.sum() <= exact.sum() + 1e-12
+    # askew, it pushes as asked where torques cannot be avoided, and refuses what it cannot push at all
+    table, layout = layout_of(ASKEW)
+    np.testing.assert_allclose(layout[:, :3].T @ table, np.hstack([np.eye(3), -np.eye(3)]), atol=1e-12)
+    with pytest.raises(SettingError, match="cannot push along"):
+        layout_of(ASKEW[:5])
+
+
+def test_a_flight_with_a_layout_fires_what_its_thrusters_can() -> None:
+    """Impulses are those of each thruster, forces add up in the body, and delta-v counts them all."""
+    forces = np.random.default_rng(9).normal(0.0, 0.01, (120, 3))
+    what = world(KNOWN, EXACT | {"thrusters": ASKEW, "impulse_step_n_s": 0.02})
+    log = fly_logged(what, open_loop("plan", forces), STARTS[0])
+    table, layout = layout_of(ASKEW)
+    total = 0.0
+    for k, force in enumerate(forces):
+        body = dcm_b_from_h(log.quaternion_b_from_h[k])
+        asked = table @ np.concatenate((np.maximum(body @ force, 0.0), np.maximum(-body @ force, 0.0)))
+        fired = np.round(asked * min(1.0, (0.03 / asked.max())) / 0.002) * 0.002
+        np.testing.assert_allclose(body @ log.force_hill_n[k], layout[:, :3].T @ fired, atol=1e-12)
+        total += fired.sum() * 10.0 / 12.0
+    assert log.delta_v_m_s[-1] == pytest.approx(total, rel=1e-9)
 
 
 def test_mass_falls_by_the_rocket_equation_and_nothing_fires_without_propellant() -> None:
