@@ -27,12 +27,12 @@ Place = int | tuple[int, ...]
 CACHE_LINE = 64
 
 
-class Lanes(np.ndarray):
-    """An array of shape (width,) that is a value: `a += b` makes another `a`, and leaves alone what shared it."""
+class Lanes(np.ndarray[Any, Any]):
+    """An array of shape (width,) that is a value: `a += b` makes another `a`, as for numbers."""
 
-    __iadd__, __isub__, __imul__ = np.ndarray.__add__, np.ndarray.__sub__, np.ndarray.__mul__
-    __itruediv__ = np.ndarray.__truediv__
-    __iand__, __ior__, __ixor__ = np.ndarray.__and__, np.ndarray.__or__, np.ndarray.__xor__
+
+for _name in ("add", "sub", "mul", "truediv", "and", "or", "xor"):
+    setattr(Lanes, f"__i{_name}__", getattr(np.ndarray, f"__{_name}__"))
 
 
 def splat(value: float, width: int) -> Vector:
@@ -80,7 +80,7 @@ def gather(array: Floats, at: int, offsets: Vector) -> Vector:
 
 def select(mask: Mask, one: Vector, other: Vector) -> Vector:
     """Return `one` where the mask holds, elsewhere `other`."""
-    chosen = np.where(mask, one, other)
+    chosen: Any = np.where(mask, one, other)
     return chosen.view(Lanes) if chosen.ndim else chosen[()]
 
 

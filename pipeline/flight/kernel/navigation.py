@@ -182,7 +182,7 @@ def note_turn(fixes: Fixes, first: int, num_lanes: int, k: int) -> None:
     """Note by how much the attitudes that are sensed from sample k on are turned from the true ones."""
     for lane in range(LANES):
         error = fixes.of_attitude[first + min(lane, num_lanes - 1), k]
-        scale = 1.0 / sqrt(1.0 + 0.25 * (error[0] ** 2 + error[1] ** 2 + error[2] ** 2))
+        scale = 1.0 / sqrt(1.0 + 0.25 * (error[0] * error[0] + error[1] * error[1] + error[2] * error[2]))
         for axis in range(3):
             fixes.turn[axis, lane] = 0.5 * error[axis] * scale
         fixes.turn[3, lane] = scale
