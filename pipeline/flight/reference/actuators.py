@@ -70,7 +70,7 @@ class PlainThrusters:
         return total, 0.5 * (before + self._mass), self._mass
 
     def known(self, force: Floats) -> Floats:
-        """Return what the deputy takes a command for: it does not know what each thruster of a layout makes."""
+        """Return what the deputy takes a command for; of a layout it does not know each thruster's part."""
         return force if len(self._law.layout) else self.in_impulses(force)
 
     def in_impulses(self, force: Floats) -> Floats:
