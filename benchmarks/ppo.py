@@ -58,7 +58,7 @@ SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
 #: what a m/s costs at first; of another price in the end, the way there is geometric between these shares of
 #: the steps, so that something is inspected before fuel is saved
 FIRST_PRICE: Final = 0.1
-DEARER_FROM, DEARER_TO = 0.2, 0.8
+DEARER_FROM, DEARER_TO = 0.3, 0.9
 #: seeds of the starts of one training are so far from those of the next
 SEEDS_APART: Final = 100_000
 
