@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import sparingly
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
@@ -82,7 +83,8 @@ def make_workspace(world: World) -> Workspace:
 def inspectable_points(world: World, starts: Starts) -> NDArray[np.uint8]:
     """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note_inspectable(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    note = sparingly(note_inspectable) if len(starts) == 1 else note_inspectable
+    note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return found
 
 
@@ -421,7 +423,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
     inspectable = inspectable_points(world, cases.starts)
-    fly_many(
+    sparingly(fly_many)(
         world,
         *_parts_in_use(world, law, cases.starts),
         cases.fixes(),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import shapley
+from fis_tools.engines.compiled import sparingly
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
@@ -318,8 +319,11 @@ def point_states(mission: Mission, log: FlightLog) -> States:
         A `telemetry.file.topics.PointState`, the first that applies of inspected, in view but dark, lit,
         dark.
     """
-    is_lit, is_seen = lit_and_seen_points(
-        world_of(mission),
+    world = world_of(mission)
+    # what hides what on a mesh takes plain Python minutes
+    tell = lit_and_seen_points if world.is_mesh else sparingly(lit_and_seen_points)
+    is_lit, is_seen = tell(
+        world,
         log.quaternion_c_from_h,
         log.quaternion_b_from_h,
         log.position_m,

@@ -5,11 +5,13 @@ micrometres apart, and angles more where a projection is short; with ideal point
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fis_tools.engines import cache, compiled
 from pipeline.flight.controller import Controller, coast, constants_of, law_of, open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.reference.channels import channels_of, plan_of
@@ -203,6 +205,35 @@ def test_ideal_pointing(name: str) -> None:
     what, controller, starts = POINTED[name]
     for start in starts:
         assert_same(*fly_both(what, controller, start), metres=1e-9, others=1e-9)
+
+
+#: of each thing that may be sensed, guarded or moved by, one
+PLAIN = [
+    *("paper", "clusters", "full inertia", "pole blending", "late fixes, late thrusters with errors"),
+    *("free motion, target and Sun", "what coasting shows", "what goes dark soon"),
+    *("the push that shows what sets", "the push onto a tour", "safety layer, a few forces changed"),
+    *("tumbling chief", "about the oblate Earth, in and out of its shadow"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLAIN)
+def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `sparingly` promises, which lets the first flight of a kind go without compiling."""
+    what, controller, starts = (FLOWN | POINTED)[name]
+    brief = replace(what, duration_s=40 * what.control_period_s)
+    monkeypatch.setattr(cache, "was_asked", lambda *_: True)
+    fast = fly_logged(brief, controller, starts[0])
+    token = compiled._plain.set("pipeline")
+    try:
+        with np.errstate(all="ignore"):
+            plain = fly_logged(brief, controller, starts[0])
+    finally:
+        compiled._plain.reset(token)
+    for field, expected, found in zip(fast._fields, fast, plain, strict=True):
+        np.testing.assert_array_equal(found, expected, err_msg=field)
 
 
 def test_clusters_are_forgotten_at_a_sample_without_candidates() -> None:
