@@ -182,7 +182,7 @@ CASES = [
     (
         "controller",
         {"kind": "cost"},
-        "controller.kind is 'cost'; it must be one of open_loop, coast, natural_motion, lqr, "
+        "controller.kind is 'cost'; it must be one of open_loop, policy, coast, natural_motion, lqr, "
         "receding_horizon; did you mean coast?",
     ),
     ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
