@@ -18,6 +18,7 @@ from pipeline.flight.controller import (
     law_of,
     packed,
     rehearsed_pushes,
+    unanswered,
 )
 from pipeline.flight.dispersions import groups_of, mission_of_case
 from pipeline.flight.guidance import num_clusters
@@ -331,6 +332,8 @@ def law_for(
     law, num_controls = law_of(controller, mission), mission.num_controls
     if controller.regulator is not None:
         return law._replace(plans=regulated(controller.regulator, num_controls, scenarios))
+    if controller.pilot is not None:
+        return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
     world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)
@@ -418,6 +421,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
+    log.mass_kg[:] = mission.deputy.mass_kg
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
     inspectable = inspectable_points(world, cases.starts)
     sparingly(fly_many)(
