@@ -111,7 +111,10 @@ def number_problems(variable: Variable) -> Iterator[str]:
 
 
 def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
-    """Return the least and the greatest number that an output's terms are over the ranges of the inputs."""
+    """Return the least and the greatest number that an output's terms are over the ranges of the inputs.
+
+    Where they are one number it is the middle of a range of one.
+    """
     low, high = [], []
     for term in output.terms:
         if isinstance(term.membership, Number) and not isinstance(term.membership, Formula):
@@ -119,4 +122,5 @@ def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
             ends = [sorted((c * v.minimum, c * v.maximum)) for c, v in zip(coefficients, inputs, strict=True)]
             low.append(constant + sum(least for least, _ in ends))
             high.append(constant + sum(greatest for _, greatest in ends))
-    return min(low, default=output.minimum), max(high, default=output.maximum)
+    least, greatest = min(low, default=output.minimum), max(high, default=output.maximum)
+    return (least, greatest) if least < greatest else (least - 0.5, greatest + 0.5)

@@ -28,11 +28,13 @@ from fis_tools.model import (
     And,
     AndOperator,
     Consequent,
+    Constant,
     Formula,
     FuzzyController,
     FuzzySystem,
     Hedge,
     Hedged,
+    Linear,
     MembershipFunction,
     MonotoneFunction,
     Or,
@@ -48,6 +50,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.membership import sample
 from fis_tools.model.shape import Format
+from fis_tools.model.weighing import reach
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
@@ -93,8 +96,9 @@ class Dialect:
         becomes a flank outside of it, which changes nothing inside.
     has_unique_names : bool
         Whether all names of a file, terms too, must differ.
-    has_weighed_outputs : bool
-        Whether it is written and read with outputs that are weighted averages or sums.
+    weighs_numbers_alone : bool
+        Whether outputs that are weighted averages or sums stand alone, have constants and linear numbers for
+        terms, and no range.
     hedges : {"fll", "fml", "fcl"}, optional
         Whose words for hedges it has; a hedged statement without is said as a term of its own.
     most_words : int
@@ -120,7 +124,7 @@ class Dialect:
     has_output_aggregations: bool = True
     has_walls: bool = True
     has_unique_names: bool = False
-    has_weighed_outputs: bool = True
+    weighs_numbers_alone: bool = False
     hedges: Literal["fll", "fml", "fcl"] | None = None
     most_words: int = 1
     concludes_hedged: bool = False
@@ -170,11 +174,8 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
     NotExpressible
         If the format cannot say it without changing what it computes.
     """
-    if system.weighed and not dialect.has_weighed_outputs:
-        raise NotExpressible(
-            f"output {system.weighed[0].name!r} is weighed, and {dialect.title} is written for Mamdani "
-            "systems alone; export as fll or json"
-        )
+    if system.weighed and dialect.weighs_numbers_alone:
+        _require_numbers_alone(system, dialect)
     refuse_joined(system)
     for output in system.outputs:
         if output.accumulation != "max":
@@ -224,6 +225,16 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
         )
     ends = np.cumsum([0, *map(len, groups)])
     return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)), system)
+
+
+def _require_numbers_alone(system: FuzzySystem, dialect: Dialect) -> None:
+    for output in system.outputs:
+        numbers = all(isinstance(term.membership, Constant | Linear) for term in output.terms)
+        if not (system.weighs(output) and numbers):
+            raise NotExpressible(
+                f"output {output.name!r} is no number linear in the inputs, and {dialect.title} with an "
+                "output that is weighed has such alone; export as fll or json"
+            )
 
 
 def refuse_joined(system: FuzzySystem) -> None:
@@ -418,7 +429,10 @@ def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: 
         Term(names.terms[output.name, term.name], _said_number(term.membership, names))
         for term in output.terms
     )
-    return replace(said, terms=tuple(terms), num_points=OUTPUT_POINTS)
+    low, high = (output.minimum, output.maximum)
+    if dialect.weighs_numbers_alone:
+        low, high = reach(output, system.inputs)
+    return replace(said, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
 
 
 def _said_number(shape: MembershipFunction, names: Names) -> MembershipFunction:

@@ -1,4 +1,4 @@
-"""Fuzzy Markup Language files (`.fml`, `.xml`), IEEE Std 1855: read and written, Mamdani rule bases.
+"""Fuzzy Markup Language files (`.fml`, `.xml`), IEEE Std 1855: read and written, Mamdani and TSK rule bases.
 
 What is written has the elements of the standard: a knowledge base of variables and terms, a rule base of flat
 rules with a connector, an operator and a weight each, ``not`` as the modifier of a clause. All names of a
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from html import escape
+from typing import NamedTuple
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
@@ -24,14 +25,17 @@ from fis_tools.model import (
     Aggregation,
     And,
     Consequent,
+    Constant,
     Defuzzifier,
     Expression,
     FuzzyController,
     FuzzySystem,
     Hedged,
     Is,
+    Linear,
     MembershipFunction,
     Not,
+    Number,
     Or,
     Rule,
     Sampled,
@@ -39,16 +43,38 @@ from fis_tools.model import (
     TwoSidedGaussian,
     Variable,
 )
+from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import SHAPES, words_of
 
 DIALECT = Dialect(
-    title="an FML file", holds_units=True, has_unique_names=True, has_weighed_outputs=False, hedges="fml"
+    title="an FML file", holds_units=True, has_unique_names=True, weighs_numbers_alone=True, hedges="fml"
 )
 #: Modifiers of a clause.
 _MODIFIERS: dict[str, Callable[[Expression], Expression]] = {
     "not": Not,
     **{word: partial(Hedged, hedge) for word, hedge in meanings(HEDGES, "fml").items()},
 }
+
+
+class _Tags(NamedTuple):
+    """What the elements of a rule base are called.
+
+    Attributes
+    ----------
+    base, rule, consequent, then, otherwise, clause : str
+        A clause is one of a consequent.
+    """
+
+    base: str
+    rule: str
+    consequent: str
+    then: str
+    otherwise: str
+    clause: str
+
+
+_MAMDANI = _Tags("mamdaniRuleBase", "rule", "consequent", "then", "else", "clause")
+_TSK = _Tags("tskRuleBase", "tskRule", "tskConsequent", "tskThen", "tskElse", "tskClause")
 
 NAMESPACE = "http://www.ieee1855.org"
 
@@ -74,6 +100,7 @@ def write(controller: FuzzyController) -> Written:
     carried = comment(controller)
     said = say(only_system(controller, DIALECT), DIALECT)
     system = said.system
+    tags = _TSK if system.weighed else _MAMDANI
     taken = {system.name, *(v.name for v in (*system.inputs, *system.outputs))}
     taken |= {term.name for variable in (*system.inputs, *system.outputs) for term in variable.terms}
     lines = [
@@ -84,7 +111,7 @@ def write(controller: FuzzyController) -> Written:
         *(line for variable in system.inputs for line in _variable_lines(system, variable, is_output=False)),
         *(line for variable in system.outputs for line in _variable_lines(system, variable, is_output=True)),
         "  </knowledgeBase>",
-        "  <mamdaniRuleBase"
+        f"  <{tags.base}"
         + _attributes(
             name=_unused("rules", taken),
             activationMethod=AND[system.implication].fml,
@@ -94,8 +121,8 @@ def write(controller: FuzzyController) -> Written:
         + ">",
     ]
     for place, rule in enumerate(system.rules, start=1):
-        lines += _rule_lines(system, rule, _unused(f"rule_{place}", taken))
-    lines += ["  </mamdaniRuleBase>", "</fuzzySystem>"]
+        lines += _rule_lines(system, rule, _unused(f"rule_{place}", taken), tags)
+    lines += [f"  </{tags.base}>", "</fuzzySystem>"]
     return Written("\n".join(lines) + "\n", (*losses(controller, said, DIALECT), *_strangers(system)))
 
 
@@ -107,7 +134,30 @@ def _attributes(**words: str) -> str:
     return "".join(f' {key}="{escape(word)}"' for key, word in words.items())
 
 
+def _number_lines(system: FuzzySystem, output: Variable) -> Iterator[str]:
+    """Write an output whose terms are numbers: the constant, then the factor of each input."""
+    words = {
+        "name": output.name,
+        "scale": output.unit,
+        "type": "output",
+        "combination": DEFUZZIFIERS[system.defuzzifier_of(output)].fml,
+        "defaultValue": repr(output.default),
+    }
+    yield f"    <tskVariable{_attributes(**words)}>"
+    for term in output.terms:
+        shape = term.membership
+        assert isinstance(shape, Constant | Linear)  # noqa: S101 - any other has been refused
+        *factors, constant = shape.row(0) if isinstance(shape, Constant) else shape.row(len(system.inputs))
+        yield f"      <tskTerm{_attributes(name=term.name, order=str(int(isinstance(shape, Linear))))}>"
+        yield from (f"        <tskValue>{float(value)!r}</tskValue>" for value in (constant, *factors))
+        yield "      </tskTerm>"
+    yield "    </tskVariable>"
+
+
 def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool) -> Iterator[str]:
+    if is_output and system.weighs(variable):
+        yield from _number_lines(system, variable)
+        return
     words = {
         "name": variable.name,
         "scale": variable.unit,
@@ -160,7 +210,7 @@ def _custom_shapes() -> foreign.ShapeWords:
     }
 
 
-def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
+def _rule_lines(system: FuzzySystem, rule: Rule, name: str, tags: "_Tags") -> Iterator[str]:
     words = {
         "name": name,
         "andMethod": AND[system.and_operator_of(rule)].fml,
@@ -168,25 +218,24 @@ def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
         "connector": "or" if isinstance(rule.antecedent, Or) else "and",
         "weight": repr(rule.consequents[0].weight),
     }
-    yield f"    <rule{_attributes(**words)}>"
+    yield f"    <{tags.rule}{_attributes(**words)}>"
     yield "      <antecedent>"
     for leaf in operands_of(rule.antecedent):
         statement = statement_of(leaf)
         word = HEDGES[leaf.hedge].fml if isinstance(leaf, Hedged) else "not"
         modifier = _attributes(modifier=word) if leaf != statement else ""
-        yield _clause(statement.variable, statement.term, modifier, 8)
+        yield f"        {_clause('clause', statement.variable, statement.term, modifier)}"
     yield "      </antecedent>"
-    yield "      <consequent>"
-    yield "        <then>"
-    yield from (_clause(c.variable, c.term, "", 10) for c in rule.consequents)
-    yield "        </then>"
-    yield "      </consequent>"
-    yield "    </rule>"
+    yield f"      <{tags.consequent}>"
+    yield f"        <{tags.then}>"
+    yield from (f"          {_clause(tags.clause, c.variable, c.term)}" for c in rule.consequents)
+    yield f"        </{tags.then}>"
+    yield f"      </{tags.consequent}>"
+    yield f"    </{tags.rule}>"
 
 
-def _clause(variable: str, term: str, modifier: str, indent: int) -> str:
-    inside = f"<variable>{variable}</variable><term>{term}</term>"
-    return f"{' ' * indent}<clause{modifier}>{inside}</clause>"
+def _clause(tag: str, variable: str, term: str, modifier: str = "") -> str:
+    return f"<{tag}{modifier}><variable>{variable}</variable><term>{term}</term></{tag}>"
 
 
 def _strangers(system: FuzzySystem) -> Iterator[str]:
@@ -195,7 +244,7 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
         f"{variable.name} {term.name}"
         for variable in (*system.inputs, *system.outputs)
         for term in variable.terms
-        if not _is_standard(term) and not isinstance(term.membership, Sampled)
+        if not _is_standard(term) and not isinstance(term.membership, Sampled | Number)
     ]
     if custom:
         names = ", ".join(custom)
@@ -225,17 +274,19 @@ def _system(root: Element) -> FuzzySystem:
     bases = list(root.all("knowledgeBase"))
     rule_bases = [child for child in root.children if child.name != "knowledgeBase"]
     for base in rule_bases:
-        if base.name != "mamdaniRuleBase":
+        if base.name not in {_MAMDANI.base, _TSK.base}:
             raise ControllerFileError(
-                f"line {base.line}: {base.name[:40]!r} cannot be read; expected 'mamdaniRuleBase': "
-                "Takagi-Sugeno, Tsukamoto and AnYa rule bases are not read; export the system as .fll or .fis"
+                f"line {base.line}: {base.name[:40]!r} cannot be read; expected 'mamdaniRuleBase' or "
+                "'tskRuleBase': Tsukamoto and AnYa rule bases are not read; export the system as .fll or .fis"
             )
     if len(bases) != 1 or len(rule_bases) != 1:
         raise ControllerFileError(
             f"the system has {len(bases)} knowledge bases and {len(rule_bases)} rule bases; expected one each"
         )
-    variables = [_variable(child) for child in bases[0].children]
+    is_input = [child.attributes.get("type", "input").lower() != "output" for child in bases[0].children]
+    variables = [_variable(child, sum(is_input)) for child in bases[0].children]
     (rule_base,) = rule_bases
+    tags = _TSK if rule_base.name == _TSK.base else _MAMDANI
     activation = rule_base.attributes.get("activationMethod", "MIN")
     conjunction, disjunction = (
         rule_base.attributes.get("andMethod", "MIN"),
@@ -246,14 +297,16 @@ def _system(root: Element) -> FuzzySystem:
             name=root.attributes.get("name", "").strip() or "unnamed",
             inputs=tuple(variable for variable, is_output in variables if not is_output),
             outputs=tuple(variable for variable, is_output in variables if is_output),
-            rules=tuple(_rule(child, rule_base) for child in rule_base.children),
+            rules=tuple(_rule(child, rule_base, tags) for child in rule_base.children),
             and_operator=foreign.choice(
                 meanings(AND, "fml"), conjunction, f"line {rule_base.line}: andMethod", ""
             ),
             or_operator=foreign.choice(
                 meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod", ""
             ),
-            implication=foreign.choice(
+            implication="min"  # numbers are weighed, not implied
+            if tags is _TSK
+            else foreign.choice(
                 meanings(AND, "fml"), activation, f"line {rule_base.line}: activationMethod", ""
             ),
         )
@@ -278,7 +331,39 @@ def _expect(element: Element, key: str, allowed: Sequence[str]) -> None:
         )
 
 
-def _variable(element: Element) -> tuple[Variable, bool]:
+def _number_variable(element: Element, num_inputs: int) -> Variable:
+    """Read an output whose terms are numbers; it has no range."""
+    known = {DEFUZZIFIERS[way].fml: way for way in WEIGHING}
+    word, where = element.attributes.get("combination", "WA"), f"line {element.line}: the combination"
+    terms: list[tuple[str, MembershipFunction | Table]] = []
+    for child in element.children:
+        order = _attribute(child, "order")
+        _expect(child, "order", ("0", "1"))
+        texts = [value.text for value in child.all("tskValue")]
+        constant, *factors = foreign.numbers(texts, f"line {child.line}") or [0.0]
+        expected = num_inputs + 1 if order == "1" else 1
+        if child.name != "tskTerm" or len(texts) != expected:
+            raise ControllerFileError(
+                f"line {child.line}: {child.name[:40]!r} has {len(texts)} values; expected a 'tskTerm' of "
+                f"{expected}, the constant first"
+            )
+        shape = Linear(tuple(factors), constant) if order == "1" else Constant(constant)
+        terms.append((_attribute(child, "name"), shape))
+    return foreign.variable(
+        _attribute(element, "name"),
+        Extent(0.0, 0.0),
+        terms,
+        is_output=True,
+        unit=element.attributes.get("scale", "").strip(),
+        default=_default(element),
+        defuzzifier=foreign.choice(known, word, where, ""),
+        aggregation="unbounded_sum",
+    )
+
+
+def _variable(element: Element, num_inputs: int) -> tuple[Variable, bool]:
+    if element.name == "tskVariable":
+        return _number_variable(element, num_inputs), True
     if element.name != "fuzzyVariable":
         raise ControllerFileError(
             f"line {element.line}: {element.name[:40]!r} cannot be read; expected a 'fuzzyVariable'"
@@ -352,21 +437,21 @@ def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> T
     return TwoSidedGaussian(mean, width, max(mean, extent.high), width)
 
 
-def _rule(element: Element, base: Element) -> Rule:
+def _rule(element: Element, base: Element, tags: _Tags) -> Rule:
     where = f"line {element.line}"
-    if element.name != "rule":
-        raise ControllerFileError(f"{where}: expected a 'rule'; correct {element.name[:40]!r}")
+    if element.name != tags.rule:
+        raise ControllerFileError(f"{where}: expected a {tags.rule!r}; correct {element.name[:40]!r}")
     _expect(element, "connector", ("AND", "OR"))
     is_or = element.attributes.get("connector", "and").lower() == "or"
     words = {**base.attributes, **element.attributes}
     weight = foreign.number(element.attributes.get("weight", "1"), f"{where}: the weight")
     leaves = [_leaf(clause) for clause in _only(element, "antecedent").children]
-    consequent = _only(element, "consequent")
-    if any(True for _ in consequent.all("else")):
+    consequent = _only(element, tags.consequent)
+    if any(True for _ in consequent.all(tags.otherwise)):
         raise ControllerFileError(
             f"{where}: 'else' cannot be read; write it as a rule of its own, with 'not'"
         )
-    concluded = [_clause_of(clause) for clause in _only(consequent, "then").children]
+    concluded = [_clause_of(clause, tag=tags.clause) for clause in _only(consequent, tags.then).children]
     if not leaves or not concluded:
         raise ControllerFileError(
             f"{where}: the rule asks or concludes nothing; give it a clause on each side"
@@ -402,10 +487,10 @@ def _leaf(element: Element) -> Expression:
     return _MODIFIERS[modifier](statement) if modifier else statement
 
 
-def _clause_of(element: Element, modifiers: Iterable[str] = ()) -> tuple[str, str]:
+def _clause_of(element: Element, modifiers: Iterable[str] = (), *, tag: str = "clause") -> tuple[str, str]:
     """Return the variable and the term of a clause."""
-    if element.name != "clause":
-        raise ControllerFileError(f"line {element.line}: expected a 'clause'; correct {element.name[:40]!r}")
+    if element.name != tag:
+        raise ControllerFileError(f"line {element.line}: expected a {tag!r}; correct {element.name[:40]!r}")
     modifier = element.attributes.get("modifier", "")
     if modifier and modifier not in modifiers:
         raise ControllerFileError(

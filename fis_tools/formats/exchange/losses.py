@@ -75,6 +75,10 @@ def _variable_differences(
             if (v.num_points, v.points) != (o.num_points, o.points)
         ],
     )
+    yield (
+        "ranges are left out, and readers take what the terms reach",
+        [v.name for v, o in pairs if (v.minimum, v.maximum) != (o.minimum, o.maximum)],
+    )
     defaults = [f"{v.name} {number(v.default)}" for v, _ in pairs if v.default is not None]
     yield "the output when no rule fires is left out", [] if dialect.holds_defaults else defaults
     yield (

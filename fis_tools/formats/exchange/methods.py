@@ -50,7 +50,7 @@ DEFUZZIFIERS: dict[Defuzzifier, Words] = {
     "som": Words("som", "SmallestOfMaximum", "LM", "LM"),
     "lom": Words("lom", "LargestOfMaximum", "RM", "RM"),
     "weighted_average": Words("wtaver", "WeightedAverage", "WA", "COGS"),
-    "weighted_sum": Words("wtsum", "WeightedSum", "WS", "COGSS"),
+    "weighted_sum": Words("wtsum", "WeightedSum", "custom_WS", "COGSS"),
 }
 #: Nothing where a format has no word. fuzzylite's `extremely` is not that of MATLAB and IEEE 1855.
 HEDGES: dict[Hedge, Words] = {

@@ -102,7 +102,7 @@ def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new:
         ("fll", "Engine: dimmer", "", "before 'Engine:'"),
         ("fll", "daylight is dark", "daylight is dusk", "no term 'dusk'"),
         ("fll", "  enabled: true", "  enabled: false", "enabled of a InputVariable is 'false'"),
-        ("fml", "mamdaniRuleBase", "tskRuleBase", "'tskRuleBase' cannot be read"),
+        ("fml", "mamdaniRuleBase", "anYaRuleBase", "'anYaRuleBase' cannot be read"),
         (
             "fml",
             "<clause><variable>angle<",
