@@ -42,15 +42,17 @@ from fis_tools.model import (
     Ramp,
     Rule,
     Sampled,
+    SShape,
     Term,
     Trapezoidal,
     Triangular,
     Variable,
+    ZShape,
     parts_of,
 )
 from fis_tools.model.membership import sample
 from fis_tools.model.shape import Format
-from fis_tools.model.weighing import reach
+from fis_tools.model.weighing import has_sets, reach
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
@@ -62,6 +64,9 @@ INPUT_POINTS = 1001
 FINE_INPUT_POINTS = 10_001
 #: How near to a point, in steps between points, a corner lies on it.
 ON_POINT = 1e-9
+
+#: What all terms are of outputs that are weighed where a format knows them by their kind.
+_ONE_KIND = (Constant | Linear, Ramp | SShape | ZShape)
 
 Floats = NDArray[np.float64]
 
@@ -96,9 +101,9 @@ class Dialect:
         becomes a flank outside of it, which changes nothing inside.
     has_unique_names : bool
         Whether all names of a file, terms too, must differ.
-    weighs_numbers_alone : bool
-        Whether outputs that are weighted averages or sums stand alone, have constants and linear numbers for
-        terms, and no range.
+    weighs_one_kind : bool
+        Whether outputs that are weighted averages or sums are all of them, and numbers without a range, or
+        ramps, s_shapes and z_shapes.
     hedges : {"fll", "fml", "fcl"}, optional
         Whose words for hedges it has; a hedged statement without is said as a term of its own.
     most_words : int
@@ -124,7 +129,7 @@ class Dialect:
     has_output_aggregations: bool = True
     has_walls: bool = True
     has_unique_names: bool = False
-    weighs_numbers_alone: bool = False
+    weighs_one_kind: bool = False
     hedges: Literal["fll", "fml", "fcl"] | None = None
     most_words: int = 1
     concludes_hedged: bool = False
@@ -174,8 +179,8 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
     NotExpressible
         If the format cannot say it without changing what it computes.
     """
-    if system.weighed and dialect.weighs_numbers_alone:
-        _require_numbers_alone(system, dialect)
+    if system.weighed and dialect.weighs_one_kind:
+        _require_one_kind(system, dialect)
     refuse_joined(system)
     for output in system.outputs:
         if output.accumulation != "max":
@@ -227,14 +232,15 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
     return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)), system)
 
 
-def _require_numbers_alone(system: FuzzySystem, dialect: Dialect) -> None:
-    for output in system.outputs:
-        numbers = all(isinstance(term.membership, Constant | Linear) for term in output.terms)
-        if not (system.weighs(output) and numbers):
-            raise NotExpressible(
-                f"output {output.name!r} is no number linear in the inputs, and {dialect.title} with an "
-                "output that is weighed has such alone; export as fll or json"
-            )
+def _require_one_kind(system: FuzzySystem, dialect: Dialect) -> None:
+    """Refuse outputs that are weighed beside others, or of terms that IEEE 1855 has no rule base for."""
+    shapes = [term.membership for output in system.outputs for term in output.terms]
+    is_all = len(system.weighed) == len(system.outputs)
+    if not (is_all and any(all(isinstance(s, kind) for s in shapes) for kind in _ONE_KIND)):
+        raise NotExpressible(
+            f"output {system.weighed[0].name!r} is weighed, and {dialect.title} has such outputs where all "
+            "are numbers linear in the inputs, or all of ramps, s_shapes and z_shapes; export as fll or json"
+        )
 
 
 def refuse_joined(system: FuzzySystem) -> None:
@@ -430,7 +436,7 @@ def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: 
         for term in output.terms
     )
     low, high = (output.minimum, output.maximum)
-    if dialect.weighs_numbers_alone:
+    if dialect.weighs_one_kind and not has_sets(output):
         low, high = reach(output, system.inputs)
     return replace(said, minimum=low, maximum=high, terms=tuple(terms), num_points=OUTPUT_POINTS)
 

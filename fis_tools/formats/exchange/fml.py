@@ -1,4 +1,4 @@
-"""Fuzzy Markup Language files (`.fml`, `.xml`), IEEE Std 1855: read and written, Mamdani and TSK rule bases.
+"""Fuzzy Markup Language files (`.fml`, `.xml`), IEEE Std 1855: read and written, all but AnYa rule bases.
 
 What is written has the elements of the standard: a knowledge base of variables and terms, a rule base of flat
 rules with a connector, an operator and a weight each, ``not`` as the modifier of a clause. All names of a
@@ -37,6 +37,7 @@ from fis_tools.model import (
     Not,
     Number,
     Or,
+    Ramp,
     Rule,
     Sampled,
     Term,
@@ -45,9 +46,10 @@ from fis_tools.model import (
 )
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import SHAPES, words_of
+from fis_tools.model.weighing import has_sets
 
 DIALECT = Dialect(
-    title="an FML file", holds_units=True, has_unique_names=True, weighs_numbers_alone=True, hedges="fml"
+    title="an FML file", holds_units=True, has_unique_names=True, weighs_one_kind=True, hedges="fml"
 )
 #: Modifiers of a clause.
 _MODIFIERS: dict[str, Callable[[Expression], Expression]] = {
@@ -74,7 +76,10 @@ class _Tags(NamedTuple):
 
 
 _MAMDANI = _Tags("mamdaniRuleBase", "rule", "consequent", "then", "else", "clause")
+_TSUKAMOTO = _MAMDANI._replace(base="tsukamotoRuleBase")
 _TSK = _Tags("tskRuleBase", "tskRule", "tskConsequent", "tskThen", "tskElse", "tskClause")
+
+_RULE_BASES = {tags.base: tags for tags in (_MAMDANI, _TSK, _TSUKAMOTO)}
 
 NAMESPACE = "http://www.ieee1855.org"
 
@@ -100,7 +105,8 @@ def write(controller: FuzzyController) -> Written:
     carried = comment(controller)
     said = say(only_system(controller, DIALECT), DIALECT)
     system = said.system
-    tags = _TSK if system.weighed else _MAMDANI
+    is_number = not all(map(has_sets, system.outputs))
+    tags = _TSK if is_number else _TSUKAMOTO if system.weighed else _MAMDANI
     taken = {system.name, *(v.name for v in (*system.inputs, *system.outputs))}
     taken |= {term.name for variable in (*system.inputs, *system.outputs) for term in variable.terms}
     lines = [
@@ -155,7 +161,8 @@ def _number_lines(system: FuzzySystem, output: Variable) -> Iterator[str]:
 
 
 def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool) -> Iterator[str]:
-    if is_output and system.weighs(variable):
+    is_weighed = is_output and system.weighs(variable)
+    if not has_sets(variable):
         yield from _number_lines(system, variable)
         return
     words = {
@@ -167,15 +174,19 @@ def _variable_lines(system: FuzzySystem, variable: Variable, *, is_output: bool)
     }
     if is_output:
         defuzzifier = system.defuzzifier_of(variable)
-        words["accumulation"] = AGGREGATIONS[variable.aggregation].fml
-        words["defuzzifier"] = DEFUZZIFIERS[defuzzifier].fml
+        if is_weighed:
+            words["combination"] = DEFUZZIFIERS[defuzzifier].fml
+        else:
+            words["accumulation"] = AGGREGATIONS[variable.aggregation].fml
+            words["defuzzifier"] = DEFUZZIFIERS[defuzzifier].fml
         words["defaultValue"] = repr(variable.default)
-    yield f"    <fuzzyVariable{_attributes(**words)}>"
+    tag = "tsukamoto" if is_weighed else "fuzzy"
+    yield f"    <{tag}Variable{_attributes(**words)}>"
     for term in variable.terms:
-        yield f"      <fuzzyTerm{_attributes(name=term.name, complement='false')}>"
+        yield f"      <{tag}Term{_attributes(name=term.name, complement='false')}>"
         yield from (f"        {line}" for line in _shape_lines(variable, term))
-        yield "      </fuzzyTerm>"
-    yield "    </fuzzyVariable>"
+        yield f"      </{tag}Term>"
+    yield f"    </{tag}Variable>"
 
 
 def _shape_lines(variable: Variable, term: Term) -> Iterator[str]:
@@ -184,6 +195,11 @@ def _shape_lines(variable: Variable, term: Term) -> Iterator[str]:
         for x, y in foreign.sampled_points(variable, term.membership):
             yield f"  <point{_attributes(x=repr(x), y=repr(y))}/>"
         yield "</pointSetShape>"
+        return
+    if isinstance(term.membership, Ramp):
+        ends = sorted((float(term.membership.start), float(term.membership.end)))
+        side = "right" if term.membership.start < term.membership.end else "left"
+        yield f"<{side}LinearShape{_attributes(param1=repr(ends[0]), param2=repr(ends[1]))}/>"
         return
     if _is_standard(term):
         word, values = foreign.shape_words(term.membership, "fml")
@@ -198,7 +214,7 @@ def _shape_lines(variable: Variable, term: Term) -> Iterator[str]:
 
 
 def _is_standard(term: Term) -> bool:
-    return "fml" in term.membership.entry.words
+    return "fml" in term.membership.entry.words or isinstance(term.membership, Ramp)
 
 
 def _custom_shapes() -> foreign.ShapeWords:
@@ -274,11 +290,7 @@ def _system(root: Element) -> FuzzySystem:
     bases = list(root.all("knowledgeBase"))
     rule_bases = [child for child in root.children if child.name != "knowledgeBase"]
     for base in rule_bases:
-        if base.name not in {_MAMDANI.base, _TSK.base}:
-            raise ControllerFileError(
-                f"line {base.line}: {base.name[:40]!r} cannot be read; expected 'mamdaniRuleBase' or "
-                "'tskRuleBase': Tsukamoto and AnYa rule bases are not read; export the system as .fll or .fis"
-            )
+        foreign.choice(_RULE_BASES, base.name, f"line {base.line}:", "")
     if len(bases) != 1 or len(rule_bases) != 1:
         raise ControllerFileError(
             f"the system has {len(bases)} knowledge bases and {len(rule_bases)} rule bases; expected one each"
@@ -286,7 +298,7 @@ def _system(root: Element) -> FuzzySystem:
     is_input = [child.attributes.get("type", "input").lower() != "output" for child in bases[0].children]
     variables = [_variable(child, sum(is_input)) for child in bases[0].children]
     (rule_base,) = rule_bases
-    tags = _TSK if rule_base.name == _TSK.base else _MAMDANI
+    tags = _RULE_BASES[rule_base.name]
     activation = rule_base.attributes.get("activationMethod", "MIN")
     conjunction, disjunction = (
         rule_base.attributes.get("andMethod", "MIN"),
@@ -305,7 +317,7 @@ def _system(root: Element) -> FuzzySystem:
                 meanings(OR, "fml"), disjunction, f"line {rule_base.line}: orMethod", ""
             ),
             implication="min"  # numbers are weighed, not implied
-            if tags is _TSK
+            if tags is not _MAMDANI
             else foreign.choice(
                 meanings(AND, "fml"), activation, f"line {rule_base.line}: activationMethod", ""
             ),
@@ -331,10 +343,15 @@ def _expect(element: Element, key: str, allowed: Sequence[str]) -> None:
         )
 
 
+def _combination(element: Element) -> Defuzzifier:
+    """Return how numbers are weighed."""
+    known = {DEFUZZIFIERS[way].fml: way for way in WEIGHING}
+    word = element.attributes.get("combination", "WA")
+    return foreign.choice(known, word, f"line {element.line}: the combination", "")
+
+
 def _number_variable(element: Element, num_inputs: int) -> Variable:
     """Read an output whose terms are numbers; it has no range."""
-    known = {DEFUZZIFIERS[way].fml: way for way in WEIGHING}
-    word, where = element.attributes.get("combination", "WA"), f"line {element.line}: the combination"
     terms: list[tuple[str, MembershipFunction | Table]] = []
     for child in element.children:
         order = _attribute(child, "order")
@@ -356,7 +373,7 @@ def _number_variable(element: Element, num_inputs: int) -> Variable:
         is_output=True,
         unit=element.attributes.get("scale", "").strip(),
         default=_default(element),
-        defuzzifier=foreign.choice(known, word, where, ""),
+        defuzzifier=_combination(element),
         aggregation="unbounded_sum",
     )
 
@@ -364,17 +381,20 @@ def _number_variable(element: Element, num_inputs: int) -> Variable:
 def _variable(element: Element, num_inputs: int) -> tuple[Variable, bool]:
     if element.name == "tskVariable":
         return _number_variable(element, num_inputs), True
-    if element.name != "fuzzyVariable":
+    is_tsukamoto = element.name == "tsukamotoVariable"
+    if element.name != "fuzzyVariable" and not is_tsukamoto:
         raise ControllerFileError(
             f"line {element.line}: {element.name[:40]!r} cannot be read; expected a 'fuzzyVariable'"
         )
     _expect(element, "type", ("INPUT", "OUTPUT"))
     is_output = element.attributes.get("type", "input").lower() == "output"
     extent = Extent(_number(element, "domainleft"), _number(element, "domainright"))
-    terms = [_term(child, extent) for child in element.children]
+    terms = [_term(child, extent, is_tsukamoto=is_tsukamoto) for child in element.children]
     defuzzifier: Defuzzifier | None = None
     aggregation: Aggregation = "max"
-    if is_output:
+    if is_tsukamoto:
+        defuzzifier, aggregation = _combination(element), "unbounded_sum"
+    elif is_output:
         word = element.attributes.get("accumulation", "MAX")
         where = f"line {element.line}: the accumulation"
         aggregation = foreign.choice(meanings(AGGREGATIONS, "fml"), word, where, "")
@@ -402,11 +422,11 @@ def _default(element: Element) -> float:
     return _number(element, "defaultValue") if "defaultValue" in element.attributes else 0.0
 
 
-def _term(element: Element, extent: Extent) -> tuple[str, MembershipFunction | Table]:
-    where = f"line {element.line}"
-    if element.name != "fuzzyTerm" or len(element.children) != 1:
+def _term(element: Element, extent: Extent, *, is_tsukamoto: bool) -> tuple[str, MembershipFunction | Table]:
+    where, tag = f"line {element.line}", "tsukamotoTerm" if is_tsukamoto else "fuzzyTerm"
+    if element.name != tag or len(element.children) != 1:
         raise ControllerFileError(
-            f"{where}: expected a 'fuzzyTerm' with one shape; correct {element.name[:40]!r}"
+            f"{where}: expected a {tag!r} with one shape; correct {element.name[:40]!r}"
         )
     _expect(element, "complement", ("FALSE",))
     (shape,) = element.children
@@ -422,9 +442,20 @@ def _term(element: Element, extent: Extent) -> tuple[str, MembershipFunction | T
         )
     numbers = sorted(key for key in shape.attributes if key.startswith("param"))
     values = [_number(shape, key) for key in numbers]
+    if is_tsukamoto:
+        return name, _monotone(shape, values, extent)
     if shape.name in {"leftGaussianShape", "rightGaussianShape"}:
         return name, _half_gaussian(shape, values, extent)
     return name, foreign.shape(shape.name, values, extent, words_of("fml"), _FLANKS, f"line {shape.line}")
+
+
+def _monotone(shape: Element, values: Sequence[float], extent: Extent) -> MembershipFunction:
+    """Read what a rule of Tsukamoto's can conclude."""
+    where = f"line {shape.line}"
+    known = {word: pair for word, pair in words_of("fml").items() if word in {"sShape", "zShape"}}
+    known["rightLinearShape"] = known["leftLinearShape"] = (Ramp, ("start", "end"))
+    ordered = values[::-1] if shape.name == "leftLinearShape" else values
+    return foreign.shape(shape.name, ordered, extent, known, {}, where)
 
 
 def _half_gaussian(shape: Element, values: Sequence[float], extent: Extent) -> TwoSidedGaussian:

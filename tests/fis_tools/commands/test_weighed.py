@@ -89,7 +89,7 @@ def test_a_number_that_changed_is_told(
 
 def test_formats_without_the_words_refuse(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(files["mixed"]), "--format", "fml"]) == 2
-    assert "is no number linear in the inputs, and an FML file" in capsys.readouterr().err
+    assert "is weighed, and an FML file has such outputs where all" in capsys.readouterr().err
     assert main(["export", str(files["constant"]), "--format", "fml"]) == 0
     assert "<tskValue>-1.5</tskValue>" in capsys.readouterr().out
     assert main(["export", str(files["constant"]), "--format", "fcl"]) == 0
