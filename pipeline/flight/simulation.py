@@ -18,6 +18,7 @@ from pipeline.flight.controller import (
     law_of,
     packed,
     rehearsed_pushes,
+    unanswered,
 )
 from pipeline.flight.dispersions import groups_of, mission_of_case
 from pipeline.flight.guidance import num_clusters
@@ -338,6 +339,8 @@ def law_for(
     law, num_controls = law_of(controller, mission), mission.num_controls
     if controller.regulator is not None:
         return law._replace(plans=regulated(controller.regulator, num_controls, scenarios))
+    if controller.pilot is not None:
+        return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
     world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)

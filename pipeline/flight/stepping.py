@@ -1,5 +1,7 @@
 """Flights that are flown a control period at a time, under forces from outside."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CARRIED, CASE
 from pipeline.flight.kernel.navigation import Fixes
 from pipeline.flight.kernel.optics import note_inspectable
-from pipeline.flight.kernel.step import NOT_STARTED, NUM_OBSERVED, Carried, step_many
+from pipeline.flight.kernel.step import LEFT, NOT_STARTED, NUM_OBSERVED, Carried, step_many
 from pipeline.flight.log import Scenario, no_log
 from pipeline.flight.simulation import (
     beyond_of,
@@ -23,6 +25,18 @@ from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: what learners and policies see, in this order, with its unit; vectors in Hill axes. Position and velocity
+#: are as the deputy knows them: where it navigates by fixes, its estimate.
+OBSERVED: Final = (
+    *(("position_radial", "m"), ("position_along_track", "m"), ("position_cross_track", "m")),
+    *(("velocity_radial", "m/s"), ("velocity_along_track", "m/s"), ("velocity_cross_track", "m/s")),
+    *(("target_radial", "m"), ("target_along_track", "m"), ("target_cross_track", "m")),
+    *(("sun_radial", ""), ("sun_along_track", ""), ("sun_cross_track", "")),
+    *(("boresight_radial", ""), ("boresight_along_track", ""), ("boresight_cross_track", "")),
+    *(("num_inspected", ""), ("num_candidates", ""), ("delta_v", "m/s"), ("time_left", "s")),
+)
+NUM_SEEN: Final = LEFT + 1
 
 
 class Flights:
@@ -95,6 +109,11 @@ class Flights:
             self.observed,
         )
         self._step = step_many.prepared(*self._arguments)  # type: ignore[attr-defined]
+
+    @property
+    def seen(self) -> NDArray[np.float32]:
+        """What is observed now, shape (n, NUM_SEEN), in the order of `OBSERVED`."""
+        return self.observed[:, :NUM_SEEN].astype(np.float32)
 
     def start(self, flight: int, scenario: Scenario) -> None:
         """Put a flight at a start; the next step brings it to its first sample."""

@@ -3,6 +3,7 @@
 The words of the topics are `telemetry`'s; the numbers are a `FlightLog`'s.
 """
 
+import base64
 import json
 import math
 from collections.abc import Mapping
@@ -284,9 +285,12 @@ def controller_text(controller: Controller) -> str:
     """Write a controller as JSON.
 
     A fuzzy one is written whole, as `fis_tools.formats.serialize` reads it, and one that plays a flight with
-    what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, and
-    one that plans of the kind that it is named after.
+    what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, one
+    that plans of the kind that it is named after, and of a policy the file stands in it, in base 64.
     """
+    if controller.pilot is not None:
+        content = base64.b64encode(controller.pilot.source).decode("ascii")
+        return json.dumps({"kind": "policy", "name": controller.name, "onnx": content}) + "\n"
     if controller.is_of_a_kind:
         return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
     if controller.plan is None:
