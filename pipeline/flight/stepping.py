@@ -127,8 +127,11 @@ class Flights:
         if self._fixes is not None and cases.navigation is not None:
             self._fixes.at_start[flight] = cases.navigation[1].at_start[0]
             self._fixes.of_fixes[flight] = cases.navigation[1].of_fixes[0]
+            self._fixes.of_sight[flight] = cases.navigation[1].of_sight[0]
+            self._fixes.of_attitude[flight] = cases.navigation[1].of_attitude[0]
         if self._firing is not None and cases.thrusters is not None:
-            self._firing.matrices[flight] = cases.thrusters[1][0]
+            self._firing.matrices[flight] = cases.thrusters[1].matrices[0]
+            self._firing.arms[flight] = cases.thrusters[1].arms[0]
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:
@@ -152,9 +155,17 @@ def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | Non
             now=stack(fixes.now),
             half=stack(fixes.half),
             truth=stack(fixes.truth),
+            turn=stack(fixes.turn),
+            tilt=stack(fixes.tilt),
+            attitude=stack(fixes.attitude),
             fixes=stack(fixes.fixes),
             acting=stack(fixes.acting),
         )
     if firing is not None:
-        firing = firing._replace(commands=stack(firing.commands), errors=stack(firing.errors))
+        firing = firing._replace(
+            commands=stack(firing.commands),
+            errors=stack(firing.errors),
+            mass=stack(firing.mass),
+            thrust=stack(firing.thrust),
+        )
     return fixes, firing

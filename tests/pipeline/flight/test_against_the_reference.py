@@ -52,7 +52,28 @@ FIXES = {
     "execution_error": 0.05,
     "initial_velocity_m_s": 0.001,
 }
+SIGHTED = {
+    "measures": "range_bearing",
+    "range_noise_m": 0.3,
+    "bearing_noise_deg": 0.2,
+    "attitude_bias_deg": 1.0,
+    "attitude_noise_deg": 0.3,
+}
 REAL = {"kind": "real", "scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.02}
+
+#: a thruster a direction beside the centre of mass, askew and weak
+ASKEW = tuple(
+    (*np.roll((0.15, 0.02 * sign, -0.03), axis), *np.roll((sign * 0.8, 0.6, 0.0), axis), 0.03)
+    for axis in range(3)
+    for sign in (1.0, -1.0)
+)
+
+LAYOUT = {
+    "thrusters": ASKEW,
+    "specific_impulse_s": 60.0,
+    "least_impulse_n_s": 0.01,
+    "impulse_step_n_s": 0.005,
+}
 
 LOW_ORBIT = {
     "model": "two_body",
@@ -108,6 +129,16 @@ FLOWN = {
         STEERING,
         STARTS,
     ),
+    "range and bearing, an attitude known with an error": (
+        mission(
+            navigation=FIXES | SIGHTED | {"fix_period_s": 20.0, "delay_s": 10.0, "outlier_share": 0.1},
+            actuators=REAL | LAYOUT | {"delay_s": 10.0, "thrust_arm_m": 0.02},
+            safety=vars(LAST_MOMENT),
+            duration_s=1200.0,
+        ),
+        STEERING,
+        STARTS,
+    ),
     "coast": (mission(), coast(), [*STARTS, *OVER_POLES]),
     "Hill axes, weak thruster, slow clocks, narrow camera": (
         mission(
@@ -140,6 +171,16 @@ POINTED = {
     "going on when complete": (mission(attitude=IDEAL, coast_when_complete=False), STEERING, [COMPLETED]),
     "clusters": (mission(attitude=IDEAL, guidance={"kind": "clusters"}), STEERING, [*STARTS, *OVER_POLES]),
     "tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), STEERING, STARTS),
+    "range and bearing, an attitude known with an error": (
+        mission(
+            attitude=IDEAL,
+            navigation=FIXES | SIGHTED,
+            actuators=REAL | {"thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
+            safety=vars(LAST_MOMENT),
+        ),
+        STEERING,
+        STARTS,
+    ),
     "over a pole without force": (mission(attitude=IDEAL), coast(), OVER_POLES),
     "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
