@@ -166,6 +166,8 @@ Whole = Annotated[int, Strict(), BeforeValidator(_whole)]
 MOST = 1_000_000
 Natural = Annotated[Whole, Field(ge=0, le=MOST)]
 Count = Annotated[Whole, Field(ge=1, le=MOST)]
+#: flown part by part, so that memory hardly grows with them
+Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: threads; None is one for each processor
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]
