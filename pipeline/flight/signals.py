@@ -200,6 +200,9 @@ CONSTANTS = {
         is_tuned=False,
     ),
     "tour_time_s": Constant("tour_push_* leads to where the tour is after this time, s"),
+    "tour_wait_s": Constant(
+        "where that is in shadow, when it ends, and if that is farther off than this no push, s"
+    ),
     "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
     **TOUR_PLACES,
 }

@@ -76,7 +76,9 @@ def test_it_is_rehearsed_without_the_errors_to_come() -> None:
     start = replace(STARTS[0], noise=(1, 2, 3))
     # the first of what is drawn
     off = np.repeat([20.0, 0.01], 3) * start.generator(FIXES).standard_normal(6)
-    believed = replace(start, position_m=start.position_m + off[:3], velocity_m_s=start.velocity_m_s + off[3:])
+    believed = replace(
+        start, position_m=start.position_m + off[:3], velocity_m_s=start.velocity_m_s + off[3:]
+    )
     controller = rehearsing(0.12)
     openings = [
         rehearsed_openings(flown, controller, [at], 1)
