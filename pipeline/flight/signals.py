@@ -201,7 +201,7 @@ CONSTANTS = {
     ),
     "tour_time_s": Constant("tour_push_* leads to where the tour is after this time, s"),
     "tour_wait_s": Constant(
-        "where that is in shadow, when it ends, and if that is farther off than this no push, s"
+        "where it is dark then, to where it is when light returns; nowhere if that is farther off, s"
     ),
     "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
     **TOUR_PLACES,
