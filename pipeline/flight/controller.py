@@ -97,6 +97,9 @@ class Regulator(Protocol):
     def path(self, scenario: Scenario) -> Floats:
         """Return the wanted states of a flight at each decision, shape (K, 6), m and m/s, Hill axes."""
 
+    def forces(self, scenario: Scenario) -> Floats:
+        """Return the forces that lead along them, shape (K, 3), N, Hill axes."""
+
 
 @dataclass(frozen=True)
 class Controller:

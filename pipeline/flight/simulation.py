@@ -330,7 +330,7 @@ def law_for(
     """Return what compiled flights from some starts need to know of a controller, with their plans."""
     law, num_controls = law_of(controller, mission), mission.num_controls
     if controller.regulator is not None:
-        return law._replace(plans=regulated(controller.regulator, num_controls, scenarios))
+        return law._replace(plans=regulated(controller.regulator, scenarios))
     if controller.planner is None:
         return law
     world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)

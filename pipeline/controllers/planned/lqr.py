@@ -75,6 +75,11 @@ class LqrRegulator:
     def path(self, scenario: Scenario) -> Floats:
         """Return the states on ring or route at each decision, shape (K, 6), m and m/s, Hill axes."""
         if self.settings.follows == "route":
-            return self.routes(scenario)[:-1]
+            return self.routes(scenario).states[:-1]
         elements = ring_elements(self.settings, scenario, self.turned)
         return np.asarray(elements @ self.to_states.T)
+
+    def forces(self, scenario: Scenario) -> Floats:
+        """Return the forces that keep the deputy on its path, shape (K, 3), N, Hill axes: none on a ring."""
+        is_ring = self.settings.follows == "ring"
+        return np.zeros((len(self.turned), 3)) if is_ring else self.routes(scenario).forces

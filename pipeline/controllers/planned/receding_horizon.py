@@ -130,8 +130,8 @@ class RecedingHorizonPlanner:
     def wanted(self, scenario: Scenario, sample: int) -> Floats:
         """Return the elements of ring or route at a sample, shape (6,)."""
         if self.settings.follows == "route":
-            return np.asarray(self.elements @ self.routes(scenario)[sample])
-        return ring_elements(self.settings, scenario, np.array([sample * self.turn]))[0]
+            return np.asarray(self.elements @ self.routes(scenario).states[sample])
+        return np.asarray(ring_elements(self.settings, scenario, np.array([sample * self.turn]))[0])
 
     def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:
         """Return the forces of a horizon, shape (F, 3), N, Hill axes.

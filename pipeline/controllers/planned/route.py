@@ -5,6 +5,9 @@ the search for plans of least fuel (`pipeline.optimum`), as a few burns after wh
 Wiltshire's equations and the world's law of sight, free motion shows what makes a success.
 """
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,8 +24,24 @@ Floats = NDArray[np.float64]
 
 #: burns of the searches, of which the cheapest is taken
 BURNS = (2, 3)
-#: points asked for beyond those that make a success: who follows a route is never quite on it
-SPARE_POINTS = 2
+#: who follows a route is never quite on it: points asked for beyond those that make a success, and by how
+#: much less than what the camera allows a point's incidence is to be, degrees
+SPARE_POINTS, SPARE_DEG = 2, 4.0
+
+
+class Route(NamedTuple):
+    """The route of a flight of K control periods.
+
+    Attributes
+    ----------
+    forces : (K, 3)
+        N, Hill axes.
+    states : (K + 1 + beyond, 6)
+        m and m/s, Hill axes.
+    """
+
+    forces: Floats
+    states: Floats
 
 
 class Routes:
@@ -37,20 +56,21 @@ class Routes:
 
     def __init__(self, mission: Mission, beyond: int = 0) -> None:
         self.mission, self.beyond = mission, beyond
-        self._known: dict[tuple[object, ...], Floats] = {}
+        self._known: dict[tuple[object, ...], Route] = {}
 
-    def __call__(self, scenario: Scenario) -> Floats:
-        """Return the states on the route, shape (K + 1 + beyond, 6), m and m/s, Hill axes."""
+    def __call__(self, scenario: Scenario) -> Route:
+        """Return the route from a start."""
         place = (*scenario.position_m.tolist(), *scenario.velocity_m_s.tolist())
         start = (place, scenario.sun_angle_rad, scenario.sun_elevation_rad, scenario.noise)
         if start not in self._known:
             self._known[start] = self._plan(scenario)
         return self._known[start]
 
-    def _plan(self, scenario: Scenario) -> Floats:
+    def _plan(self, scenario: Scenario) -> Route:
         """Search for a route and follow it from the start."""
         mission, (start,) = as_believed(self.mission, [scenario])
-        problem = problem_of(mission, start)
+        angle = max(mission.sensor.max_incidence_deg - SPARE_DEG, 0.0)
+        problem = problem_of(replace(mission, sensor=replace(mission.sensor, max_incidence_deg=angle)), start)
         inspectable = int(problem.is_lit.any(axis=0).sum())
         needed = points_needed(inspectable, mission.inspection_threshold_percent) + SPARE_POINTS
         needed = min(needed, inspectable)
@@ -65,4 +85,4 @@ class Routes:
         for k, force in enumerate(forces):
             states[k + 1] = motion.transition[0] @ states[k] + motion.control[0] @ force
         states[len(forces) :] = free_path(motion, states[len(forces)], self.beyond + 1)
-        return states
+        return Route(forces, states)

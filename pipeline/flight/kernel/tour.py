@@ -27,9 +27,10 @@ CROSS_TRACK, LIFT = constant("tour_cross_track_mean_m"), constant("tour_lift_mea
 @compiled(error_model="numpy", forceinline=True)
 def waves(values: Floats, first: int, c: float, s: float) -> float:
     """Return a component of the tour from its constants, where cosine and sine of the Sun's angle are."""
-    once = values[first] + values[first + 1] * c + values[first + 2] * s
+    once: float = values[first] + values[first + 1] * c + values[first + 2] * s
     # cosine and sine of twice the angle
-    return once + values[first + 3] * (c * c - s * s) + values[first + 4] * (2.0 * c * s)
+    twice: float = values[first + 3] * (c * c - s * s) + values[first + 4] * (2.0 * c * s)
+    return once + twice
 
 
 @compiled(error_model="numpy", inline="always")
