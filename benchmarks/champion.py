@@ -57,10 +57,8 @@ def main() -> None:
     parser.add_argument("--without", action="store_true", help="fly without each rule, and nothing else")
     parser.add_argument("--case", type=int, help="tell this solved case's burns, and nothing else")
     parser.add_argument("--world", default="paper", help="as in world=NAME; all but paper draw their own Sun")
-    parser.add_argument("--picture", type=Path, help="with --case: draw it beside its plan; with --flights")
-    parser.add_argument(
-        "--flights", type=int, help="draw the first so many around the chief, and nothing else"
-    )
+    parser.add_argument("--picture", type=Path, help="with --case or --flights: where to, a PNG")
+    parser.add_argument("--flights", type=int, choices=range(1, 9), help="draw so many, and nothing else")
     options = parser.parse_args()
     overrides = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", f"world={options.world}"]
     overrides += [f"sun={options.sun}"] if options.world == "paper" else []

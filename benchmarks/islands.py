@@ -10,7 +10,6 @@ import math
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -20,9 +19,8 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.starts import validation_scenarios
 from pipeline.settings.experiment import Experiment
-from pipeline.training.evolution import evolve_rounds
 from pipeline.training.genome import genome_of
-from pipeline.training.judging import costs_of, fitness_of_round
+from pipeline.training.judging import costs_of, evolved
 
 #: what each way is called, and its words
 WAYS: Final[Mapping[str, Sequence[str]]] = {
@@ -37,13 +35,7 @@ VALIDATION_CASES: Final = 500
 def trained(experiment: Experiment) -> tuple[float, float, int]:
     """Train; return the champion's fitness, its cost on other starts, and how often a controller flew."""
     genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
-    result = evolve_rounds(
-        partial(fitness_of_round, experiment, genome),
-        genome.num_genes,
-        experiment.optimizer,
-        experiment.seed,
-        initial=genome.encode()[np.newaxis],
-    )
+    result = evolved(experiment, genome)
     others = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, VALIDATION_CASES)
     elsewhere = costs_of(experiment, genome, result.champion, others, 0)
     return result.fitness, float(np.median(elsewhere)), result.history[-1].evaluations

@@ -4,7 +4,6 @@ Each index is given with the formula that is used, because papers leave cases op
 exact for memberships that are linear between the points of their universe.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
@@ -16,19 +15,15 @@ from fis_tools.analysis import arrays
 from fis_tools.analysis.arrays import Coverage, coverage
 from fis_tools.engines.inference import infer
 from fis_tools.model import (
-    And,
     Constant,
-    Expression,
     FuzzySystem,
     Gaussian,
-    Is,
-    Not,
-    Or,
     Term,
     Trapezoidal,
     Triangular,
     Variable,
     conjunctions,
+    statements_of,
 )
 from fis_tools.model.membership import sample, sample_terms
 from fis_tools.model.validate import nearest
@@ -215,23 +210,11 @@ def measure(system: FuzzySystem, reference: tuple[str, FuzzySystem] | None = Non
     )
 
 
-def statements(expression: Expression) -> Iterator[Is]:
-    """Yield the statements of an antecedent, from left to right."""
-    match expression:
-        case Is():
-            yield expression
-        case Not(operand):
-            yield from statements(operand)
-        case And(operands) | Or(operands):
-            for operand in operands:
-                yield from statements(operand)
-
-
 def complexity(system: FuzzySystem) -> Complexity:
     """Count rules, premises and terms."""
     return Complexity(
         rules=len(system.rules),
-        premises=sum(1 for rule in system.rules for _ in statements(rule.antecedent)),
+        premises=sum(1 for rule in system.rules for _ in statements_of(rule.antecedent)),
         input_terms=sum(len(variable.terms) for variable in system.inputs),
         output_terms=sum(len(variable.terms) for variable in system.outputs),
     )
@@ -410,6 +393,8 @@ def rule_consistency(system: FuzzySystem) -> RuleConsistency:
         grid = arrays.spread_inputs(system)
     strengths = arrays.firing(system, grid)
     answers = arrays.evaluate(system, grid)
+    has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
+    grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     points, outputs, alone, values = [], [], [], []
     for number in range(len(system.rules)):
         firing = strengths[:, number]

@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.program import INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
+from fis_tools.engines import interpreter
+from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
+from fis_tools.engines.weigher import formula_values
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +31,7 @@ def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs:
         In the unit of the output; zero where a rule is silent.
     """
     strengths = firing[:, weighing.rules] * weighing.weights
-    numbers = _numbers(program, weighing, strengths, inputs)
+    numbers = _numbers(program, weighing, firing, strengths, inputs)
     total = strengths.sum(axis=1, keepdims=True)
     default = 0.0 if np.isnan(weighing.default) else weighing.default
     parts = np.where(strengths > 0.0, strengths, 0.0) / np.where(total > 0.0, total, 1.0)
@@ -41,16 +43,23 @@ def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs:
     return found
 
 
-def _numbers(program: Program, weighing: Weighing, strengths: Floats, inputs: Floats) -> Floats:
+def _numbers(
+    program: Program, weighing: Weighing, firing: Floats, strengths: Floats, inputs: Floats
+) -> Floats:
     """Return what each rule concludes, (n, c)."""
     low, high = program.ends.T
     clipped = np.clip(inputs, low, high)
     num_inputs = clipped.shape[1]
     found = np.empty(strengths.shape)
+    outputs = interpreter.conclude(program, firing, inputs).T if weighing.formulas else np.empty((0, 0))
+    formulas = formula_values(weighing, inputs, program.ends, outputs)
     for column, kind in enumerate(weighing.kinds):
         row = weighing.parameters[column]
         if kind == NUMBER:
             found[:, column] = clipped @ row[:num_inputs] + row[num_inputs]
+            continue
+        if kind == FORMULA:
+            found[:, column] = formulas[:, int(row[0])]
             continue
         shape = INVERTED[kind](*row[:2])
         degrees = np.clip(strengths[:, column], np.finfo(np.float64).tiny, 1.0)

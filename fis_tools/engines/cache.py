@@ -109,6 +109,26 @@ def place_for(function: Callable[..., Any]) -> Path | Refused:
     return refused or root / name
 
 
+#: What has been asked of functions whose code is not kept.
+_asked: set[tuple[Callable[..., Any], str]] = set()
+
+
+def was_asked(function: Callable[..., Any], what: str) -> bool:
+    """Tell whether the same has been asked of a function's code before, by any process; it has been now."""
+    place = place_for(function)
+    if isinstance(place, Path):
+        name = f"{function.__qualname__}-{hashlib.sha256(what.encode()).hexdigest()[:16]}.asked"
+        with suppress(OSError):
+            try:
+                (place / name).touch(exist_ok=False)
+            except FileExistsError:
+                return True
+            return False
+    before = len(_asked)
+    _asked.add((function, what))
+    return len(_asked) == before
+
+
 def cache_root() -> Path:
     """Return the folder that holds the cache folders of all modules.
 

@@ -9,9 +9,12 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
+
+import numpy as np
 
 from fis_tools.engines import cache
 
@@ -19,6 +22,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 #: Dispatchers are made one at a time: making one lends numba's setting of the cache folder for a moment.
 _making = threading.RLock()
+
+#: The package whose functions run as plain Python here and now; see `sparingly`.
+_plain: ContextVar[str] = ContextVar("plain")
 
 
 class Compiled:
@@ -35,10 +41,13 @@ class Compiled:
         update_wrapper(self, function)
         self.py_func = function
         self._options = options
+        self._package = function.__module__.partition(".")[0]
         cache.register(function)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the compiled function."""
+        if _plain.get("") == self._package:
+            return self.py_func(*args, **kwargs)
         if kwargs:  # numba takes a tenth of a microsecond longer where there may be some
             return self.dispatcher(*args, **kwargs)
         return self.dispatcher(*args)
@@ -57,7 +66,7 @@ class Compiled:
     def __getattr__(self, name: str) -> Any:
         # Only names that are not set yet get here. Among them is `_numba_type_`, by which numba asks a global
         # of a function that it compiles for its type: the type is that of the dispatcher.
-        if name.startswith("__") or name in {"py_func", "_options"}:
+        if name.startswith("__") or name in {"py_func", "_options", "_package"}:
             raise AttributeError(name)
         if name not in {"dispatcher", "inside"}:
             return getattr(self.inside if name == "_numba_type_" else self.dispatcher, name)
@@ -92,6 +101,32 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
         return cast(F, Compiled(function, options))
 
     return decorate if function is None else decorate(function)
+
+
+def sparingly(function: F) -> F:
+    """Return what calls a compiled function for a single result, which plain Python may give sooner.
+
+    The first time that anybody calls it so with arguments of these types, in any process, the function runs
+    as plain Python, and so do all functions of its package that it calls; from then on it is compiled. The
+    result is the same.
+    """
+
+    def call(*args: Any) -> Any:
+        known = cast(Compiled, function)
+        typeof = getattr(known.dispatcher, "typeof_pyval", None)
+        if typeof is None:  # numba is switched off
+            return known(*args)
+        types = tuple(map(typeof, args))
+        if types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types)):
+            return known(*args)
+        token = _plain.set(known._package)
+        try:
+            with np.errstate(all="ignore"):  # compiled code does not warn
+                return known.py_func(*args)
+        finally:
+            _plain.reset(token)
+
+    return cast(F, call)
 
 
 def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:

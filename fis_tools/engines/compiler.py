@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines import interpreter, kernel, number_kernel, packing, single
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import CENTROID, Program, Weighing, assemble
+from fis_tools.engines.program import CENTROID, FORMULA, NUMBER, Conclusion, Program, Weighing, assemble
 from fis_tools.engines.rows import as_rows, columns_of, pick
 from fis_tools.model import FuzzySystem
 from fis_tools.model.membership import sample_terms
@@ -27,7 +27,7 @@ from fis_tools.model.validate import validate
 Floats = NDArray[np.float64]
 #: What goes by the names of its columns; see `fis_tools.engines.rows.columns_of`.
 Table = Any
-OnNoFire = Literal["default", "nan", "raise"]
+OnNoFire = Literal["default", "nan", "hold", "raise"]
 
 #: A thread of its own is worth its while from this many samples on.
 SAMPLES_A_THREAD = 10_000
@@ -100,8 +100,9 @@ class CompiledSystem:
             A row a sample, in the order of the system's inputs; or each input by its name, of shapes that
             broadcast. A table (a data frame, a structured array) goes by its columns' names, whatever their
             order; it may have others besides. Values out of range are clipped to the universes.
-        on_no_fire : {"default", "nan", "raise"}
-            What an output is where no rule that concludes on it fires: its default, NaN, or an error.
+        on_no_fire : {"default", "nan", "hold", "raise"}
+            What an output is where no rule that concludes on it fires: its default, NaN, what it was in the
+            row before (the default in rows before the first at which one fires), or an error.
 
         Returns
         -------
@@ -137,6 +138,9 @@ class CompiledSystem:
         outputs = self._infer(rows)
         if on_no_fire == "nan":
             outputs[unfired] = np.nan
+        if on_no_fire == "hold":
+            last = np.maximum.accumulate(np.where(unfired, -1, np.arange(len(rows))[:, np.newaxis]), axis=0)
+            outputs = np.where(last < 0, outputs, np.take_along_axis(outputs, last, axis=0))
         count = {v.name: int(n) for v, n in zip(self.system.outputs, unfired.sum(axis=0), strict=True)}
         if names is None:
             return Answers(outputs, unfired, count)
@@ -156,14 +160,8 @@ class CompiledSystem:
 
     @cached_property
     def _marking(self) -> Program:
-        """The program, with centroids for outputs, and NaN for their defaults."""
-        marked = (
-            c._replace(default=np.nan)
-            if isinstance(c, Weighing)
-            else c._replace(defuzzifier=CENTROID, default=np.nan)
-            for c in self.program.conclusions
-        )
-        return replace(self.program, conclusions=tuple(marked))
+        """The program, with centroids for outputs, NaN for their defaults, and zero for formulas."""
+        return replace(self.program, conclusions=tuple(map(_marked, self.program.conclusions)))
 
     def prepare(self) -> Callable[..., list[float]]:
         """Return a function for one sample at a time, some microseconds a call; for one thread.
@@ -276,6 +274,19 @@ def compile(
     return CompiledSystem(read, assemble(read), _packed(read), threads or os.cpu_count() or 1)
 
 
+def _marked(conclusion: Conclusion | Weighing) -> Conclusion | Weighing:
+    if isinstance(conclusion, Conclusion):
+        return conclusion._replace(defuzzifier=CENTROID, default=np.nan)
+    is_formula = conclusion.kinds == FORMULA
+    return conclusion._replace(
+        default=np.nan,
+        kinds=np.where(is_formula, NUMBER, conclusion.kinds),
+        parameters=np.where(is_formula[:, np.newaxis], 0.0, conclusion.parameters),
+        formulas=(),
+        names=(),
+    )
+
+
 def _stacked(columns: list[Floats]) -> Floats:
     return np.stack([column.ravel() for column in columns], axis=1)
 
@@ -286,7 +297,7 @@ def _told(system: FuzzySystem, rows: Floats, unfired: NDArray[np.bool_]) -> str:
     values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))
     return (
         f"no rule for {system.outputs[place].name!r} fires at {int(unfired[:, place].sum())} of {len(rows)} "
-        f"samples, first at number {sample} ({values}); add rules, or take on_no_fire='default' or 'nan'"
+        f"samples, first at number {sample} ({values}); add rules, or take another on_no_fire"
     )
 
 

@@ -5,7 +5,7 @@ same arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is
 case.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -17,7 +17,9 @@ from fis_tools.engines.rows import as_rows
 from fis_tools.model import (
     And,
     Expression,
+    Formula,
     FuzzySystem,
+    Hedged,
     Is,
     MembershipFunction,
     MonotoneFunction,
@@ -28,7 +30,7 @@ from fis_tools.model import (
     Variable,
 )
 from fis_tools.model.membership import sample_terms
-from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, OR_OPERATORS
+from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
 Floats = NDArray[np.float64]
 
@@ -148,7 +150,7 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
         clipped=clipped,
         memberships=tuple(rows[0] for rows in memberships),
         firing_strengths=firing,
-        outputs=tuple(_infer_output(system, variable, firing, clipped) for variable in system.outputs),
+        outputs=tuple(_infer_outputs(system, firing, clipped)),
     )
 
 
@@ -169,7 +171,7 @@ def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
     rows = _checked(system, as_rows(system, inputs))
     firing, clipped = _fire(system, fuzzify(system, rows)), _clipped(system, rows)
     outputs = [
-        [_infer_output(system, v, *sample).value for v in system.outputs]
+        [output.value for output in _infer_outputs(system, *sample)]
         for sample in zip(firing, clipped, strict=True)
     ]
     return np.array(outputs).reshape(len(firing), len(system.outputs))
@@ -237,6 +239,8 @@ def _degree(
             return degrees[variable, term]
         case Not(operand):
             return 1.0 - _degree(system, rule, operand, degrees)
+        case Hedged(hedge, operand):
+            return HEDGES[hedge](_degree(system, rule, operand, degrees))
         case And(operands):
             combine = AND_OPERATORS[system.and_operator_of(rule)]
         case Or(operands):
@@ -250,11 +254,21 @@ def _clipped(system: FuzzySystem, rows: Floats) -> Floats:
     return np.clip(rows, ends[:, 0], ends[:, 1])
 
 
+def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
+    """Infer one output after the other, each from the inputs and, by a formula, from those before it."""
+    values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
+    found = []
+    for variable in system.outputs:
+        found.append(_infer_output(system, variable, firing, values))
+        values[variable.name] = np.float64(found[-1].value)
+    return found
+
+
 def _infer_output(
-    system: FuzzySystem, variable: Variable, firing: Floats, clipped: Floats
+    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
 ) -> OutputInference:
     if system.weighs(variable):
-        return _weigh(system, variable, firing, clipped)
+        return _weigh(system, variable, firing, values)
     cuts = _cut_terms(system, variable, firing)
     if system.cuts(variable):
         universe, aggregated = _aggregate(variable, cuts)
@@ -268,7 +282,9 @@ def _infer_output(
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)
 
 
-def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, clipped: Floats) -> OutputInference:
+def _weigh(
+    system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
+) -> OutputInference:
     """Weigh what each rule concludes by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
     cuts = np.full(len(variable.terms), np.nan)
@@ -279,7 +295,8 @@ def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, clipped: Flo
             term = variable.term_index(consequent.term)
             strength, number = float(firing[place] * consequent.weight), np.nan
             if strength > 0.0:
-                number = _concluded(variable, variable.terms[term].membership, strength, clipped)
+                shape = variable.terms[term].membership
+                number = _concluded(system, variable, shape, strength, values)
                 total, moment = total + strength, moment + strength * number
             found.append((place, strength, number))
             cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
@@ -291,15 +308,23 @@ def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, clipped: Flo
     return OutputInference(variable, cuts, np.empty(0), np.empty(0), value, total == 0.0, weighing)
 
 
-def _concluded(variable: Variable, shape: MembershipFunction, strength: float, clipped: Floats) -> float:
+def _concluded(
+    system: FuzzySystem,
+    variable: Variable,
+    shape: MembershipFunction,
+    strength: float,
+    values: Mapping[str, Any],
+) -> float:
     """Return the number that a rule of a strength above zero concludes.
 
     A sigmoid reaches one nowhere; at a strength of one its rule concludes the end of the range.
     """
+    if isinstance(shape, Formula):
+        return float(shape.value(values))
     if isinstance(shape, Number):
-        *coefficients, number = shape.row(len(clipped))
-        for coefficient, x in zip(coefficients, clipped, strict=True):
-            number += coefficient * x
+        *coefficients, number = shape.row(len(system.inputs))
+        for coefficient, each in zip(coefficients, system.inputs, strict=True):
+            number += coefficient * values[each.name]
         return float(number)
     assert isinstance(shape, MonotoneFunction)  # noqa: S101 - any other has been refused by validation
     number = float(shape.inverse(np.array(min(strength, 1.0))))

@@ -21,8 +21,10 @@ from fis_tools.engines.program import (
     DRASTIC_SUM,
     EINSTEIN_PRODUCT,
     EINSTEIN_SUM,
+    EXTREMELY,
     HAMACHER_PRODUCT,
     HAMACHER_SUM,
+    INTENSELY,
     MAX,
     MEAN_OF_MAXIMUM,
     MIN,
@@ -30,8 +32,11 @@ from fis_tools.engines.program import (
     NILPOTENT_MINIMUM,
     PROBABILISTIC_SUM,
     PRODUCT,
+    SELDOM,
     SMALLEST_OF_MAXIMUM,
+    SOMEWHAT,
     UNBOUNDED_SUM,
+    VERY,
     Conclusion,
     Program,
     Weighing,
@@ -74,8 +79,8 @@ def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> 
             raise ValueError("rules conclude numbers that depend on the inputs; pass these, (n, num_inputs)")
         inputs = np.zeros((len(firing), len(program.antecedents.inputs)))
     columns = np.empty((len(program.conclusions), len(firing)))
-    for conclusion, column in zip(program.conclusions, columns, strict=True):
-        concluding(program, conclusion, firing, inputs, column)()
+    for place, conclusion in enumerate(program.conclusions):
+        concluding(program, conclusion, firing, inputs, columns[:place], columns[place])()
     return columns.T
 
 
@@ -87,17 +92,26 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     for first in range(0, len(inputs), size):
         rows = inputs[first : first + size]
         fire_rows(*program.antecedents, rows, firing[: len(rows)])
-        for conclusion, column in zip(program.conclusions, columns, strict=True):
-            concluding(program, conclusion, firing[: len(rows)], rows, column[first : first + size])()
+        part = columns[:, first : first + size]
+        for place, conclusion in enumerate(program.conclusions):
+            concluding(program, conclusion, firing[: len(rows)], rows, part[:place], part[place])()
     return columns.T
 
 
 def concluding(
-    program: Program, conclusion: Conclusion | Weighing, firing: Floats, inputs: Floats, out: Floats
+    program: Program,
+    conclusion: Conclusion | Weighing,
+    firing: Floats,
+    inputs: Floats,
+    earlier: Floats,
+    out: Floats,
 ) -> Callable[[], None]:
-    """Return what writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs)."""
+    """Return what writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs).
+
+    The outputs before it, (num_outputs, n), have been written by then.
+    """
     if isinstance(conclusion, Weighing):
-        return partial(weigh, conclusion, firing, inputs, program.ends, out)
+        return partial(weigh, conclusion, firing, inputs, program.ends, earlier, out)
     if conclusion.cuts:
         return partial(_conclude_by_term, *conclusion[:9], firing, out)
     return partial(
@@ -152,6 +166,23 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
         return max(a, b) if either < 1.0 else 1.0
     if operator == UNBOUNDED_SUM:
         return either
+    return _changed(operator, a)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _changed(operator: int, a: float) -> float:
+    """Return what a hedge makes of a degree of truth, or its complement."""
+    if operator == VERY:
+        return a * a
+    if operator == SOMEWHAT:
+        return float(np.sqrt(max(a, 0.0)))
+    if operator == EXTREMELY:
+        return a * a * a
+    if operator == INTENSELY:
+        return 2.0 * a * a if a <= 0.5 else 1.0 - 2.0 * (1.0 - a) * (1.0 - a)
+    if operator == SELDOM:
+        half = max(a if a <= 0.5 else 1.0 - a, 0.0)
+        return float(np.sqrt(0.5 * half)) if a <= 0.5 else float(1.0 - np.sqrt(0.5 * half))
     return 1.0 - a
 
 

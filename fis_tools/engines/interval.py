@@ -29,7 +29,7 @@ from fis_tools.engines.program import (
     assemble,
 )
 from fis_tools.engines.weigher import invert
-from fis_tools.model import Concave, FuzzySystem, Sigmoid, Variable
+from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate
 
 Floats = NDArray[np.float64]
@@ -80,6 +80,11 @@ def pack(system: FuzzySystem) -> Program:
 def _require_limits(output: Variable) -> None:
     """Refuse Tsukamoto's terms that lead ever farther away as the strength of their rule vanishes."""
     for term in output.terms:
+        if isinstance(term.membership, Formula):
+            raise NotBounded(
+                f"output {output.name!r} cannot be bounded: its rules conclude the formula "
+                f"{term.membership.text[:40]!r}, and bounds are for numbers linear in the inputs"
+            )
         if isinstance(term.membership, Concave | Sigmoid):
             raise NotBounded(
                 f"output {output.name!r} cannot be bounded: as the strength of a rule goes to zero, the "

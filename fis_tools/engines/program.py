@@ -16,7 +16,10 @@ from fis_tools.model import (
     Constant,
     Defuzzifier,
     Expression,
+    Formula,
     FuzzySystem,
+    Hedge,
+    Hedged,
     Is,
     MonotoneFunction,
     Not,
@@ -40,14 +43,17 @@ AND_CODES = range(7)
 OR_CODES = range(7, 14)
 NOT = 14
 UNBOUNDED_SUM = 15
+HEDGE_CODES = range(16, 21)
 MIN, PRODUCT, BOUNDED_DIFFERENCE, EINSTEIN_PRODUCT, HAMACHER_PRODUCT, DRASTIC_PRODUCT, NILPOTENT_MINIMUM = (
     AND_CODES
 )
 MAX, PROBABILISTIC_SUM, BOUNDED_SUM, EINSTEIN_SUM, HAMACHER_SUM, DRASTIC_SUM, NILPOTENT_MAXIMUM = OR_CODES
+VERY, SOMEWHAT, EXTREMELY, INTENSELY, SELDOM = HEDGE_CODES
 OPERATORS: dict[str, int] = {
     **dict(zip(get_args(AndOperator), AND_CODES, strict=True)),
     **dict(zip(get_args(OrOperator), OR_CODES, strict=True)),
     "unbounded_sum": UNBOUNDED_SUM,
+    **dict(zip(get_args(Hedge), HEDGE_CODES, strict=True)),
 }
 DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(Defuzzifier))}
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
@@ -55,7 +61,8 @@ WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
 
 #: What a rule concludes where the output is weighed: a number, or where one of these shapes has its strength.
 #: Each of these has two parameters.
-NUMBER = -1
+#: or a formula, of which the first parameter is the place.
+NUMBER, FORMULA = -1, -2
 INVERTED: tuple[type[MonotoneFunction], ...] = (Ramp, Sigmoid, SShape, ZShape, Concave, Arc)
 RAMP, SIGMOID, S_SHAPE, Z_SHAPE, CONCAVE, ARC = range(6)
 
@@ -155,6 +162,10 @@ class Weighing(NamedTuple):
         WEIGHTED_AVERAGE or WEIGHTED_SUM.
     default : float
         The output where no rule fires; NaN where none is declared.
+    formulas : tuple of Formula
+        Those that some rule concludes.
+    names : tuple of str
+        What formulas call the inputs, then the outputs before this one.
     """
 
     rules: Integers
@@ -166,6 +177,8 @@ class Weighing(NamedTuple):
     high: float
     defuzzifier: int
     default: float
+    formulas: tuple[Formula, ...]
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -198,7 +211,8 @@ class Program:
     def asks_for_inputs(self) -> bool:
         """Whether some rule concludes a number that depends on the inputs."""
         return any(
-            bool((c.parameters[c.kinds == NUMBER, : len(self.antecedents.inputs)] != 0.0).any())
+            bool(c.formulas)
+            or bool((c.parameters[c.kinds == NUMBER, : len(self.antecedents.inputs)] != 0.0).any())
             for c in self.conclusions
             if isinstance(c, Weighing)
         )
@@ -254,6 +268,9 @@ def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
             case Not(operand):
                 slot = slot_of(operand, rule)
                 return step(NOT, slot, slot)
+            case Hedged(hedge, operand):
+                slot = slot_of(operand, rule)
+                return step(OPERATORS[hedge], slot, slot)
             case And(operands):
                 operator = OPERATORS[system.and_operator_of(rule)]
             case Or(operands):
@@ -306,10 +323,15 @@ def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
         for consequent in rule.consequents
         if consequent.variable == output.name
     ]
+    before = system.outputs[: system.outputs.index(output)]
     parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))
     kinds = np.full(len(concluded), NUMBER)
+    formulas = [shape for _, _, shape in concluded if isinstance(shape, Formula)]
+    row: tuple[float, ...]
     for place, (_, _, shape) in enumerate(concluded):
-        if isinstance(shape, Number):
+        if isinstance(shape, Formula):
+            kinds[place], row = FORMULA, (float(formulas.index(shape)),)
+        elif isinstance(shape, Number):
             row = shape.row(len(system.inputs))
         else:
             kinds[place] = next(code for code, kind in enumerate(INVERTED) if type(shape) is kind)
@@ -325,6 +347,8 @@ def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
         high=float(output.maximum),
         defuzzifier=DEFUZZIFIERS[system.defuzzifier_of(output)],
         default=np.nan if output.default is None else output.default,
+        formulas=tuple(formulas),
+        names=tuple(v.name for v in (*system.inputs, *before)) if formulas else (),
     )
 
 

@@ -69,7 +69,9 @@ def _runner(program: Program, row: Floats) -> tuple[Callable[[], None], Floats]:
     firing = np.empty((1, program.num_rules))
     fire = partial(interpreter.fire_rows, *program.antecedents, row, firing)
     conclude = [
-        interpreter.concluding(program, conclusion, firing, row, outputs[place : place + 1])
+        interpreter.concluding(
+            program, conclusion, firing, row, outputs[:place, np.newaxis], outputs[place : place + 1]
+        )
         for place, conclusion in enumerate(program.conclusions)
     ]
 

@@ -27,9 +27,17 @@ Place = int | tuple[int, ...]
 CACHE_LINE = 64
 
 
+class Lanes(np.ndarray[Any, Any]):
+    """An array of shape (width,) that is a value: `a += b` makes another `a`, as for numbers."""
+
+
+for _name in ("add", "sub", "mul", "truediv", "and", "or", "xor"):
+    setattr(Lanes, f"__i{_name}__", getattr(np.ndarray, f"__{_name}__"))
+
+
 def splat(value: float, width: int) -> Vector:
     """Return a vector with the same value in each of its lanes."""
-    return np.full(width, value, dtype=np.float64)
+    return np.full(width, value, dtype=np.float64).view(Lanes)
 
 
 def load(array: Floats, at: Place, width: int) -> Vector:
@@ -39,7 +47,7 @@ def load(array: Floats, at: Place, width: int) -> Vector:
     will do. Compiled code does not check that the elements lie inside the row, and counts no index from the
     end.
     """
-    return np.array(_row_from(array, at)[:width])
+    return np.array(_row_from(array, at)[:width]).view(Lanes)
 
 
 def spread(array: Floats, at: int, width: int) -> Vector:
@@ -47,7 +55,7 @@ def spread(array: Floats, at: int, width: int) -> Vector:
 
     Compiled code does not check that it lies inside the array, and counts no index from the end.
     """
-    return np.full(width, array[at])
+    return splat(array[at], width)
 
 
 def store(array: Floats, at: Place, vector: Vector) -> None:
@@ -67,12 +75,13 @@ def gather(array: Floats, at: int, offsets: Vector) -> Vector:
     Compiled code does not check that they lie inside the array.
     """
     whole: NDArray[np.int64] = np.trunc(offsets).astype(np.int64)
-    return array[at + whole]
+    return array[at + whole].view(Lanes)
 
 
 def select(mask: Mask, one: Vector, other: Vector) -> Vector:
     """Return `one` where the mask holds, elsewhere `other`."""
-    return np.asarray(np.where(mask, one, other))[()]
+    chosen: Any = np.where(mask, one, other)
+    return chosen.view(Lanes) if chosen.ndim else chosen[()]
 
 
 def least(one: Vector, other: Vector) -> Vector:

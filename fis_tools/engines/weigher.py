@@ -7,6 +7,7 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.program import (
     ARC,
     CONCAVE,
+    FORMULA,
     NUMBER,
     RAMP,
     S_SHAPE,
@@ -19,13 +20,17 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-def weigh(weighing: Weighing, firing: Floats, values: Floats, universes: Floats, out: Floats) -> None:
+def weigh(
+    weighing: Weighing, firing: Floats, values: Floats, universes: Floats, earlier: Floats, out: Floats
+) -> None:
     """Write one output for firing strengths (n, num_rules) and inputs (n, num_inputs).
 
     Parameters
     ----------
     universes : (num_inputs, 2)
         The ends of each input, inside of which it is taken.
+    earlier : (num_outputs, n)
+        The outputs before this one, which formulas may speak of.
     """
     if weighing.is_constant:
         _weigh_constants(
@@ -38,7 +43,21 @@ def weigh(weighing: Weighing, firing: Floats, values: Floats, universes: Floats,
             out,
         )
     else:
-        _weigh(*weighing[:4], *weighing[5:], firing, values, universes, out)
+        formulas = formula_values(weighing, values, universes, earlier)
+        _weigh(*weighing[:4], *weighing[5:9], formulas, firing, values, universes, out)
+
+
+def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlier: Floats) -> Floats:
+    """Return what the formulas of an output come to, (n, num_formulas); see `weigh`."""
+    found = np.empty((len(values), len(weighing.formulas)))
+    if weighing.formulas:
+        clipped = np.clip(values, universes[:, 0], universes[:, 1]).T
+        known = dict(
+            zip(weighing.names, (*clipped, *earlier[: len(weighing.names) - len(clipped)]), strict=True)
+        )
+        for place, formula in enumerate(weighing.formulas):
+            found[:, place] = formula.value(known)
+    return found
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -73,6 +92,7 @@ def _weigh(
     high: float,
     defuzzifier: int,
     default: float,
+    formulas: Floats,
     firing: Floats,
     values: Floats,
     universes: Floats,
@@ -92,6 +112,8 @@ def _weigh(
                 number = parameters[index, num_inputs]
                 for place in range(num_inputs):
                     number += parameters[index, place] * clipped[place]
+            elif kinds[index] == FORMULA:
+                number = formulas[sample, int(parameters[index, 0])]
             else:
                 number = invert(kinds[index], parameters[index, 0], parameters[index, 1], min(strength, 1.0))
                 if np.isinf(number):

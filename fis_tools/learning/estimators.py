@@ -49,17 +49,8 @@ class FuzzyRegressor(RegressorMixin, _FuzzyEstimator):
 
     Parameters
     ----------
-    consequents : {"constants", "linear", "sets"}
-        What rules conclude: a number each (Takagi-Sugeno of order zero), a number linear in the inputs (of
-        order one), or a fuzzy set (Mamdani, by Wang and Mendel).
-    terms : int
-        Of each input, 2 to 7.
-    output_terms : int
-        Of an output of sets, 2 to 7.
-    max_inputs : int
-        Columns that rules may ask for: those that lower the expected error most, one after the other.
-    tune : bool
-        Whether the terms' peaks are moved to lower it further.
+    consequents, terms, output_terms, max_inputs, tune
+        See `fis_tools.learning.recipe.Recipe`.
 
     Attributes
     ----------
@@ -104,12 +95,8 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
 
     Parameters
     ----------
-    terms : int
-        Of each input, 2 to 7.
-    max_inputs : int
-        Columns that rules may ask for: those that lower the expected error most, one after the other.
-    tune : bool
-        Whether the terms' peaks are moved to lower it further.
+    terms, max_inputs, tune
+        See `fis_tools.learning.recipe.Recipe`.
 
     Attributes
     ----------

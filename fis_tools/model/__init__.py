@@ -1,10 +1,23 @@
 """What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
 
+from fis_tools.model.formulas import Formula
 from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
 from fis_tools.model.numbers import Constant, Linear, Number
-from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
 from fis_tools.model.rule_tables import conjunctions, rule_table, table_antecedents, table_cells, table_rules
-from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
+from fis_tools.model.rules import (
+    And,
+    Consequent,
+    Expression,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
+    parts_of,
+    statements_of,
+    with_statements,
+)
 from fis_tools.model.shape import MembershipFunction, MonotoneFunction
 from fis_tools.model.shapes import (
     Gaussian,
@@ -35,10 +48,13 @@ __all__ = [
     "Cosine",
     "Defuzzifier",
     "Expression",
+    "Formula",
     "FuzzyController",
     "FuzzySystem",
     "Gaussian",
     "GeneralizedBell",
+    "Hedge",
+    "Hedged",
     "Is",
     "Linear",
     "MembershipFunction",
@@ -64,8 +80,11 @@ __all__ = [
     "Variable",
     "ZShape",
     "conjunctions",
+    "parts_of",
     "rule_table",
+    "statements_of",
     "table_antecedents",
     "table_cells",
     "table_rules",
+    "with_statements",
 ]

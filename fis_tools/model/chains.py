@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from fis_tools.model.rules import And, Consequent, Expression, Is, Not, Or, Rule
+from fis_tools.model.rules import Consequent, Expression, Is, Or, Rule, statements_of, with_statements
 from fis_tools.model.variables import Variable
 
 _Name = TypeVar("_Name", bound=str)
@@ -42,7 +42,7 @@ def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[R
     found: list[Rule] = []
     for each in rules:
         rule = _inlined(each, concluded, outputs) if _asks(each.rule, outputs) else each.rule
-        if len(_statements(rule.antecedent)) > MOST_STATEMENTS:
+        if sum(1 for _ in statements_of(rule.antecedent)) > MOST_STATEMENTS:
             raise NotResolvable(
                 f"{each.name} comes to more than {MOST_STATEMENTS} statements; shorten its chain"
             )
@@ -58,26 +58,19 @@ def _inlined(
 ) -> Rule:
     and_operators, or_operators = [each.rule.and_operator], [each.rule.or_operator]
 
-    def said(expression: Expression) -> Expression:
-        match expression:
-            case Not(operand):
-                return Not(said(operand))
-            case And(operands):
-                return And(tuple(map(said, operands)))
-            case Or(operands):
-                return Or(tuple(map(said, operands)))
-            case Is(variable, _) if variable in outputs:
-                sources = concluded.get(expression, [])
-                _require_plain(each, expression, sources, outputs[variable])
-                and_operators.extend(source.rule.and_operator for source, _ in sources)
-                or_operators.extend(source.rule.or_operator for source, _ in sources)
-                if len(sources) > 1:
-                    or_operators.append("max")
-                parts = tuple(source.rule.antecedent for source, _ in sources)
-                return parts[0] if len(parts) == 1 else Or(parts)
-        return expression
+    def said(statement: Is) -> Expression:
+        if statement.variable not in outputs:
+            return statement
+        sources = concluded.get(statement, [])
+        _require_plain(each, statement, sources, outputs[statement.variable])
+        and_operators.extend(source.rule.and_operator for source, _ in sources)
+        or_operators.extend(source.rule.or_operator for source, _ in sources)
+        if len(sources) > 1:
+            or_operators.append("max")
+        parts = tuple(source.rule.antecedent for source, _ in sources)
+        return parts[0] if len(parts) == 1 else Or(parts)
 
-    antecedent = said(each.rule.antecedent)
+    antecedent = with_statements(each.rule.antecedent, said)
     return replace(
         each.rule,
         antecedent=antecedent,
@@ -119,14 +112,4 @@ def _one(each: Named, word: str, operators: Sequence[_Name | None]) -> _Name | N
 
 
 def _asks(rule: Rule, outputs: Mapping[str, Variable]) -> bool:
-    return any(statement.variable in outputs for statement in _statements(rule.antecedent))
-
-
-def _statements(expression: Expression) -> list[Is]:
-    match expression:
-        case Is():
-            return [expression]
-        case Not(operand):
-            return _statements(operand)
-        case And(operands) | Or(operands):
-            return [statement for operand in operands for statement in _statements(operand)]
+    return any(statement.variable in outputs for statement in statements_of(rule.antecedent))

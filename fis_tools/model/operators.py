@@ -1,8 +1,9 @@
-"""How degrees of truth combine: the operators behind `and` and `or`, by name.
+"""How degrees of truth combine and change: the operators behind `and` and `or`, and hedges, by name.
 
 Each takes arrays, or numbers, in [0, 1]. The or-operators are the duals of the and-operators in the same
 place: ``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar and Pap, *Triangular Norms*
-(2000), names as in fuzzylite and Octave's fuzzy-logic-toolkit.
+(2000), names as in fuzzylite and Octave's fuzzy-logic-toolkit. Hedges are those of IEEE 1855, annex A, whose
+`intensify` is `intensely` here; each leaves 0 and 1 as they are and grows in between.
 """
 
 from collections.abc import Callable
@@ -32,6 +33,7 @@ OrOperator = Literal[
 ]
 Accumulation = Literal[OrOperator, "product"]
 Aggregation = Literal[OrOperator, "unbounded_sum"]
+Hedge = Literal["very", "somewhat", "extremely", "intensely", "seldom"]
 
 #: Of a defuzzifier: those that weigh what rules conclude by how strongly they fire, and form no fuzzy set.
 WEIGHING: tuple[Defuzzifier, ...] = ("weighted_average", "weighted_sum")
@@ -108,6 +110,32 @@ def unbounded_sum(a: Floats, b: Floats) -> Floats:
     return a + b
 
 
+def very(a: Floats) -> Floats:
+    """Return ``a a``."""
+    return a * a
+
+
+def somewhat(a: Floats) -> Floats:
+    """Return the root of `a`; rounding may have taken it below zero."""
+    return np.sqrt(np.fmax(a, 0.0))
+
+
+def extremely(a: Floats) -> Floats:
+    """Return ``a a a``, as MATLAB; fuzzylite calls `intensely` so."""
+    return a * a * a
+
+
+def intensely(a: Floats) -> Floats:
+    """Return ``2 a a`` up to a half, ``1 - 2 (1 - a) (1 - a)`` above: what is likely becomes likelier."""
+    return np.where(a <= 0.5, 2.0 * a * a, 1.0 - 2.0 * (1.0 - a) * (1.0 - a))
+
+
+def seldom(a: Floats) -> Floats:
+    """Return the reverse of `intensely`: ``sqrt(a / 2)`` up to a half, ``1 - sqrt((1 - a) / 2)`` above."""
+    low, high = np.sqrt(0.5 * np.fmax(a, 0.0)), 1.0 - np.sqrt(0.5 * np.fmax(1.0 - a, 0.0))
+    return np.where(a <= 0.5, low, high)
+
+
 AND_OPERATORS: dict[AndOperator, Operator] = {
     "min": np.fmin,
     "product": np.multiply,
@@ -130,3 +158,10 @@ ACCUMULATIONS: dict[Accumulation, Operator] = {"product": np.multiply}
 ACCUMULATIONS.update(OR_OPERATORS.items())
 AGGREGATIONS: dict[Aggregation, Operator] = {"unbounded_sum": unbounded_sum}
 AGGREGATIONS.update(OR_OPERATORS.items())
+HEDGES: dict[Hedge, Callable[[Floats], Floats]] = {
+    "very": very,
+    "somewhat": somewhat,
+    "extremely": extremely,
+    "intensely": intensely,
+    "seldom": seldom,
+}

@@ -1,8 +1,9 @@
 """Rules: a statement about the inputs, and what it concludes on the outputs."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from fis_tools.model.operators import AndOperator, OrOperator
+from fis_tools.model.operators import AndOperator, Hedge, OrOperator
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,14 @@ class Not:
 
 
 @dataclass(frozen=True, slots=True)
+class Hedged:
+    """A statement, or several, with a hedge before: ``variable is very term``."""
+
+    hedge: Hedge
+    operand: "Expression"
+
+
+@dataclass(frozen=True, slots=True)
 class And:
     """The conjunction of statements, combined from left to right."""
 
@@ -34,7 +43,36 @@ class Or:
     operands: tuple["Expression", ...]
 
 
-Expression = Is | Not | And | Or
+Expression = Is | Not | Hedged | And | Or
+
+
+def parts_of(expression: Expression) -> Iterator[Expression]:
+    """Yield an antecedent and everything that it is made of, from left to right."""
+    yield expression
+    match expression:
+        case Not(operand) | Hedged(_, operand):
+            yield from parts_of(operand)
+        case And(operands) | Or(operands):
+            for operand in operands:
+                yield from parts_of(operand)
+
+
+def statements_of(expression: Expression) -> Iterator[Is]:
+    """Yield the statements of an antecedent, from left to right."""
+    return (part for part in parts_of(expression) if isinstance(part, Is))
+
+
+def with_statements(expression: Expression, said: Callable[[Is], Expression]) -> Expression:
+    """Return an antecedent with what is to be said in the place of each of its statements."""
+    match expression:
+        case Is():
+            return said(expression)
+        case Not(operand):
+            return Not(with_statements(operand, said))
+        case Hedged(hedge, operand):
+            return Hedged(hedge, with_statements(operand, said))
+        case And(operands) | Or(operands):
+            return type(expression)(tuple(with_statements(operand, said) for operand in operands))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ import numpy as np
 
 from fis_tools.model.membership import shape_values
 from fis_tools.model.numbers import Linear, Number
-from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
-from fis_tools.model.rules import And, Expression, Is, Not, Or, Rule
+from fis_tools.model.operators import HEDGES, Accumulation, Aggregation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model.rules import And, Expression, Hedged, Is, Not, Or, Rule
 from fis_tools.model.shape import SHAPES, MembershipFunction
 from fis_tools.model.shapes import Sampled
 from fis_tools.model.systems import FuzzyController, FuzzySystem
@@ -326,6 +326,10 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
             yield from _reference_problems(inputs, "input", variable, term)
         case Not(operand):
             yield from _expression_problems(inputs, operand, depth + 1)
+        case Hedged(hedge, operand):
+            if hedge not in HEDGES:
+                yield f"the hedge {hedge!r} is not known; {nearest(str(hedge), HEDGES)}"
+            yield from _expression_problems(inputs, operand, depth + 1)
         case And(operands) | Or(operands):
             if not operands:
                 word = "and" if isinstance(expression, And) else "or"
@@ -333,7 +337,7 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
             for operand in operands:
                 yield from _expression_problems(inputs, operand, depth + 1)
         case _:
-            yield f"{expression!r} is not a statement; use Is, Not, And or Or"
+            yield f"{expression!r} is not a statement; use Is, Not, Hedged, And or Or"
 
 
 def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:

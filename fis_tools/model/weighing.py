@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from fis_tools.model.formulas import Formula, NotAFormula
 from fis_tools.model.numbers import Linear, Number
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shape import MonotoneFunction
@@ -63,6 +64,10 @@ def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
                     f"{where}, term {term.name!r} has {len(coefficients)} coefficients for "
                     f"{len(system.inputs)} inputs; give one for each input, and the constant"
                 )
+            case Formula() as formula:
+                yield from (
+                    f"{where}, term {term.name!r}: {fault}" for fault in _faults(system, output, formula)
+                )
             case Number() | MonotoneFunction():
                 pass
             case shape:
@@ -71,6 +76,23 @@ def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
                     "or linear) or shapes that only rise or fall (ramp, sigmoid, s_shape, z_shape, concave "
                     "or arc)"
                 )
+
+
+def _faults(system: FuzzySystem, output: Variable, formula: Formula) -> Iterator[str]:
+    """Tell what is wrong with a formula: it may speak of inputs, and of outputs before its own."""
+    try:
+        names = dict.fromkeys(formula.parsed.names())
+    except NotAFormula as error:
+        yield f"{error}; correct it"
+        return
+    before = system.outputs[: system.outputs.index(output)]
+    known = [variable.name for variable in (*system.inputs, *before)]
+    for name in names:
+        if name not in known:
+            yield (
+                f"the formula {formula.text[:40]!r} speaks of {name!r}, no input and no output before "
+                f"this one; choose of {', '.join(known)}"
+            )
 
 
 def has_sets(variable: Variable) -> bool:
@@ -92,7 +114,7 @@ def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
     """Return the least and the greatest number that an output's terms are over the ranges of the inputs."""
     low, high = [], []
     for term in output.terms:
-        if isinstance(term.membership, Number):
+        if isinstance(term.membership, Number) and not isinstance(term.membership, Formula):
             *coefficients, constant = term.membership.row(len(inputs))
             ends = [sorted((c * v.minimum, c * v.maximum)) for c, v in zip(coefficients, inputs, strict=True)]
             low.append(constant + sum(least for least, _ in ends))

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, AndOperator, Consequent, Expression, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample, sample_terms
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.render import lettering
@@ -153,6 +153,8 @@ def _asked(expression: Expression, name: str, *, is_denied: bool = False) -> Ite
                 yield term, is_denied
         case Not(operand):
             yield from _asked(operand, name, is_denied=not is_denied)
+        case Hedged(_, operand):
+            yield from _asked(operand, name, is_denied=is_denied)
         case And(operands) | Or(operands):
             for operand in operands:
                 yield from _asked(operand, name, is_denied=is_denied)

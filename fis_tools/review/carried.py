@@ -10,7 +10,7 @@ import numpy as np
 from fis_tools.analysis import arrays, shapley
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.engines.inference import Floats
-from fis_tools.model import And, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample
 from fis_tools.review.flown import Flight
 from fis_tools.words.text import sentence
@@ -120,6 +120,8 @@ def _expression(expression: Expression, system: FuzzySystem) -> list[Any]:
             return ["is", place, system.inputs[place].term_index(term)]
         case Not(operand):
             return ["not", _expression(operand, system)]
+        case Hedged(hedge, operand):
+            return [hedge, _expression(operand, system)]
         case And(operands):
             return ["and", [_expression(operand, system) for operand in operands]]
         case Or(operands):

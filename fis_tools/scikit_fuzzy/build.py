@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skfuzzy import control
 from skfuzzy.control.controlsystem import CrispValueCalculator
 
-from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.model.membership import sample
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import validate
@@ -43,6 +43,8 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
         If something is wrong with the system.
     NotMamdani
         If an output is a weighted average or sum.
+    ValueError
+        If a rule has a hedge.
     """
     validate(system)
     require_mamdani((system,), "scikit-fuzzy")
@@ -111,6 +113,10 @@ def _build_expression(expression: Expression, inputs: dict[str, Any]) -> Any:
             return inputs[variable][term]
         case Not(operand):
             return ~_build_expression(operand, inputs)
+        case Hedged(hedge, _):
+            raise ValueError(
+                f"a rule says {hedge!r}, which scikit-fuzzy does not know; define a term for it and say that"
+            )
         case And(operands):
             return reduce(and_, [_build_expression(operand, inputs) for operand in operands])
         case Or(operands):

@@ -1,7 +1,8 @@
 """Fuzzy systems in words: If-Then sentences, rule tables, and an inference explained step by step."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from fis_tools.model import (
     And,
     Consequent,
     Expression,
+    Formula,
     FuzzySystem,
+    Hedged,
     Is,
     Linear,
     Not,
@@ -43,23 +46,44 @@ def extent_words(variable: Variable) -> str:
     return f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
 
 
-def antecedent_words(expression: Expression) -> str:
-    """Return an antecedent in words: ``distance is near and not (wind is calm or heat is low)``."""
-    match expression:
+def antecedent_words(expression: Expression, hedges: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return an antecedent in words: ``distance is not very near and not (wind is calm or heat is low)``.
+
+    Parameters
+    ----------
+    expression : Expression
+        Any antecedent.
+    hedges : mapping
+        Other words for some hedges.
+    """
+    words, inside = before(expression)
+    told = [hedges.get(word, word) for word in words]
+    match inside:
         case Is(variable, term):
-            return f"{variable} is {term}"
-        case Not(Is(variable, term)):
-            return f"{variable} is not {term}"
-        case Not(operand):
-            return f"not ({antecedent_words(operand)})"
+            return " ".join([variable, "is", *told, term])
+        case _ if told:
+            return f"{' '.join(told)} ({antecedent_words(inside, hedges)})"
         case And(operands):
-            return " and ".join(_inside(operand, And) for operand in operands)
+            return " and ".join(_inside(operand, And, hedges) for operand in operands)
         case Or(operands):
-            return " or ".join(_inside(operand, Or) for operand in operands)
+            return " or ".join(_inside(operand, Or, hedges) for operand in operands)
+    raise TypeError(f"{inside!r} is no antecedent")
 
 
-def _inside(expression: Expression, joined_by: type[And | Or]) -> str:
-    words = antecedent_words(expression)
+def before(expression: Expression) -> tuple[list[str], Expression]:
+    """Return the `not` and the hedges before what an antecedent says, and what that is."""
+    match expression:
+        case Not(operand):
+            words, inside = before(operand)
+            return ["not", *words], inside
+        case Hedged(hedge, operand):
+            words, inside = before(operand)
+            return [hedge, *words], inside
+    return [], expression
+
+
+def _inside(expression: Expression, joined_by: type[And | Or], hedges: Mapping[str, str]) -> str:
+    words = antecedent_words(expression, hedges)
     is_joined = isinstance(expression, And | Or) and len(expression.operands) > 1
     return f"({words})" if is_joined and not isinstance(expression, joined_by) else words
 
@@ -93,6 +117,8 @@ def shape_words(term: Term) -> str:
     shape = term.membership
     if isinstance(shape, Sampled):
         return f"sampled at {len(shape.values)} points"
+    if isinstance(shape, Formula):
+        return shape.text
     if isinstance(shape, Linear):
         factors = ", ".join(map(number, shape.coefficients))
         return f"({factors}) times the inputs, plus {number(shape.constant)}"

@@ -14,8 +14,11 @@ from pipeline.settings.nearest import choices_of, did_you_mean, nearest
 EXPERIMENT = "experiment"
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
-#: how the files end that a group takes in place of an option
-SUFFIXES = {CONTROLLER: (".json", ".yaml", ".yml"), "starts": (TABLE_SUFFIX,)}
+#: how the files end that a group takes in place of an option, and which option reads them
+SUFFIXES = {
+    CONTROLLER: {".json": "file", ".yaml": "file", ".yml": "file", ".onnx": "policy"},
+    "starts": {TABLE_SUFFIX: "file"},
+}
 #: keys that name a folder
 FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
 #: the keys of Hydra's own that have an effect here
@@ -52,8 +55,9 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
 
-    So ``starts=PATH``. A folder with a name that Hydra's grammar would take apart, such as ``seed=1``, is
-    quoted. Several paths in a sweep, ``controller=a.json,b.json``, are rewritten together.
+    So ``starts=PATH``, and ``controller=policy`` for an ONNX file. A folder with a name that Hydra's grammar
+    would take apart, such as ``seed=1``, is quoted. Several paths in a sweep,
+    ``controller=a.json,b.json``, are rewritten together.
 
     Raises
     ------
@@ -64,16 +68,23 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     for text in overrides:
         key, _, value = text.partition("=")
         paths = _values(text, value) if key in SUFFIXES else []
-        are_paths = [path.lower().endswith(SUFFIXES[key]) for path in paths]
+        readers = {_reader(key, path) for path in paths}
         if key in FOLDERS and "=" in value and value[:1] not in "'\"":
             rewritten.append(f"{key}={quoted(value)}")
-        elif not any(are_paths):
+        elif readers <= {None}:
             rewritten.append(text)
-        elif all(are_paths):
-            rewritten += [f"{key}=file", f"{key}.path=" + ",".join(quoted(path) for path in paths)]
+        elif len(readers) == 1:
+            rewritten += [f"{key}={readers.pop()}", f"{key}.path=" + ",".join(quoted(path) for path in paths)]
         else:
-            raise ConfigError(f"{text!r} mixes names and paths; sweep over one kind and then the other")
+            raise ConfigError(
+                f"{text!r} mixes names and paths, or kinds of files; sweep over one kind and then the other"
+            )
     return rewritten
+
+
+def _reader(group: str, path: str) -> str | None:
+    """Return the option of a group that reads a file; None for what is no file of its kind."""
+    return next((option for end, option in SUFFIXES[group].items() if path.lower().endswith(end)), None)
 
 
 def _values(text: str, value: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Controllers from the configuration: written out, from a file of ours, from a table of forces, or planned.
+"""Controllers from the configuration: written out, from a file, from a table of forces, learned, or planned.
 
 Reading one executes nothing.
 """
@@ -12,6 +12,7 @@ import yaml
 from fis_tools.formats import serialize
 from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.controllers.played import read_played
+from pipeline.controllers.policies import read_policy
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
@@ -26,7 +27,7 @@ from pipeline.settings.places import conf_folder
 
 CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
 #: options of the group ``controller`` that are complete with a path alone
-WITH_PATHS = ("file", "open_loop")
+WITH_PATHS = ("file", "open_loop", "policy")
 
 
 def load(source: Mapping[str, Any], mission: Mission) -> Controller:
@@ -58,6 +59,8 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     path = Path(str(source["path"]))
     if source.get("kind") == "open_loop":
         return read_played(path, mission)
+    if source.get("kind") == "policy":
+        return read_policy(path)
     return _in_time(from_fuzzy(serialize.load(path)), mission)
 
 
@@ -79,6 +82,8 @@ def named(name: str, mission: Mission) -> Controller:
     suffix = Path(name).suffix.lower()
     if suffix == ".csv":
         return load({"kind": "open_loop", "path": name}, mission)
+    if suffix == ".onnx":
+        return load({"kind": "policy", "path": name}, mission)
     if suffix in CONTROLLER_SUFFIXES:
         return load({"path": name}, mission)
     known = sorted(path.stem for path in (conf_folder() / "controller").glob("*.yaml"))
@@ -86,7 +91,7 @@ def named(name: str, mission: Mission) -> Controller:
     if name not in known:
         raise ControllerError(
             f"there is no controller {name}{choices_of(name, known, 'controllers')}; another is named by the "
-            "path of its file, .json, .yaml or a .csv of forces"
+            "path of its file, .json, .yaml, .onnx or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
     source = yaml.safe_load(path.read_text(encoding="utf-8"))

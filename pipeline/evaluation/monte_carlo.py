@@ -15,6 +15,7 @@ from pipeline.flight.simulation import fly_all
 from pipeline.flight.world import inspection_points
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Column = NDArray[Any]
 
@@ -60,8 +61,21 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count),
+        **_propellant(mission, own, outcomes),
         **{one.key: np.array([of[one.key] for of in own]) for one in distributions(mission.dispersions)},
     }
+
+
+def _propellant(mission: Mission, own: list[dict[str, float]], outcomes: Outcomes) -> dict[str, Column]:
+    """Return as a column what each case used up, by the rocket equation, where the mass falls."""
+    actuators = mission.actuators
+    if actuators.kind != "real" or actuators.specific_impulse_s is None:
+        return {}
+    impulse, mass = actuators.specific_impulse_s, mission.deputy.mass_kg
+    impulses = np.array([of.get("actuators.specific_impulse_s", impulse) for of in own])
+    masses = np.array([of.get("deputy.mass_kg", mass) for of in own])
+    used = -np.expm1(-outcomes.delta_v_m_s / (STANDARD_GRAVITY_M_S2 * impulses))
+    return {"propellant_kg": masses * used}
 
 
 def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict[str, Any]:
@@ -72,6 +86,8 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
     if "safety_periods" in episodes:  # not in those of earlier versions
         names += ["safety_periods", "safety_delta_v_m_s"]
         shares["safety_acted"] = episodes["safety_periods"] > 0
+    if "propellant_kg" in episodes:
+        names.append("propellant_kg")
     if "inspectable_count" in episodes:  # nor these
         names += ["inspectable_count", "inspectable_rate_percent"]
     return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {

@@ -3,15 +3,30 @@
 A command is delayed, turned and scaled by the errors of its flight, rounded to whole impulses, not fired
 where it is less than the least impulse, and clipped to the thrust limit: in this order, along Hill axes, in
 which forces are fired. The safety layer acts on commands, before all this. Delta-v counts what is fired.
+
+What is fired acts beside the centre of mass and so turns the deputy, by ``arm x force`` in body axes; that
+torque comes on top of that of attitude control, and follows the attitude while the force stays along Hill
+axes. By Tsiolkovsky's equation it uses up ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control
+period, in which the mean of the mass before and after is accelerated; the deputy itself computes with the
+mass at the start.
+
+With a layout of thrusters the command, turned and scaled as above, is divided among these by a table: for
+each of the six directions along the body axes, the forces of least sum that push by one newton and do not
+turn the deputy, if there are any. What is asked along the axes is added up. Where a thruster would have to
+give more than it can, all give less in proportion. Impulses are those of each thruster, and so is what is
+used up.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Actuators, Mission
+from pipeline.settings.experiment import Actuators, Mission, SettingError
+from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
 
@@ -30,32 +45,104 @@ class Thrusters(NamedTuple):
         Forces are multiples of this, N; 0 for any.
     least : float
         Least force along an axis, N.
+    exhaust_speed : float
+        Of propellant, m/s; infinite where the mass stays.
+    dry : float
+        Share of the mass at the start that nothing is fired with; -1 where the mass stays.
+    table : (N, 6)
+        Forces of the thrusters per newton along +x, +y, +z, -x, -y, -z of the body; no rows for one an axis.
+    layout : (N, 7)
+        Of each the direction of its force, its torque per newton, m, body axes, and its greatest force, N.
     """
 
     delay: int
     step: float
     least: float
+    exhaust_speed: float
+    dry: float
+    table: Floats
+    layout: Floats
+
+
+class ThrustErrors(NamedTuple):
+    """What the thrusters are off by in some flights.
+
+    Attributes
+    ----------
+    matrices : (m, 3, 3)
+        That turn a command into what is fired, but for impulses and limits.
+    arms : (m, 3)
+        Where the thrust acts, from the centre of mass, m, body axes.
+    """
+
+    matrices: Floats
+    arms: Floats
 
 
 def thrusters_of(mission: Mission) -> Thrusters:
     """Turn settings into forces held over a control period."""
     actuators, period = mission.actuators, mission.control_period_s
+    impulse = actuators.specific_impulse_s
     return Thrusters(
         round(actuators.delay_s / period),
         actuators.impulse_step_n_s / period,
         actuators.least_impulse_n_s / period,
+        np.inf if impulse is None else STANDARD_GRAVITY_M_S2 * impulse,
+        -1.0 if impulse is None else 1.0 - actuators.propellant_kg / mission.deputy.mass_kg,
+        *(layout_of(actuators.thrusters) if actuators.thrusters else (np.zeros((0, 6)), np.zeros((0, 7)))),
     )
 
 
-def thrust_errors(actuators: Actuators, scenarios: list[Scenario]) -> Floats:
-    """Draw for each flight the matrix that turns a command into what is fired, shape (m, 3, 3).
+@cache
+def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]:
+    """Return `Thrusters.table` and `Thrusters.layout` of rows as settings have them.
 
-    Its turn is linear in the angle, which is small.
+    Raises
+    ------
+    SettingError
+        If the thrusters cannot push in some direction.
     """
-    matrices = np.empty((len(scenarios), 3, 3))
+    rows = np.array(thrusters, dtype=np.float64)
+    directions = rows[:, 3:6]
+    layout = np.column_stack([directions, np.cross(rows[:, :3], directions), rows[:, 6]])
+    table = np.column_stack([_division(layout, sign * axis) for sign in (1.0, -1.0) for axis in np.eye(3)])
+    return table, layout
+
+
+def _division(layout: Floats, direction: Floats) -> Floats:
+    """Return the forces of least sum that push by a newton along a direction, turning as little as can be."""
+    count = len(layout)
+    # the torque that is left has two parts not below zero about each axis, at a price above any thrust's
+    forces = np.hstack([layout[:, :3].T, np.zeros((3, 6))])
+    torques = np.hstack([layout[:, 3:6].T, np.eye(3), -np.eye(3)])
+    price = 1e3 / max(1e-3, float(np.abs(layout[:, 3:6]).max()))
+    solved = linprog(
+        np.r_[np.ones(count), np.full(6, price)],
+        A_eq=np.vstack([forces, torques]),
+        b_eq=np.r_[direction, np.zeros(3)],
+        method="highs",
+    )
+    if solved.x is None:
+        raise SettingError(
+            f"actuators.thrusters cannot push along {direction.tolist()} of the body axes; add thrusters "
+            "whose forces have a part along it"
+        )
+    return np.asarray(np.maximum(0.0, solved.x[:count]))
+
+
+def turns_by_thrust(mission: Mission) -> bool:
+    """Tell whether what is fired turns the deputy."""
+    actuators = mission.actuators
+    return actuators.kind == "real" and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None)
+
+
+def thrust_errors(actuators: Actuators, scenarios: list[Scenario]) -> ThrustErrors:
+    """Draw the errors of some flights; the turn of a matrix is linear in the angle, which is small."""
+    matrices, arms = np.empty((len(scenarios), 3, 3)), np.empty((len(scenarios), 3))
     for case, scenario in enumerate(scenarios):
         generator = scenario.generator(THRUSTERS)
         scale = 1.0 + actuators.scale_error * generator.standard_normal(3)
         a, b, c = np.radians(actuators.misalignment_deg) * generator.standard_normal(3)
         matrices[case] = np.array([[1.0, -c, b], [c, 1.0, -a], [-b, a, 1.0]]) * scale[:, np.newaxis]
-    return matrices
+        arms[case] = actuators.thrust_arm_m * generator.standard_normal(3)
+    return ThrustErrors(matrices, arms)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.actuators import Thrusters, thrust_errors, thrusters_of
+from pipeline.flight.actuators import ThrustErrors, Thrusters, thrust_errors, thrusters_of
 from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CASE
 from pipeline.flight.kernel.navigation import Fixes
@@ -31,14 +31,14 @@ class Cases:
         Control periods of a flight.
     navigation : (Filter, Errors), optional
         None where the deputy knows its place.
-    thrusters : (Thrusters, (m, 3, 3) array), optional
+    thrusters : (Thrusters, ThrustErrors), optional
         None where they fire what they are told.
     """
 
     starts: Starts
     num_controls: int
     navigation: tuple[Filter, Errors] | None
-    thrusters: tuple[Thrusters, Floats] | None
+    thrusters: tuple[Thrusters, ThrustErrors] | None
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -55,7 +55,7 @@ class Cases:
             self,
             starts=each(self.starts).view(np.recarray),
             navigation=navigation and (navigation[0], Errors(*map(each, navigation[1]))),
-            thrusters=thrusters and (thrusters[0], each(thrusters[1])),
+            thrusters=thrusters and (thrusters[0], ThrustErrors(*map(each, thrusters[1]))),
         )
 
     def fixes(self) -> Fixes | None:
@@ -72,6 +72,9 @@ class Cases:
             now=np.zeros((6, 6, LANES)),
             half=np.zeros((6, 6, LANES)),
             truth=np.zeros((6, LANES)),
+            turn=np.zeros((4, LANES)),
+            tilt=np.zeros((3, LANES)),
+            attitude=np.zeros((4, LANES)),
             fixes=np.zeros((errors.of_fixes.shape[1], 3, LANES)),
             acting=np.zeros((self.num_controls, 3, LANES)),
         )
@@ -80,8 +83,16 @@ class Cases:
         """Return the thrusters as one thread flies them."""
         if self.thrusters is None:
             return None
-        law, matrices = self.thrusters
-        return Firing(*law, matrices, np.zeros((self.num_controls, 3, LANES)), np.zeros((9, LANES)))
+        law, errors = self.thrusters
+        commands = np.zeros((self.num_controls, 3, LANES))
+        return Firing(
+            *law,
+            *errors,
+            commands,
+            errors=np.zeros((9, LANES)),
+            mass=np.zeros(LANES),
+            thrust=np.zeros((len(law.table), LANES)),
+        )
 
 
 def starts_of(scenarios: list[Scenario]) -> Starts:
@@ -98,7 +109,7 @@ def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
     navigation, thrusters = None, None
     if mission.navigation.mode == "fixes":
         law = filter_of(mission)
-        navigation = law, errors_of(mission.navigation, scenarios, mission.num_controls // law.stride + 1)
+        navigation = law, errors_of(mission, scenarios)
     if mission.actuators.kind == "real":
         thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
     return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters)

@@ -101,9 +101,20 @@ class Regulator(Protocol):
         """Return the forces that lead along them, shape (K, 3), N, Hill axes."""
 
 
+class Pilot(Protocol):
+    """Who decides at every control period on what is observed then."""
+
+    @property
+    def source(self) -> bytes:
+        """What it was read from, for recordings."""
+
+    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Floats:
+        """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes."""
+
+
 @dataclass(frozen=True)
 class Controller:
-    """What decides the force: fuzzy systems, a plan of forces, who makes one on the way, or a linear law.
+    """What decides the force: fuzzy systems, a plan, who makes one on the way, a linear law, or a pilot.
 
     Parameters
     ----------
@@ -118,6 +129,7 @@ class Controller:
         Played beside a plan.
     planner : Planner, optional
     regulator : Regulator, optional
+    pilot : Pilot, optional
     fuzzy : FuzzyController, optional
         What the systems came from, for files and reports.
     """
@@ -129,6 +141,7 @@ class Controller:
     turns: Turns = AIMED
     planner: Planner | None = None
     regulator: Regulator | None = None
+    pilot: Pilot | None = None
     fuzzy: FuzzyController | None = None
 
     @property
@@ -240,7 +253,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
         decision_stride=decision_stride(controller, mission),
         force_axes=FORCE_AXES[controller.force_axes],
-        has_plan=controller.plan is not None or controller.is_of_a_kind,
+        has_plan=controller.plan is not None or controller.is_of_a_kind or controller.pilot is not None,
         plans=unanswered(forces),
     )
 

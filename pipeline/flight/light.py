@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.flight.course import semi_major_axis
 from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
+from pipeline.physics.reflection import PER_SHININESS, Reflection
 from pipeline.settings.experiment import Light, Mission, Orbit, SettingError
 
 Floats = NDArray[np.float64]
@@ -22,7 +23,17 @@ def sees_as_in_the_paper(mission: Mission) -> bool:
         and sensor.max_incidence_deg == RIGHT_ANGLE_DEG
         and sensor.max_range_m is None
         and sensor.min_sun_angle_deg == 0.0
+        and mission.light.past_terminator_deg == 0.0
+        and mission.light.reflection == "none"
     )
+
+
+def reflection_of(light: Light) -> Reflection:
+    """Return how the chief reflects."""
+    colours = light.ambient, light.diffuse, light.specular, light.least_intensity, light.greatest_intensity
+    ambient, diffuse, specular, least, greatest = (np.array(colour, dtype=np.float64) for colour in colours)
+    exponent = PER_SHININESS * light.shininess
+    return Reflection(light.reflection != "none", ambient, diffuse, specular, exponent, least, greatest)
 
 
 def shadowing_radius(orbit: Orbit, light: Light) -> float:

@@ -52,6 +52,8 @@ class FlightLog(NamedTuple):
     position_m, velocity_m_s : (K+1, 3)
     quaternion_b_from_h : (K+1, 4)
         Hill to deputy body, scalar last.
+    sensed_quaternion_b_from_h : (K+1, 4)
+        The same as the deputy senses it.
     angular_velocity_b_rad_s : (K+1, 3)
         Of the deputy relative to Hill, in body axes.
     quaternion_c_from_h : (K+1, 4)
@@ -95,6 +97,8 @@ class FlightLog(NamedTuple):
     is_inspected : (K+1, P) bool
     delta_v_m_s : (K+1,)
         Spent by the forces 0 … k-1.
+    mass_kg : (K+1,)
+        Of the deputy.
     safety_limit : (K,) int
         Which limit the safety layer changed the force for: `KEEP_OUT`, `KEEP_IN`, `SPEED` or
         `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
@@ -107,6 +111,7 @@ class FlightLog(NamedTuple):
     position_m: Floats
     velocity_m_s: Floats
     quaternion_b_from_h: Floats
+    sensed_quaternion_b_from_h: Floats
     angular_velocity_b_rad_s: Floats
     quaternion_c_from_h: Floats
     attitude_quaternion: Floats
@@ -130,6 +135,7 @@ class FlightLog(NamedTuple):
     is_inspectable: NDArray[np.bool_]
     is_inspected: NDArray[np.bool_]
     delta_v_m_s: Floats
+    mass_kg: Floats
     safety_limit: NDArray[np.int64]
     safety_force_hill_n: Floats
     estimate: Floats
@@ -149,6 +155,7 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         position_m=np.zeros((samples, 3)),
         velocity_m_s=np.zeros((samples, 3)),
         quaternion_b_from_h=np.zeros((samples, 4)),
+        sensed_quaternion_b_from_h=np.zeros((samples, 4)),
         angular_velocity_b_rad_s=np.zeros((samples, 3)),
         quaternion_c_from_h=np.zeros((samples, 4)),
         attitude_quaternion=np.zeros((controls, num_attitude_steps, 4)),
@@ -172,6 +179,7 @@ def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_s
         is_inspectable=np.ones(num_points, dtype=np.bool_),
         is_inspected=np.zeros((samples, num_points), dtype=np.bool_),
         delta_v_m_s=np.zeros(samples),
+        mass_kg=np.zeros(samples),
         safety_limit=np.zeros(controls, dtype=np.int64),
         safety_force_hill_n=np.zeros((controls, 3)),
         estimate=np.zeros((samples, 6)),

@@ -4,6 +4,16 @@ The filter is Kalman's (A new approach to linear filtering and prediction proble
 Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
 equations under the forces that are commanded. Its process noise is a constant acceleration in each control
 period, and a share of each commanded force. It knows the impulses that thrusters can fire, and their delay.
+
+A fix is a place, or a range and a bearing. These are converted to a place; the covariance of that is taken
+along and across the line of sight that the filter predicts, so that it does not depend on the fix's own error
+(Bordonaro, Willett and Bar-Shalom, Decorrelated unbiased converted measurement Kalman filter, IEEE
+Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444). Errors of a bearing are turns of the
+line of sight, so that no direction is special.
+
+The attitude that is sensed is the true one turned by a small angle about the body axes. Whatever the deputy
+does with its attitude it does with that: it finds its bearings by it, turns until it is the desired one, and
+fires its thrusters as if it were the true one.
 It runs in `pipeline.flight.kernel.navigation` and, plainly, in `pipeline.flight.reference.navigation`.
 """
 
@@ -15,8 +25,12 @@ from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
 from pipeline.physics.motion import Motion, motion_over
+<<<<<<< HEAD
 from pipeline.settings.experiment import Mission, Navigation
 from pipeline.settings.mission import IDEAL, LINEAR, PERFECT
+=======
+from pipeline.settings.experiment import Mission
+>>>>>>> main
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +62,8 @@ class Filter(NamedTuple):
         Variance of a fix along each axis, m^2.
     gate : float
         Square of the standard deviations beyond which a fix is not believed.
+    range, bearing : float
+        Variances besides, along the line of sight, m^2, and of its direction about each axis, rad^2.
     """
 
     stride: int
@@ -57,6 +73,8 @@ class Filter(NamedTuple):
     process_per_force: Floats
     fix: float
     gate: float
+    range: float
+    bearing: float
 
 
 def filter_of(mission: Mission) -> Filter:
@@ -65,15 +83,22 @@ def filter_of(mission: Mission) -> Filter:
     motion: Motion = motion_over(mission.orbit, mission.deputy, (period,))
     control = motion.control[0]
     unit = control @ control.T
+    is_seen = navigation.measures == "range_bearing"
+    bearing, tilt_1, tilt_2 = np.radians(
+        (navigation.bearing_noise_deg, navigation.attitude_bias_deg, navigation.attitude_noise_deg)
+    )
+    tilt = float(tilt_1**2 + tilt_2**2)
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
     return Filter(
         round(navigation.fix_period_s / period),
         round(navigation.delay_s / period),
         np.diag(np.square(start)),
         unit * (navigation.process_noise_m_s2 * mission.deputy.mass_kg) ** 2,
-        unit * navigation.execution_error**2,
-        navigation.noise_m**2 + navigation.bias_m**2,
+        unit * (navigation.execution_error**2 + tilt),
+        navigation.bias_m**2 + (0.0 if is_seen else navigation.noise_m**2),
         np.inf if navigation.gate_sigma is None else navigation.gate_sigma**2,
+        navigation.range_noise_m**2 if is_seen else 0.0,
+        float(bearing**2) + tilt if is_seen else 0.0,
     )
 
 
@@ -85,25 +110,67 @@ class Errors(NamedTuple):
     at_start : (m, 6)
         The first estimate less the truth, m and m/s.
     of_fixes : (m, F, 3)
-        Fixes less the truth, m, Hill axes.
+        Fixes less the truth, but for errors of range and bearing, m, Hill axes.
+    of_sight : (m, F, 4)
+        Ranges less the truth, m, and the turns of bearings, rad, Hill axes; no fixes where these are places.
+    of_attitude : (m, K+1, 3)
+        By which the attitude that is sensed at a sample is turned from the true one, rad, body axes; no
+        samples where it is not.
     """
 
     at_start: Floats
     of_fixes: Floats
+    of_sight: Floats
+    of_attitude: Floats
 
 
-def errors_of(navigation: Navigation, scenarios: list[Scenario], num_fixes: int) -> Errors:
+def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Floats) -> Floats:
+    """Return a fix, m, Hill axes, shape (3,).
+
+    Parameters
+    ----------
+    place : (3,)
+        The deputy's, m, Hill axes.
+    of_fix, of_sight : (3,), (4,) or None
+        A row of `Errors.of_fixes` and `Errors.of_sight`; None where a fix is a place.
+    tilt_h : (3,)
+        By which the attitude that is sensed is turned, rad, Hill axes.
+    """
+    if of_sight is None:
+        return np.asarray(place + of_fix)
+    turned = place + np.cross(of_sight[1:] + tilt_h, place)
+    return np.asarray(turned / np.linalg.norm(turned) * (np.linalg.norm(place) + of_sight[0]) + of_fix)
+
+
+def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
     """Draw the errors of some flights, each from the noise seed of its start."""
-    found = Errors(np.empty((len(scenarios), 6)), np.empty((len(scenarios), num_fixes, 3)))
+    navigation, num_samples = mission.navigation, mission.num_controls + 1
+    num_fixes = mission.num_controls // round(navigation.fix_period_s / mission.control_period_s) + 1
+    is_seen = navigation.measures == "range_bearing"
+    has_tilt = navigation.attitude_bias_deg > 0.0 or navigation.attitude_noise_deg > 0.0
+    found = Errors(
+        np.empty((len(scenarios), 6)),
+        np.empty((len(scenarios), num_fixes, 3)),
+        np.empty((len(scenarios), num_fixes if is_seen else 0, 4)),
+        np.empty((len(scenarios), num_samples if has_tilt else 0, 3)),
+    )
     for case, scenario in enumerate(scenarios):
         generator = scenario.generator(FIXES)
         found.at_start[case, :3] = navigation.initial_position_m * generator.standard_normal(3)
         found.at_start[case, 3:] = navigation.initial_velocity_m_s * generator.standard_normal(3)
         bias = navigation.bias_m * generator.standard_normal(3)
-        noise = navigation.noise_m * generator.standard_normal((num_fixes, 3))
+        noise = (0.0 if is_seen else navigation.noise_m) * generator.standard_normal((num_fixes, 3))
         is_outlier = generator.uniform(size=(num_fixes, 1)) < navigation.outlier_share
         outliers = navigation.outlier_m * generator.standard_normal((num_fixes, 3))
         found.of_fixes[case] = bias + noise + is_outlier * outliers
+        if is_seen:
+            turn = np.radians(navigation.bearing_noise_deg)
+            spread = np.array([navigation.range_noise_m, turn, turn, turn])
+            found.of_sight[case] = spread * generator.standard_normal((num_fixes, 4))
+        if has_tilt:
+            tilt = np.radians(navigation.attitude_bias_deg) * generator.standard_normal(3)
+            shaken = np.radians(navigation.attitude_noise_deg) * generator.standard_normal((num_samples, 3))
+            found.of_attitude[case] = tilt + shaken
     return found
 
 
@@ -116,7 +183,7 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
     known = replace(mission, navigation=PERFECT, actuators=IDEAL, dynamics=LINEAR)
     if mission.navigation.mode == "perfect":
         return known, scenarios
-    first = errors_of(mission.navigation, scenarios, 0).at_start
+    first = errors_of(mission, scenarios).at_start
     return known, [
         replace(
             scenario, position_m=scenario.position_m + off[:3], velocity_m_s=scenario.velocity_m_s + off[3:]

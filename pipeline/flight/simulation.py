@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.engines.compiled import sparingly
 from fis_tools.engines.kernel import LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
 from fis_tools.engines.vectors import aligned
@@ -17,6 +18,7 @@ from pipeline.flight.controller import (
     law_of,
     packed,
     rehearsed_pushes,
+    unanswered,
 )
 from pipeline.flight.dispersions import groups_of, mission_of_case
 from pipeline.flight.guidance import num_clusters
@@ -82,7 +84,8 @@ def make_workspace(world: World) -> Workspace:
 def inspectable_points(world: World, starts: Starts) -> NDArray[np.uint8]:
     """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note_inspectable(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    note = sparingly(note_inspectable) if len(starts) == 1 else note_inspectable
+    note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return found
 
 
@@ -331,6 +334,8 @@ def law_for(
     law, num_controls = law_of(controller, mission), mission.num_controls
     if controller.regulator is not None:
         return law._replace(plans=regulated(controller.regulator, scenarios))
+    if controller.pilot is not None:
+        return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
     world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)
@@ -418,9 +423,10 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     world = pack_world(mission)
     law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
+    log.mass_kg[:] = mission.deputy.mass_kg
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
     inspectable = inspectable_points(world, cases.starts)
-    fly_many(
+    sparingly(fly_many)(
         world,
         *_parts_in_use(world, law, cases.starts),
         cases.fixes(),

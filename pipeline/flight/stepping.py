@@ -1,5 +1,7 @@
 """Flights that are flown a control period at a time, under forces from outside."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CARRIED, CASE, Beyond
 from pipeline.flight.kernel.navigation import Fixes
 from pipeline.flight.kernel.optics import note_inspectable
-from pipeline.flight.kernel.step import NOT_STARTED, NUM_OBSERVED, Carried, step_many
+from pipeline.flight.kernel.step import LEFT, NOT_STARTED, NUM_OBSERVED, Carried, step_many
 from pipeline.flight.log import Scenario, no_log
 from pipeline.flight.simulation import (
     counted_points,
@@ -22,6 +24,18 @@ from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
+
+#: what learners and policies see, in this order, with its unit; vectors in Hill axes. Position and velocity
+#: are as the deputy knows them: where it navigates by fixes, its estimate.
+OBSERVED: Final = (
+    *(("position_radial", "m"), ("position_along_track", "m"), ("position_cross_track", "m")),
+    *(("velocity_radial", "m/s"), ("velocity_along_track", "m/s"), ("velocity_cross_track", "m/s")),
+    *(("target_radial", "m"), ("target_along_track", "m"), ("target_cross_track", "m")),
+    *(("sun_radial", ""), ("sun_along_track", ""), ("sun_cross_track", "")),
+    *(("boresight_radial", ""), ("boresight_along_track", ""), ("boresight_cross_track", "")),
+    *(("num_inspected", ""), ("num_candidates", ""), ("delta_v", "m/s"), ("time_left", "s")),
+)
+NUM_SEEN: Final = LEFT + 1
 
 
 class Flights:
@@ -96,6 +110,11 @@ class Flights:
         )
         self._step = step_many.prepared(*self._arguments)  # type: ignore[attr-defined]
 
+    @property
+    def seen(self) -> NDArray[np.float32]:
+        """What is observed now, shape (n, NUM_SEEN), in the order of `OBSERVED`."""
+        return self.observed[:, :NUM_SEEN].astype(np.float32)
+
     def start(self, flight: int, scenario: Scenario) -> None:
         """Put a flight at a start; the next step brings it to its first sample."""
         world, cases = self._world, cases_of(self._mission, [scenario])
@@ -108,8 +127,11 @@ class Flights:
         if self._fixes is not None and cases.navigation is not None:
             self._fixes.at_start[flight] = cases.navigation[1].at_start[0]
             self._fixes.of_fixes[flight] = cases.navigation[1].of_fixes[0]
+            self._fixes.of_sight[flight] = cases.navigation[1].of_sight[0]
+            self._fixes.of_attitude[flight] = cases.navigation[1].of_attitude[0]
         if self._firing is not None and cases.thrusters is not None:
-            self._firing.matrices[flight] = cases.thrusters[1][0]
+            self._firing.matrices[flight] = cases.thrusters[1].matrices[0]
+            self._firing.arms[flight] = cases.thrusters[1].arms[0]
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:
@@ -133,9 +155,17 @@ def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | Non
             now=stack(fixes.now),
             half=stack(fixes.half),
             truth=stack(fixes.truth),
+            turn=stack(fixes.turn),
+            tilt=stack(fixes.tilt),
+            attitude=stack(fixes.attitude),
             fixes=stack(fixes.fixes),
             acting=stack(fixes.acting),
         )
     if firing is not None:
-        firing = firing._replace(commands=stack(firing.commands), errors=stack(firing.errors))
+        firing = firing._replace(
+            commands=stack(firing.commands),
+            errors=stack(firing.errors),
+            mass=stack(firing.mass),
+            thrust=stack(firing.thrust),
+        )
     return fixes, firing

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.vectors import padded
+from pipeline.flight.actuators import turns_by_thrust
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course
 from pipeline.flight.kernel.arrays import POINTS, World
@@ -11,6 +12,7 @@ from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.light import (
     RIGHT_ANGLE_DEG,
     STRAIGHT_ANGLE_DEG,
+    reflection_of,
     sees_as_in_the_paper,
     shadowing_radius,
 )
@@ -46,6 +48,7 @@ def optics_of(mission: Mission) -> Optics:
         incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
         range_squared=np.inf if sensor.max_range_m is None else sensor.max_range_m**2,
         most_sunward=sunward if sensor.min_sun_angle_deg else np.inf,
+        past_terminator=float(np.sin(np.radians(light.past_terminator_deg))),
     )
 
 
@@ -138,6 +141,7 @@ def pack_world(mission: Mission) -> World:
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         has_optics=not sees_as_in_the_paper(mission),
         optics=optics_of(mission),
+        reflection=reflection_of(mission.light),
         surface=rows_of(surface, axes),
         is_free=surface.occlusion.is_free,
         num_edge_cells=surface.occlusion.edge,
@@ -154,6 +158,7 @@ def pack_world(mission: Mission) -> World:
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
+        turns_by_thrust=turns_by_thrust(mission),
         is_attitude_ideal=mission.attitude.mode == "ideal",
         has_pole_blending=mission.attitude.pole_blending,
         has_clusters=mission.guidance.kind == "clusters",

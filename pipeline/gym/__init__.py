@@ -11,10 +11,11 @@ except ModuleNotFoundError as error:
         "pipeline.gym needs Gymnasium; install the extra: pip install 'fuzzy-spacecraft-inspection[gym]'"
     ) from error
 
+from pipeline.flight.stepping import OBSERVED
 from pipeline.gym.env import InspectionEnv
 from pipeline.gym.many import InspectionVectorEnv
 from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation
-from pipeline.gym.task import OBSERVED, Reward, Task, task_of
+from pipeline.gym.task import Reward, Task, task_of
 
 __all__ = [
     "OBSERVED",

@@ -18,8 +18,9 @@ Observation = NDArray[np.float32]
 class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     """Inspect the chief: command a force each control period, in Hill axes.
 
-    Observations are physical, in the order of `pipeline.gym.task.OBSERVED`. An episode terminates outside the
-    distance limits and when every point that counts is inspected; it is truncated when its time is over.
+    Observations are physical, in the order of `pipeline.flight.stepping.OBSERVED`. An episode terminates
+    outside the distance limits and when every point that counts is inspected; it is truncated when its time
+    is over.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from pipeline.flight.log import FlightLog, Scenario, points_needed
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import draw
 from pipeline.flight.stepping import Flights
-from pipeline.gym.task import NUM_SEEN, Task
+from pipeline.gym.task import Task
 from pipeline.recording.recorder import FlightRecorder
 
 Floats = NDArray[np.float64]
@@ -93,8 +93,8 @@ class Episodes:
 
     @property
     def observations(self) -> NDArray[np.float32]:
-        """What is observed now, shape (n, NUM_SEEN), in the order of `pipeline.gym.task.OBSERVED`."""
-        return self._flights.observed[:, :NUM_SEEN].astype(np.float32)
+        """What is observed now, see `pipeline.flight.stepping.Flights.seen`."""
+        return self._flights.seen
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:

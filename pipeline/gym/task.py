@@ -9,22 +9,10 @@ from gymnasium.spaces import Box, MultiDiscrete
 from numpy.typing import NDArray
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.kernel.step import LEFT
 from pipeline.settings.experiment import Experiment, Mission
 
 Floats = NDArray[np.float64]
 
-#: what is observed, in this order, with its unit; vectors in Hill axes. Position and velocity are as the
-#: deputy knows them: where it navigates by fixes, its estimate.
-OBSERVED: Final = (
-    *(("position_radial", "m"), ("position_along_track", "m"), ("position_cross_track", "m")),
-    *(("velocity_radial", "m/s"), ("velocity_along_track", "m/s"), ("velocity_cross_track", "m/s")),
-    *(("target_radial", "m"), ("target_along_track", "m"), ("target_cross_track", "m")),
-    *(("sun_radial", ""), ("sun_along_track", ""), ("sun_cross_track", "")),
-    *(("boresight_radial", ""), ("boresight_along_track", ""), ("boresight_cross_track", "")),
-    *(("num_inspected", ""), ("num_candidates", ""), ("delta_v", "m/s"), ("time_left", "s")),
-)
-NUM_SEEN: Final = LEFT + 1
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")
 
@@ -84,7 +72,7 @@ class Task:
 
     @property
     def scales(self) -> Floats:
-        """Amounts by which observations are divided to be about one, in the order of `OBSERVED`."""
+        """Amounts by which observations are divided to be about one, see `pipeline.flight.stepping`."""
         mission = self.mission
         speed, points = 1.0, float(mission.chief.num_points)
         distance = mission.deputy.max_distance_m

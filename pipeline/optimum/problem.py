@@ -24,7 +24,7 @@ from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.occlusion import Occlusion, note_free_along
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import NORMAL
-from pipeline.settings.experiment import Mission
+from pipeline.settings.experiment import Mission, SettingError
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +101,18 @@ class Problem:
 
 
 def problem_of(mission: Mission, scenario: Scenario) -> Problem:
-    """Set up a case; the camera is supposed to point as it does in a flight without force."""
+    """Set up a case; the camera is supposed to point as it does in a flight without force.
+
+    Raises
+    ------
+    SettingError
+        If a point must be bright enough to be seen.
+    """
+    if mission.light.reflection != "none":
+        raise SettingError(
+            f"light.reflection is {mission.light.reflection}, which plans of least fuel do not know of; set "
+            "light.reflection=none for them"
+        )
     world = pack_world(mission)
     num_controls, radius = world.num_controls, mission.chief.inspection_radius_m
     start = np.r_[scenario.position_m, scenario.velocity_m_s]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from pipeline.physics.illumination import EARTH_RADIUS_M
-from pipeline.physics.vectors import cross, dot, norm
+from pipeline.physics.vectors import assign, cross, dot, norm
 
 Floats = NDArray[np.float64]
 
@@ -144,17 +144,19 @@ def revolve(
         upward, normal = place / norm(place), cross(place, velocity)
         momentum = norm(normal)
         normal = normal / momentum
-        axes[at, 0], axes[at, 1], axes[at, 2] = upward, cross(normal, upward), normal
+        assign(axes[at, 0], upward)
+        assign(axes[at, 1], cross(normal, upward))
+        assign(axes[at, 2], normal)
         turning[at, 0] = norm(place) * dot(pull, normal) / momentum
         turning[at, 1], turning[at, 2] = 0.0, momentum / dot(place, place)
         slowed = drag_per_square * norm(velocity) * velocity
-        common[at] = -slowed - oblate_attraction(oblateness, pole, place)
+        assign(common[at], -slowed - oblate_attraction(oblateness, pole, place))
         if at + 1 == len(places):
             break
         halfway = place + 0.5 * duration * velocity + 0.125 * duration**2 * pull
         middle = attraction(gravity, oblateness, pole, halfway)
         last = attraction(gravity, oblateness, pole, place + duration * velocity + 0.5 * duration**2 * middle)
-        places[at + 1] = place + duration * velocity + duration**2 / 6.0 * (pull + 2.0 * middle)
+        assign(places[at + 1], place + duration * velocity + duration**2 / 6.0 * (pull + 2.0 * middle))
         velocity = velocity + duration / 6.0 * (pull + 4.0 * middle + last)
 
 

@@ -84,6 +84,8 @@ class Optics(NamedTuple):
         Of the greatest range, m^2; infinite for none.
     most_sunward : float
         Cosine between boresight and Sun beyond which the camera is blind; infinite for none.
+    past_terminator : float
+        Sine of the angle by which the Sun may be below the plane that a point lies on.
     """
 
     least_height: float
@@ -91,6 +93,7 @@ class Optics(NamedTuple):
     incidence_squared: float
     range_squared: float
     most_sunward: float
+    past_terminator: float
 
 
 @compiled(inline="always")

@@ -3,6 +3,7 @@
 The words of the topics are `telemetry`'s; the numbers are a `FlightLog`'s.
 """
 
+import base64
 import json
 import math
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import shapley
+from fis_tools.engines.compiled import sparingly
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize
@@ -22,11 +24,12 @@ from fis_tools.words.text import sentences
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.controller import Controller, packed, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.navigation import errors_of, filter_of
+from pipeline.flight.navigation import errors_of, filter_of, measured
 from pipeline.flight.reference.sight import lit_and_seen_points
 from pipeline.flight.reference.world import world_of
 from pipeline.flight.signals import CONSTANTS
 from pipeline.flight.surface import surface_of
+from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import Event, events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
@@ -179,7 +182,8 @@ class FlightRecorder:
             if self._mission.navigation.mode == "fixes":
                 deviation = np.sqrt(np.diag(log.estimate_covariance[k]))
                 age = self._mission.navigation.delay_s
-                writer.navigation(time_s, log.estimate[k], deviation, fixes[k], age)
+                sensed = log.sensed_quaternion_b_from_h[k]
+                writer.navigation(time_s, log.estimate[k], deviation, fixes[k], age, sensed)
             writer.guidance(
                 time_s,
                 int(log.num_candidates[k]),
@@ -196,6 +200,7 @@ class FlightRecorder:
                 sun_elevation_rad=float(log.sun_elevation_rad[k]),
                 sun_hidden_share=1.0 - float(log.visible_sun_share[k]),
                 inspectable_count=int(log.is_inspectable.sum()),
+                mass_kg=float(log.mass_kg[k]),
             )
             if k < len(log.force_hill_n):
                 _write_control(writer, time_s, log, k, self._attitude_offsets)
@@ -208,11 +213,13 @@ class FlightRecorder:
         """Return the fix that comes into use at each sample, m, Hill axes, shape (K+1, 3); NaN for none."""
         fixes = np.full(log.position_m.shape, np.nan)
         if self._mission.navigation.mode == "fixes":
-            law = filter_of(self._mission)
-            measured = log.position_m[:: law.stride].copy()
-            measured += errors_of(self._mission.navigation, [scenario], len(measured)).of_fixes[0]
-            used = np.arange(law.delay, len(fixes), law.stride)
-            fixes[used] = measured[: len(used)]
+            law, errors = filter_of(self._mission), errors_of(self._mission, [scenario])
+            for place, used in enumerate(range(law.delay, len(fixes), law.stride)):
+                k = place * law.stride
+                seen = errors.of_sight[0, place] if errors.of_sight.size else None
+                tilt = errors.of_attitude[0, k] if errors.of_attitude.size else np.zeros(3)
+                tilt_h = dcm_b_from_h(log.quaternion_b_from_h[k]).T @ tilt
+                fixes[used] = measured(log.position_m[k], errors.of_fixes[0, place], seen, tilt_h)
         return fixes
 
     def _inferences(self, log: FlightLog) -> dict[int, list[Inference]]:
@@ -278,9 +285,12 @@ def controller_text(controller: Controller) -> str:
     """Write a controller as JSON.
 
     A fuzzy one is written whole, as `fis_tools.formats.serialize` reads it, and one that plays a flight with
-    what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, and
-    one that plans of the kind that it is named after.
+    what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, one
+    that plans of the kind that it is named after, and of a policy the file stands in it, in base 64.
     """
+    if controller.pilot is not None:
+        content = base64.b64encode(controller.pilot.source).decode("ascii")
+        return json.dumps({"kind": "policy", "name": controller.name, "onnx": content}) + "\n"
     if controller.is_of_a_kind:
         return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
     if controller.plan is None:
@@ -314,8 +324,11 @@ def point_states(mission: Mission, log: FlightLog) -> States:
         A `telemetry.file.topics.PointState`, the first that applies of inspected, in view but dark, lit,
         dark.
     """
-    is_lit, is_seen = lit_and_seen_points(
-        world_of(mission),
+    world = world_of(mission)
+    # what hides what on a mesh takes plain Python minutes
+    tell = lit_and_seen_points if world.is_mesh else sparingly(lit_and_seen_points)
+    is_lit, is_seen = tell(
+        world,
         log.quaternion_c_from_h,
         log.quaternion_b_from_h,
         log.position_m,

@@ -1,5 +1,7 @@
 """Flies a recorded flight again from nothing but its recording, and compares the two."""
 
+import base64
+import binascii
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -13,7 +15,8 @@ import telemetry
 from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
-from pipeline.flight.controller import Controller, from_fuzzy, open_loop
+from pipeline.controllers.policies import policy_of
+from pipeline.flight.controller import Controller, ControllerError, from_fuzzy, open_loop
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_logged
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
@@ -141,7 +144,17 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     if told.get("kind") == "open_loop":  # of recordings that only name it
         forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
         return open_loop(str(told.get("name")), forces)
+    if told.get("kind") == "policy":
+        return _policy_of(recording, told)
     return source.load({**experiment.controller, "kind": told.get("kind")}, experiment.mission)
+
+
+def _policy_of(recording: Recording, told: Mapping[str, Any]) -> Controller:
+    try:
+        content = base64.b64decode(str(told.get("onnx")), validate=True)
+        return policy_of(str(told.get("name")), content, f"the policy of {recording.path}")
+    except (binascii.Error, ControllerError) as error:
+        raise RecordingError(f"{recording.path}: its policy cannot be read ({error})") from error
 
 
 def _attached(recording: Recording, name: str) -> bytes:

@@ -21,8 +21,8 @@ from pipeline.report.figures.distributions import METRICS, Sample, distributions
 from pipeline.report.figures.front import front_of_training
 from pipeline.report.figures.side_by_side import side_by_side
 from pipeline.report.figures.spent_beside_optimum import beside_optimum
-from pipeline.report.figures.style import BLUE, ORANGE, PURPLE, Figure, save, style
-from pipeline.report.figures.trajectories import FLIGHT_COLOURS, MOST_TOLD_APART, Tracks, trajectories
+from pipeline.report.figures.style import BLUE, ORANGE, PALETTE, PURPLE, Figure, save, style
+from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
 from pipeline.report.figures.with_and_without import with_and_without
 from pipeline.report.svg import inline
 from pipeline.report.without_safety import Without
@@ -165,7 +165,7 @@ def _training_sketch(training: FlightSet, mission: Mission) -> _Sketch:
     if count > MOST_TOLD_APART:
         tracks, words = _tracks_by_outcome(training, mission), "Colours tell how each ended."
     else:
-        tracks = Tracks(training.tracks_m, FLIGHT_COLOURS[:count], {})
+        tracks = Tracks(training.tracks_m, PALETTE[:count], {})
         words = "Each start bears the number of its case."
     caption = (
         f"The {count} training flights around the chief in the Hill frame: in space, in the orbit plane and "

@@ -66,6 +66,19 @@ def _pair(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
+def _thrusters(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Raise ValueError unless each has a place, a unit vector and a greatest force."""
+    if not 4 <= len(rows) <= 64:
+        raise ValueError(f"{{key}} has {len(rows)} rows, one a thruster; there must be from 4 to 64")
+    for which, row in enumerate(rows):
+        if len(row) != 7 or not abs(math.hypot(*row[3:6]) - 1.0) < 1e-6 or not row[6] > 0.0:
+            raise ValueError(
+                f"{{key}}[{which}] is {list(row)}; it must be seven numbers: the place [x, y, z] (m), the "
+                "unit vector of its force [x, y, z], both in body axes, and the greatest force (N)"
+            )
+    return rows
+
+
 def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
     """Raise ValueError unless it is symmetric, positive definite and obeys the triangle inequality."""
     if len(rows) != 3 or any(len(row) != 3 for row in rows):
@@ -151,6 +164,7 @@ Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: threads; None is one for each processor
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
+Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]
 Quaternion = Annotated[tuple[Number, ...], AfterValidator(_quaternion)]
 Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]

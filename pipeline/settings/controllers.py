@@ -102,6 +102,7 @@ PLANNED: Mapping[str, type[Planned]] = {
 CONTROLLER_KEYS: Mapping[str, set[str]] = {
     "file": {"path"},
     "open_loop": {"kind", "path"},
+    "policy": {"kind", "path"},
     "coast": {"kind"},
     **{kind: {"kind", *(field.name for field in fields(settings))} for kind, settings in PLANNED.items()},
 }

@@ -159,6 +159,20 @@ class Engine:
     part_cases: Annotated[Count, Field(description="flights of a part")] = 10000
 
 
+@settings("tracking")
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """Who else is told of each generation of a training."""
+
+    kind: Literal["none", "tensorboard", "mlflow"] = "none"
+    place: Annotated[Text | None, Field(description="folder or store that is written to")] = None
+
+    def __post_init__(self) -> None:
+        """Check that there is somewhere to write to."""
+        if self.kind != "none" and self.place is None:
+            raise SettingError(f"tracking.kind is {self.kind}, but tracking.place is null; give a place")
+
+
 @settings("search")
 @dataclass(frozen=True, kw_only=True)
 class Search:
@@ -263,7 +277,7 @@ class Experiment:
     stages : tuple of str
         What is done, in order.
     mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine,
-    search
+    search, tracking
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
@@ -290,6 +304,7 @@ class Experiment:
     controller: dict[str, Any] = field(hash=False)
     engine: Engine = field(default_factory=Engine)
     search: Search = field(default_factory=Search)
+    tracking: Tracking = field(default_factory=Tracking)
     reproducible: Annotated[
         Flag, Field(description="whether libraries compute alike on all x86-64 processors")
     ] = False

@@ -19,11 +19,15 @@ from pipeline.settings.checks import (
     SettingError,
     Share,
     Text,
+    Thrusters,
     UnitVector,
     Vector,
 )
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.groups import settings
+
+#: by which specific impulse is a speed of exhaust
+STANDARD_GRAVITY_M_S2 = 9.80665
 
 #: beyond these a flight fills the memory of a computer; the last two are of a whole flight
 MOST_POINTS, MOST_CONTROLS = 10_000, 100_000
@@ -153,12 +157,28 @@ class Sensor:
 @settings("light")
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """What takes the sunlight from the chief."""
+    """What takes the sunlight from the chief, and what its surface makes of it."""
 
     shadow: Annotated[Literal["none", "conical"], Field(description="of the Earth")] = "none"
     min_fraction: Annotated[
         Share, Field(description="of the Sun's disc, with less of which visible nothing is lit")
     ] = 0.5
+    past_terminator_deg: Annotated[
+        NotNegative, Field(le=10, description="by which the Sun may be below a point's horizon, deg")
+    ] = 0.0
+    reflection: Annotated[
+        Literal["none", "blinn_phong"], Field(description="by which a point must be bright enough to be seen")
+    ] = "none"
+    ambient: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (0.4,) * 3
+    diffuse: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (0.1,) * 3
+    specular: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (1.0,) * 3
+    shininess: Annotated[NotNegative, Field(description="four times the specular exponent")] = 100.0
+    least_intensity: Annotated[
+        Vector, Field(description="that a point must exceed to be seen, [red, green, blue]")
+    ] = (0.8,) * 3
+    greatest_intensity: Annotated[
+        Vector, Field(description="that it must stay below, of at most 1, [red, green, blue]")
+    ] = (0.9, 2.0, 2.0)
 
 
 @settings("sun")
@@ -240,6 +260,20 @@ class Navigation:
     execution_error: Annotated[NotNegative, Field(le=1, description="share of forces unknown to the filter")]
     initial_position_m: Annotated[Positive, Field(description="standard deviation at the start, m")]
     initial_velocity_m_s: Annotated[Positive, Field(description="standard deviation at the start, m/s")]
+    measures: Annotated[
+        Literal["position", "range_bearing"],
+        Field(description="what a fix is: a place, or range and bearing"),
+    ] = "position"
+    range_noise_m: Annotated[Positive, Field(description="standard deviation of a range, m")] = 0.1
+    bearing_noise_deg: Annotated[
+        Positive, Field(le=10, description="standard deviation of a bearing along each of two angles, deg")
+    ] = 0.1
+    attitude_bias_deg: Annotated[
+        NotNegative, Field(le=30, description="standard deviation of a flight's misalignment, each axis, deg")
+    ] = 0.0
+    attitude_noise_deg: Annotated[
+        NotNegative, Field(le=30, description="standard deviation of the attitude sensed, each axis, deg")
+    ] = 0.0
 
 
 @settings("actuators")
@@ -253,6 +287,20 @@ class Actuators:
     misalignment_deg: Annotated[NotNegative, Field(le=90, description="standard deviation, deg")]
     impulse_step_n_s: Annotated[NotNegative, Field(description="of which impulses are multiples, N s")]
     least_impulse_n_s: Annotated[NotNegative, Field(description="along an axis in a control period, N s")]
+    thrust_arm_m: Annotated[
+        NotNegative,
+        Field(description="standard deviation of where thrust acts, from the centre of mass, each axis, m"),
+    ] = 0.0
+    specific_impulse_s: Annotated[
+        Positive | None, Field(description="with which propellant is used up, s; None keeps the mass")
+    ] = None
+    thrusters: Annotated[
+        Thrusters | None,
+        Field(description="a row each: place (m), direction of force, greatest force (N); None is per axis"),
+    ] = None
+    propellant_kg: Annotated[
+        Positive, Field(description="part of the deputy's mass; without any left nothing is fired, kg")
+    ] = 1.0
 
 
 #: what a deputy knows that knows its place, and thrusters that fire what they are told
@@ -350,6 +398,7 @@ class Mission:
         self._check_clocks()
         self._check_size()
         self._check_gains()
+        self._check_propellant()
         if self.safety.kind == "filter":
             self._check_safety()
 
@@ -384,6 +433,21 @@ class Mission:
                     f"the second, as {period * max(1, round(time / period)):g} s is"
                 )
             checks.within(key, time, 0.0, self.duration_s, "s")
+
+    def _check_propellant(self) -> None:
+        """Refuse more propellant than the deputy's mass, a control period's at full thrust besides."""
+        actuators, deputy = self.actuators, self.deputy
+        if actuators.kind != "real" or actuators.specific_impulse_s is None:
+            return
+        speed = STANDARD_GRAVITY_M_S2 * actuators.specific_impulse_s
+        most = deputy.mass_kg - 3.0 * deputy.max_force_n * self.control_period_s / speed
+        if not actuators.propellant_kg < most:
+            raise SettingError(
+                f"actuators.propellant_kg is {actuators.propellant_kg:g} and deputy.mass_kg "
+                f"{deputy.mass_kg:g}, of which actuators.specific_impulse_s={actuators.specific_impulse_s:g} "
+                f"may use {deputy.mass_kg - most:.3g} in a control period; the first must be less than "
+                f"{most:.3g}: lower it, or raise one of the others (kg)"
+            )
 
     def _check_size(self) -> None:
         """Refuse flights of which no log fits into memory, and points that no deputy can be outside of."""

@@ -57,6 +57,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
         f"{_inspectable_line(summary)}"
         f"{_safety_line(experiment, summary)}"
+        f"{_propellant_line(summary)}"
         f"{_dispersion_lines(summary)}"
         f"{_told(summary['optimum'])}"
         f"{_viewer_line(folder)}"
@@ -231,6 +232,14 @@ def _inspectable_line(summary: Mapping[str, Any]) -> str:
         f"Sun shines on them, {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %; success refers to "
         "these\n"
     )
+
+
+def _propellant_line(summary: Mapping[str, Any]) -> str:
+    """Say what was used up, where the mass falls."""
+    if "propellant_kg" not in summary:
+        return ""
+    used = summary["propellant_kg"]
+    return f"  propellant: {1e3 * used['mean']:.2f} +- {1e3 * used['standard_deviation']:.2f} g\n"
 
 
 def _safety_line(experiment: Experiment, summary: Mapping[str, Any]) -> str:

@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.controller import Controller, from_fuzzy
@@ -22,10 +20,9 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
 from pipeline.settings.space import with_values
-from pipeline.training.evolution import evolve_rounds
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
-from pipeline.training.judging import choose, fitness_of_round
+from pipeline.training.judging import choose, evolved
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -84,13 +81,7 @@ def _trained(experiment: Experiment) -> Controller:
     """Train from the configured controller, without a trace but the champion."""
     experiment = replace(experiment, engine=replace(experiment.engine, kind="local"))
     genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
-    result = evolve_rounds(
-        partial(fitness_of_round, experiment, genome),
-        genome.num_genes,
-        experiment.optimizer,
-        experiment.seed,
-        initial=genome.encode()[np.newaxis],
-    )
+    result = evolved(experiment, genome)
     if result.interrupted:
         raise KeyboardInterrupt
     champion = genome.decode(choose(experiment, genome, result.history).champion)

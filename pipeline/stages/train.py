@@ -4,8 +4,8 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,14 @@ from pipeline.flight.world import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
 from pipeline.training.champion_flights import ChampionFlights
-from pipeline.training.evolution import Front, evolve_rounds
+from pipeline.training.evolution import Evolution, Front
 from pipeline.training.evolution.state import Generation
 from pipeline.training.front import judged_front, write_front
 from pipeline.training.genome import Genome, genome_of
-from pipeline.training.judging import Choice, choose, fitness_from, fitness_of_round
+from pipeline.training.judging import Choice, choose, evolved, fitness_from
 from pipeline.training.progress import TrainingProgress
+from pipeline.training.tracking.sinks import name_of, tracked
+from pipeline.training.tracking.told import Sink, Told
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +43,22 @@ def run(experiment: Experiment, folder: Path) -> None:
             "train with guidance.engine=compiled"
         )
     sys.stderr.write(f"  to watch it: python -m telemetry training {shlex.quote(str(folder))} --follow\n")
+    told = Told(name_of(folder), experiment.name, _origin(folder, experiment), experiment.resume)
+    with tracked(experiment.tracking, told) as sink:
+        result = _evolved(experiment, folder, genome, sink)
+        provenance = _provenance(folder, experiment, result.history, result.interrupted)
+        if result.front is None:
+            choice = choose(experiment, genome, result.history)
+        else:
+            last = result.history[-1].round
+            choice = _keep_front(folder, experiment, genome, result.front, last, provenance)
+        write_champion(folder, experiment, genome, choice, provenance)
+        if result.interrupted:
+            raise KeyboardInterrupt
+
+
+def _evolved(experiment: Experiment, folder: Path, genome: Genome, sink: Sink) -> Evolution:
+    """Evolve; everybody is told of each generation."""
     kept: list[Generation] = []
     flights = ChampionFlights(experiment, genome)
     with TrainingProgress(experiment.optimizer) as progress:
@@ -51,15 +69,13 @@ def run(experiment: Experiment, folder: Path) -> None:
             if flights.add(history):
                 tables.write_parquet(folder / artifacts.CHAMPION_TRAJECTORIES, flights.columns())
             write_history(folder, history)
+            sink.tell(rows_of(history))
             progress.show_generation(history[-1])
 
         try:
-            result = evolve_rounds(
-                partial(fitness_of_round, _as_flown(experiment), genome),
-                genome.num_genes,
-                experiment.optimizer,
-                experiment.seed,
-                initial=genome.encode()[np.newaxis],
+            return evolved(
+                _as_flown(experiment),
+                genome,
                 checkpoint=folder / artifacts.CHECKPOINT,
                 resume=experiment.resume,
                 on_generation=keep,
@@ -69,14 +85,6 @@ def run(experiment: Experiment, folder: Path) -> None:
             if not kept:
                 raise
             raise _stopped(error, folder, experiment, genome, kept) from error
-    provenance = _provenance(folder, experiment, result.history, result.interrupted)
-    if result.front is None:
-        choice = choose(experiment, genome, result.history)
-    else:
-        choice = _keep_front(folder, experiment, genome, result.front, result.history[-1].round, provenance)
-    write_champion(folder, experiment, genome, choice, provenance)
-    if result.interrupted:
-        raise KeyboardInterrupt
 
 
 def _stopped(
@@ -130,9 +138,14 @@ def _keep_front(
     return Choice(genomes[best], float(training), float(there))
 
 
+def rows_of(history: Sequence[Generation]) -> list[dict[str, Any]]:
+    """Return the rows of the logbook."""
+    return [g.row() | {name: g.parts[name] for name in PARTS} for g in history]
+
+
 def write_history(folder: Path, history: Sequence[Generation]) -> None:
     """Write the logbook and, with the champions' genomes, the history; both anew, whole."""
-    rows = [g.row() | {name: g.parts[name] for name in PARTS} for g in history]
+    rows = rows_of(history)
     tables.write_csv(folder / artifacts.LOGBOOK, list(rows[0]), [list(row.values()) for row in rows])
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     tables.write_parquet(
@@ -166,11 +179,18 @@ def _provenance(
 ) -> dict[str, str]:
     """Say where the controllers of a training come from."""
     return {
+        **_origin(folder, experiment),
+        "generations": str(len(history)),
+        "interrupted": str(interrupted).lower(),
+    }
+
+
+def _origin(folder: Path, experiment: Experiment) -> dict[str, str]:
+    """Say which training it is."""
+    return {
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),
         "product_version": maker.product_version(),
         "git_revision": maker.git_revision() or "none",
-        "generations": str(len(history)),
-        "interrupted": str(interrupted).lower(),
     }

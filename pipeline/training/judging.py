@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from pipeline.flight.simulation import fly_population
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.training.evolution import OBJECTIVE, Evaluate
+from pipeline.training.evolution import OBJECTIVE, Evaluate, Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome
@@ -83,6 +85,18 @@ def costs_of(
 
 def _limits(mission: Mission) -> tuple[float, float]:
     return mission.deputy.min_distance_m, mission.deputy.max_distance_m
+
+
+def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
+    """Train from the genome's template; `kept` goes to `pipeline.training.evolution.evolve_rounds`."""
+    return evolve_rounds(
+        partial(fitness_of_round, experiment, genome),
+        genome.num_genes,
+        experiment.optimizer,
+        experiment.seed,
+        initial=genome.encode()[np.newaxis],
+        **kept,
+    )
 
 
 @dataclass(frozen=True)

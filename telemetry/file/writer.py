@@ -292,7 +292,13 @@ class EpisodeWriter:
         self._write(topics.GUIDANCE, time_s, message)
 
     def navigation(
-        self, time_s: float, estimate: ArrayLike, deviation: ArrayLike, fix_m: ArrayLike, fix_age_s: float
+        self,
+        time_s: float,
+        estimate: ArrayLike,
+        deviation: ArrayLike,
+        fix_m: ArrayLike,
+        fix_age_s: float,
+        quaternion: ArrayLike,
     ) -> None:
         """Record what the deputy knows of its place.
 
@@ -306,6 +312,8 @@ class EpisodeWriter:
             The fix that comes into use, Hill axes; NaN where none does.
         fix_age_s : float
             How long ago it was measured.
+        quaternion : (4,)
+            The attitude as it is sensed, Hill to body.
         """
         known, doubt = row(estimate, 6, "estimate"), row(deviation, 6, "deviation")
         message = Navigation(
@@ -315,6 +323,7 @@ class EpisodeWriter:
             velocity_deviation_m_s=doubt[3:],
             fix_m=row(fix_m, 3, "fix_m"),
             fix_age_s=fix_age_s,
+            quaternion=row(quaternion, 4, "quaternion"),
         )
         self._write(topics.NAVIGATION, time_s, message)
 
@@ -363,6 +372,7 @@ class EpisodeWriter:
         sun_elevation_rad: float = 0.0,
         sun_hidden_share: float = 0.0,
         inspectable_count: int = 0,
+        mass_kg: float = 0.0,
     ) -> None:
         """Record the progress of the inspection; the count and the rate follow from the mask.
 
@@ -384,6 +394,8 @@ class EpisodeWriter:
             Of the Sun's disc, that the Earth hides from the chief.
         inspectable_count : int
             Points that are lit at some sample of the flight; 0 where that is not known.
+        mass_kg : float
+            Of the deputy; 0 where that is not known.
         """
         mask = np.asarray(inspected_mask, dtype=np.bool_).ravel()
         inspected_count = int(mask.sum())
@@ -397,6 +409,7 @@ class EpisodeWriter:
             sun_elevation_rad=sun_elevation_rad,
             sun_hidden_share=sun_hidden_share,
             inspectable_count=inspectable_count,
+            mass_kg=mass_kg,
         )
         self._write(topics.MISSION, time_s, message)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
-from fis_tools.model import And, Constant, Expression, FuzzySystem, Is, Not, Or, Rule, conjunctions
+from fis_tools.model import And, Constant, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, conjunctions
 from fis_tools.words.amounts import Floats, amount, listed, percent, place, span
 from fis_tools.words.text import antecedent_words, consequent_words
 
@@ -54,6 +54,8 @@ def _canonical(expression: Expression) -> tuple[Any, ...]:
             return _canonical(operand)
         case Not(operand):
             return ("not", _canonical(operand))
+        case Hedged(hedge, operand):
+            return (hedge, _canonical(operand))
         case And(operands) | Or(operands):
             kind = "and" if isinstance(expression, And) else "or"
             parts = [_canonical(operand) for operand in operands]

@@ -6,10 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from fis_tools.analysis.arrays import distinguishability
-from fis_tools.analysis.measures import Measures, centre, statements
+from fis_tools.analysis.measures import Measures, centre
 from fis_tools.findings.audit import names
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
-from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model import FuzzySystem, Variable, statements_of
 from fis_tools.model.membership import sample_terms
 from fis_tools.words.amounts import Floats, amount, listed, percent, span
 from fis_tools.words.text import number
@@ -46,7 +46,7 @@ def _weighed(system: FuzzySystem) -> Iterator[Finding]:
 
 
 def _unused(system: FuzzySystem) -> Iterator[Finding]:
-    used = {(s.variable, s.term) for rule in system.rules for s in statements(rule.antecedent)}
+    used = {(s.variable, s.term) for rule in system.rules for s in statements_of(rule.antecedent)}
     used |= {(c.variable, c.term) for rule in system.rules for c in rule.consequents}
     for variable in (*system.inputs, *system.outputs):
         idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]

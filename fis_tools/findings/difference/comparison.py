@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from fis_tools.findings.difference.change import Fact, RuleChange, TermChange, VariableChange
 from fis_tools.model import (
     And,
-    Consequent,
     Expression,
+    Formula,
     FuzzySystem,
+    Hedged,
     Is,
     Not,
     Number,
@@ -19,6 +20,7 @@ from fis_tools.model import (
     Rule,
     Term,
     Variable,
+    with_statements,
 )
 from fis_tools.model.membership import sample
 from fis_tools.model.weighing import has_sets
@@ -132,6 +134,8 @@ def _middle(variable: Variable, term: Term) -> float:
     mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
     if mean is not None:
         return float(mean)
+    if isinstance(term.membership, Formula):
+        return 0.0
     if isinstance(term.membership, Number):
         return term.membership.row(0)[-1]
     values = sample(variable, term)
@@ -169,7 +173,7 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
     """
     gone: dict[str, list[tuple[int, Rule]]] = {}
     for index, rule in enumerate(before.rules, start=1):
-        gone.setdefault(_key(_renamed(rule.antecedent, names)), []).append((index, rule))
+        gone.setdefault(_key(renamed(rule, names).antecedent), []).append((index, rule))
     changes = []
     for index, rule in enumerate(after.rules, start=1):
         same = gone.get(_key(rule.antecedent), [])
@@ -190,20 +194,15 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
 
 def renamed(rule: Rule, names: Names) -> Rule:
     """Return a rule with the new names of its terms."""
-    consequents = tuple(
-        Consequent(c.variable, names.get((c.variable, c.term), c.term), c.weight) for c in rule.consequents
+
+    def term(variable: str, old: str) -> str:
+        return names.get((variable, old), old)
+
+    consequents = (replace(c, term=term(c.variable, c.term)) for c in rule.consequents)
+    antecedent = with_statements(
+        rule.antecedent, lambda said: Is(said.variable, term(said.variable, said.term))
     )
-    return replace(rule, antecedent=_renamed(rule.antecedent, names), consequents=consequents)
-
-
-def _renamed(expression: Expression, names: Names) -> Expression:
-    match expression:
-        case Is(variable, term):
-            return Is(variable, names.get((variable, term), term))
-        case Not(operand):
-            return Not(_renamed(operand, names))
-        case And(operands) | Or(operands):
-            return type(expression)(tuple(_renamed(operand, names) for operand in operands))
+    return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
 
 
 def _key(expression: Expression) -> str:
@@ -215,6 +214,8 @@ def _key(expression: Expression) -> str:
             return _key(operand)
         case Not(operand):
             return f"Not({_key(operand)})"
+        case Hedged(hedge, operand):
+            return f"{hedge}({_key(operand)})"
     return antecedent_words(expression)
 
 

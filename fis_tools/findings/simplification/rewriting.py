@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import distinguishability
-from fis_tools.analysis.measures import statements
 from fis_tools.model import (
     And,
     Expression,
     FuzzySystem,
+    Hedged,
     Is,
     MembershipFunction,
     Not,
@@ -20,6 +20,7 @@ from fis_tools.model import (
     Sampled,
     Term,
     Variable,
+    statements_of,
 )
 
 Floats = NDArray[np.float64]
@@ -134,6 +135,8 @@ def _renamed_in(expression: Expression, merger: Merger, plain: dict[type[Express
             return Is(variable, merger.kept) if is_dropped else expression
         case Not(operand):
             return Not(_renamed_in(operand, merger, plain))
+        case Hedged(hedge, operand):
+            return Hedged(hedge, _renamed_in(operand, merger, plain))
         case And(operands) | Or(operands):
             renamed = tuple(_renamed_in(operand, merger, plain) for operand in operands)
             if renamed != operands and plain[type(expression)]:
@@ -200,7 +203,7 @@ def without_rule(system: FuzzySystem, place: int) -> FuzzySystem | None:
 
 def pruned(system: FuzzySystem) -> FuzzySystem:
     """Drop terms that no rule uses; a variable without any used term keeps its first."""
-    used = {(s.variable, s.term) for rule in system.rules for s in statements(rule.antecedent)}
+    used = {(s.variable, s.term) for rule in system.rules for s in statements_of(rule.antecedent)}
     used |= {(c.variable, c.term) for rule in system.rules for c in rule.consequents}
 
     def kept(variable: Variable) -> Variable:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fis_tools.engines.program import Weighing, assemble
-from fis_tools.formats.c.parts import OPERATORS
-from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Is, Not, Or, Rule
+from fis_tools.formats.c.parts import HEDGES, OPERATORS
+from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
 
 #: of the thrust logic itself, with a turn from body axes
 _STEP = (40, 60, 1, 30)
@@ -103,6 +103,8 @@ def _antecedent(system: FuzzySystem, rule: Rule, expression: Expression) -> Oper
             return Operations()
         case Not(operand):
             return Operations(additions=1).plus(_antecedent(system, rule, operand))
+        case Hedged(hedge, operand):
+            return _counted(HEDGES[hedge]).plus(_antecedent(system, rule, operand))
         case And(operands):
             word: str = system.and_operator_of(rule)
         case Or(operands):
@@ -114,11 +116,11 @@ def _antecedent(system: FuzzySystem, rule: Rule, expression: Expression) -> Oper
 
 
 def _counted(formula: str) -> Operations:
-    """Count the operators in a formula, of all its branches."""
+    """Count the operators in a formula, of all its branches; a root counts as a division."""
     return Operations(
         additions=len(re.findall(r"[+-]", formula)),
         multiplications=formula.count("*"),
-        divisions=formula.count("/"),
+        divisions=formula.count("/") + formula.count("sqrt"),
         comparisons=len(re.findall(r"[<>]=?|==|fmin", formula)),
     )
 

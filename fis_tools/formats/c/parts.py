@@ -22,8 +22,17 @@ OPERATORS = {
     "unbounded_sum": "a + b",
 }
 
+#: What a hedge makes of one.
+HEDGES = {
+    "very": "a * a",
+    "somewhat": "sqrt(fmax(a, 0.0))",
+    "extremely": "a * a * a",
+    "intensely": "a <= 0.5 ? 2.0 * a * a : 1.0 - 2.0 * (1.0 - a) * (1.0 - a)",
+    "seldom": "a <= 0.5 ? sqrt(0.5 * fmax(a, 0.0)) : 1.0 - sqrt(0.5 * fmax(1.0 - a, 0.0))",
+}
+
 #: What the C function of an operator is called; `min`, `max` and `not` are macros in some headers.
-OPERATOR_NAMES = {word: f"fuzzy_{word}" for word in (*OPERATORS, "not")}
+OPERATOR_NAMES = {word: f"fuzzy_{word}" for word in (*OPERATORS, *HEDGES, "not")}
 
 BELOW = """\
 /* The last point of a universe that is not above x, for an x inside. */
@@ -331,7 +340,10 @@ WHERE_CUT = (CROSS, AGGREGATE)
 
 #: The functions of operators and defuzzifiers by the model's words.
 BY_WORD = {
-    "not": "static double fuzzy_not(double a)\n{\n    return 1.0 - a;\n}\n",
+    **{
+        word: f"static double {OPERATOR_NAMES[word]}(double a)\n{{\n    return {value};\n}}\n"
+        for word, value in {"not": "1.0 - a", **HEDGES}.items()
+    },
     **{word: _BINARY.format(name=OPERATOR_NAMES[word], value=value) for word, value in OPERATORS.items()},
     "centroid": _CENTROID,
     "bisector": _BISECTOR,

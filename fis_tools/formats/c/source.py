@@ -29,6 +29,7 @@ from fis_tools.model import (
     Expression,
     FuzzyController,
     FuzzySystem,
+    Hedged,
     Is,
     MembershipFunction,
     Not,
@@ -275,6 +276,9 @@ class _Part:
             case Not(operand):
                 yield "not"
                 yield from self._operators(rule, operand)
+            case Hedged(hedge, operand):
+                yield hedge
+                yield from self._operators(rule, operand)
             case And(operands) | Or(operands):
                 if len(operands) > 1:
                     yield self._operator(rule, expression)
@@ -415,6 +419,8 @@ class _Part:
                 return f"{self._degrees(variable)}[{index}]"
             case Not(operand):
                 return f"{OPERATOR_NAMES['not']}({self._degree(rule, operand)})"
+            case Hedged(hedge, operand):
+                return f"{OPERATOR_NAMES[hedge]}({self._degree(rule, operand)})"
         operator = OPERATOR_NAMES[self._operator(rule, expression)]
         operands = [self._degree(rule, operand) for operand in expression.operands]
         return reduce(lambda left, right: f"{operator}({left}, {right})", operands)

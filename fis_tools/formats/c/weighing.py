@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from fis_tools.model import (
     Arc,
     Concave,
+    Formula,
     Linear,
     MembershipFunction,
     MonotoneFunction,
@@ -69,6 +70,11 @@ def functions(shapes: Sequence[MembershipFunction]) -> list[str]:
 
 def concluded(shape: MembershipFunction, strength: str, inputs: Sequence[Variable], output: Variable) -> str:
     """Write the number that a rule of some strength concludes, an expression of doubles."""
+    if isinstance(shape, Formula):
+        raise ValueError(
+            f"output {output.name!r} concludes the formula {shape.text[:40]!r}, and C is written for numbers "
+            "linear in the inputs; export as fll or json"
+        )
     if isinstance(shape, Number):
         *coefficients, constant = shape.row(len(inputs))
         terms = [repr(float(constant))]

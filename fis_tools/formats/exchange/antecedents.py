@@ -11,7 +11,20 @@ from dataclasses import replace
 from itertools import product
 from math import prod
 
-from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, OrOperator, Rule
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Consequent,
+    Expression,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    OrOperator,
+    Rule,
+    parts_of,
+    with_statements,
+)
 
 #: A variable and one of its terms.
 Statement = tuple[str, str]
@@ -45,7 +58,7 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
 
     def moved(part: Expression, is_negated: bool) -> Expression:
         match part:
-            case Is():
+            case Is() | Hedged():
                 return Not(part) if is_negated else part
             case Not(operand):
                 return moved(operand, not is_negated)
@@ -96,7 +109,7 @@ def flat_antecedents(
         If its meaning would change.
     """
     plain = with_plain_not(expression, and_operator, or_operator)
-    is_flat = all(isinstance(part, Is | Not) for part in operands_of(plain))
+    is_flat = all(map(is_leaf, operands_of(plain)))
     if is_flat and (repeats_inputs or not _has_repeated_input(operands_of(plain))):
         return [plain]
     if or_operator != "max" and any(isinstance(part, Or) for part in parts_of(plain)):
@@ -105,17 +118,6 @@ def flat_antecedents(
     if not repeats_inputs and any(_has_repeated_input(operands_of(part)) for part in found):
         raise NotExpressible("it says two things of one input")
     return list(dict.fromkeys(found))
-
-
-def parts_of(expression: Expression) -> Iterator[Expression]:
-    """Yield an antecedent and everything that it is made of."""
-    yield expression
-    match expression:
-        case Not(operand):
-            yield from parts_of(operand)
-        case And(operands) | Or(operands):
-            for operand in operands:
-                yield from parts_of(operand)
 
 
 def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
@@ -128,16 +130,26 @@ def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
 
 
 def _has_repeated_input(leaves: Sequence[Expression]) -> bool:
-    names = [statement_of(leaf).variable for leaf in leaves if isinstance(leaf, Is | Not)]
+    names = [statement_of(leaf).variable for leaf in leaves if is_leaf(leaf)]
     return len(set(names)) != len(names)
 
 
 def statement_of(leaf: Expression) -> Is:
-    """Return the statement that an antecedent makes or denies, which must be one."""
-    statement = leaf.operand if isinstance(leaf, Not) else leaf
-    if not isinstance(statement, Is):
-        raise TypeError(f"{leaf} is made of several statements; expected one")
-    return statement
+    """Return the statement that an antecedent makes, denies or hedges, which must be one."""
+    match leaf:
+        case Is():
+            return leaf
+        case Not(operand) | Hedged(_, operand):
+            return statement_of(operand)
+    raise TypeError(f"{leaf} is made of several statements; expected one")
+
+
+def is_leaf(expression: Expression) -> bool:
+    """Return whether an antecedent makes one statement, denied or hedged or as it is."""
+    match expression:
+        case Not(operand) | Hedged(_, operand):
+            return is_leaf(operand)
+    return isinstance(expression, Is)
 
 
 def operands_of(expression: Expression) -> tuple[Expression, ...]:
@@ -178,19 +190,11 @@ def renamed(rule: Rule, names: Mapping[Statement, Statement]) -> Rule:
         Each variable and term that it mentions, with what stands in their place.
     """
 
-    def said(expression: Expression) -> Expression:
-        match expression:
-            case Is(variable, term):
-                return Is(*names[variable, term])
-            case Not(operand):
-                return Not(said(operand))
-            case And(operands):
-                return And(tuple(said(operand) for operand in operands))
-            case Or(operands):
-                return Or(tuple(said(operand) for operand in operands))
+    def said(statement: Is) -> Is:
+        return Is(*names[statement.variable, statement.term])
 
     consequents = tuple(Consequent(*names[c.variable, c.term], c.weight) for c in rule.consequents)
-    return replace(rule, antecedent=said(rule.antecedent), consequents=consequents)
+    return replace(rule, antecedent=with_statements(rule.antecedent, said), consequents=consequents)
 
 
 def mentions(rule: Rule) -> Iterator[Statement]:

@@ -22,10 +22,11 @@ from fis_tools.formats.exchange.dialect import (
     refuse_joined,
     say,
 )
+from fis_tools.formats.exchange.hedges import ANY, any_term
 from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
 from fis_tools.formats.own.plain import Unreadable
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Trapezoidal, Variable
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Sampled, Term, Variable
 from fis_tools.model.membership import sample
 from fis_tools.model.validate import controller_problems
 from fis_tools.model.weighing import reach
@@ -34,8 +35,6 @@ from fis_tools.words.text import number
 #: What the comment begins with; the number is the version of this way of carrying.
 MARK = "fis_tools carries 1: "
 _ANY_MARK = "fis_tools carries "
-#: The term of an input that nothing is asked of.
-ANY = "any"
 #: A fact of a controller whose file was changed after it was written.
 EDITED = ("edited", "the exchange file was changed by hand after it was written")
 
@@ -162,8 +161,7 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
     inputs, outputs, told = list(visible.inputs), list(visible.outputs), []
     for place, variable in enumerate(inputs if visible.weighed else ()):
         if not variable.terms:
-            low, high = variable.minimum, variable.maximum
-            inputs[place] = replace(variable, terms=(Term(ANY, Trapezoidal(low, low, high, high)),))
+            inputs[place] = replace(variable, terms=(any_term(variable),))
             told.append(
                 f"{visible.name}: {variable.name} has no terms, and gets {ANY!r}, which all belong to"
             )
@@ -257,7 +255,7 @@ def _adopt(visible: FuzzySystem, original: FuzzySystem, said: Said) -> FuzzySyst
 
 
 def _adopt_variable(visible: Variable, original: Variable, said: Variable) -> Variable:
-    terms = {shown.name: (source, shown) for source, shown in zip(original.terms, said.terms, strict=True)}
+    terms = {shown.name: (source, shown) for source, shown in zip(original.terms, said.terms, strict=False)}
     is_same = {term.name: term.name in terms and term == terms[term.name][1] for term in visible.terms}
     extent = ("minimum", "maximum", "num_points", "points")
     keeps_universe = all(getattr(visible, key) == getattr(said, key) for key in extent) and all(

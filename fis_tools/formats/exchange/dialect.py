@@ -8,6 +8,7 @@ assumes of such a file. The law of every format is that reading what was written
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +17,22 @@ from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
     flat_antecedents,
     in_order,
-    parts_of,
+    is_leaf,
     renamed,
     with_plain_not,
 )
+from fis_tools.formats.exchange.hedges import Terms, hedged, on_statements
 from fis_tools.formats.exchange.identifiers import Names
+from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.model import (
     And,
     AndOperator,
     Consequent,
+    Formula,
     FuzzyController,
     FuzzySystem,
+    Hedge,
+    Hedged,
     MembershipFunction,
     MonotoneFunction,
     Or,
@@ -38,9 +44,11 @@ from fis_tools.model import (
     Trapezoidal,
     Triangular,
     Variable,
+    parts_of,
 )
 from fis_tools.model.membership import sample
 from fis_tools.model.shape import Format
+from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
 OUTPUT_POINTS = 101
@@ -87,6 +95,12 @@ class Dialect:
         Whether all names of a file, terms too, must differ.
     has_weighed_outputs : bool
         Whether it is written and read with outputs that are weighted averages or sums.
+    hedges : {"fll", "fml", "fcl"}, optional
+        Whose words for hedges it has; a hedged statement without is said as a term of its own.
+    most_words : int
+        How many words may stand before a term, `not` among them.
+    concludes_hedged : bool
+        Whether a hedge before all that a rule asks for can stand before what it concludes.
     is_read : bool
         Whether there is a reader, so that a comment carries what has no place.
     """
@@ -107,6 +121,9 @@ class Dialect:
     has_walls: bool = True
     has_unique_names: bool = False
     has_weighed_outputs: bool = True
+    hedges: Literal["fll", "fml", "fcl"] | None = None
+    most_words: int = 1
+    concludes_hedged: bool = False
     is_read: bool = True
 
 
@@ -120,10 +137,13 @@ class Said:
         What a reader of the format sees.
     rules : tuple of tuple of Rule
         What each rule of the original became.
+    source : FuzzySystem
+        The original, with a term more for each hedged statement that became one.
     """
 
     system: FuzzySystem
     rules: tuple[tuple[Rule, ...], ...]
+    source: FuzzySystem
 
 
 def only_system(controller: FuzzyController, dialect: Dialect) -> FuzzySystem:
@@ -162,6 +182,7 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
                 f"output {output.name!r} combines rules that conclude one term by {output.accumulation}, "
                 f"which {dialect.title} cannot say; export as json"
             )
+    system = _with_sayable_hedges(system, dialect)
     names = Names(system, are_unique=dialect.has_unique_names)
     groups = [
         [renamed(said, names.statements) for said in _said_rules(place, rule, system, dialect)]
@@ -202,7 +223,7 @@ def say(system: FuzzySystem, dialect: Dialect) -> Said:
             "export as fll, fml or json"
         )
     ends = np.cumsum([0, *map(len, groups)])
-    return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)))
+    return Said(said, tuple(said.rules[start:end] for start, end in pairwise(ends)), system)
 
 
 def refuse_joined(system: FuzzySystem) -> None:
@@ -279,6 +300,36 @@ def _used_operators(system: FuzzySystem, rule: Rule) -> tuple[AndOperator | None
     )
 
 
+def _with_sayable_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
+    """Put every hedge before a statement, and turn those that a format has no word for into terms."""
+    known = {hedge for hedge, words in HEDGES.items() if dialect.hedges and getattr(words, dialect.hedges)}
+    terms = Terms(system, known, dialect.most_words)
+
+    def said(place: int, rule: Rule) -> Rule:
+        if not any(isinstance(part, Hedged) for part in parts_of(rule.antecedent)):
+            return rule
+        outside, asked = before(rule.antecedent)
+        concludes = set(outside) <= known and all(c.weight == 1.0 for c in rule.consequents)
+        if not (dialect.concludes_hedged and concludes and not is_leaf(asked)):
+            outside, asked = [], rule.antecedent
+        try:
+            operators = system.and_operator_of(rule), system.or_operator_of(rule)
+            moved = with_plain_not(on_statements(asked, *operators), *operators)
+        except NotExpressible as reason:
+            raise _unsayable(place, dialect, reason) from reason
+        return replace(rule, antecedent=hedged(cast(list[Hedge], outside), terms.said(moved)))
+
+    rules = tuple(said(place, rule) for place, rule in enumerate(system.rules, start=1))
+    return replace(system, inputs=tuple(terms.inputs.values()), rules=rules)
+
+
+def _unsayable(place: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:
+    return NotExpressible(
+        f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
+        f"{'json' if dialect.is_nested else 'fll or json'}"
+    )
+
+
 def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
     """Say a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
@@ -288,10 +339,7 @@ def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -
         else:
             antecedents = flat_antecedents(rule.antecedent, *operators, repeats_inputs=dialect.repeats_inputs)
     except NotExpressible as reason:
-        raise NotExpressible(
-            f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
-            f"{'json' if dialect.is_nested else 'fll or json'}"
-        ) from reason
+        raise _unsayable(place, dialect, reason) from reason
     adds_up = [c.variable for c in rule.consequents if not system.variable(c.variable).counts_strongest]
     if len(antecedents) > 1 and adds_up:
         raise NotExpressible(
@@ -303,6 +351,8 @@ def _said_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -
         antecedents = [in_order(antecedent, inputs) for antecedent in antecedents]
     outputs = [output.name for output in system.outputs]
     groups = list(_consequent_groups(rule.consequents, outputs, dialect))
+    if isinstance(rule.antecedent, Hedged) and not is_leaf(rule.antecedent):
+        groups = [(each,) for each in rule.consequents]  # fuzzylite carries a hedge on to those behind it
     return [Rule(antecedent, group, "", *operators) for antecedent in antecedents for group in groups]
 
 
@@ -364,8 +414,15 @@ def _said_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: 
             )
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
     said = _said_variable(plain, names, dialect, is_output=True)
-    terms = (Term(names.terms[output.name, term.name], term.membership) for term in output.terms)
+    terms = (
+        Term(names.terms[output.name, term.name], _said_number(term.membership, names))
+        for term in output.terms
+    )
     return replace(said, terms=tuple(terms), num_points=OUTPUT_POINTS)
+
+
+def _said_number(shape: MembershipFunction, names: Names) -> MembershipFunction:
+    return Formula(shape.parsed.text(names.variables)) if isinstance(shape, Formula) else shape
 
 
 def _said_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:

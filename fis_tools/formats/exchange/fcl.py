@@ -12,20 +12,24 @@ from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say
 from fis_tools.formats.exchange.foreign import concluded_words, rule_words
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, OR
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR
 from fis_tools.formats.own.mapping import to_mapping
 from fis_tools.model import (
     Constant,
     FuzzyController,
     FuzzySystem,
+    Hedged,
     Term,
     Trapezoidal,
     Triangular,
     Variable,
+    parts_of,
 )
 from fis_tools.model.membership import sample
 
-DIALECT = Dialect(title="an FCL file", is_nested=True, is_read=False)
+DIALECT = Dialect(
+    title="an FCL file", is_nested=True, hedges="fcl", most_words=99, concludes_hedged=True, is_read=False
+)
 
 #: The words of IEC 61131-7 itself.
 _STANDARD = {"MIN", "PROD", "BDIF", "MAX", "ASUM", "BSUM", "COG", "COGS", "COA", "LM", "RM"}
@@ -42,9 +46,8 @@ def write(controller: FuzzyController) -> Written:
         If something is wrong with the controller.
     """
     to_mapping(controller)
-    original = only_system(controller, DIALECT)
-    said = say(original, DIALECT)
-    system = said.system
+    said = say(only_system(controller, DIALECT), DIALECT)
+    system, original = said.system, said.source
     lines = [f"FUNCTION_BLOCK {system.name}", ""]
     for kind, variables in (("VAR_INPUT", system.inputs), ("VAR_OUTPUT", system.outputs)):
         lines += [kind, *(f"  {variable.name} : REAL;" for variable in variables), "END_VAR", ""]
@@ -92,7 +95,8 @@ def _concluded_lines(output: Variable) -> Iterator[str]:
     for term in output.terms:
         word, values = concluded_words(term.membership, "fll")
         said = [] if isinstance(term.membership, Constant) else [word]
-        yield f"  TERM {term.name} := {' '.join([*said, *map(repr, values)])};"
+        said += [value if isinstance(value, str) else repr(value) for value in values]
+        yield f"  TERM {term.name} := {' '.join(said)};"
 
 
 def _points(variable: Variable, term: Term) -> list[tuple[float, float]]:
@@ -137,5 +141,7 @@ def _strangers(system: FuzzySystem) -> Iterator[str]:
     }
     for rule in system.rules:
         words |= {AND[system.and_operator_of(rule)].fcl, OR[system.or_operator_of(rule)].fcl}
+    parts = (part for rule in system.rules for part in parts_of(rule.antecedent))
+    words |= {HEDGES[part.hedge].fcl for part in parts if isinstance(part, Hedged)}
     for word in sorted(words - _STANDARD):
         yield f"{word} is not in IEC 61131-7; fuzzylite knows it"

@@ -13,9 +13,9 @@ from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import Reading, understand
 from fis_tools.formats.exchange.dialect import settle
 from fis_tools.formats.exchange.fcl import DIALECT
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
-from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
+from fis_tools.formats.exchange.hedges import with_any
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import FuzzySystem, MembershipFunction, Rule, Variable
 from fis_tools.model.operators import WEIGHING
@@ -54,7 +54,10 @@ def read(text: str) -> Reading:
     ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
-    return understand(_system(*_blocks(text)), [], DIALECT)
+    name, blocks = _blocks(text)
+    reading = understand(_system(name, blocks), [], DIALECT)
+    kept = (foreign.kept_words(block.name) for block in blocks if _keeps_last(block))
+    return Reading(reading.controller, (*reading.assumptions, *kept))
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
@@ -124,7 +127,7 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
             if variable not in described:
                 raise ControllerFileError(f"{kind} {variable[:40]!r} has no terms; add FUZZIFY or DEFUZZIFY")
             variables[variable] = _variable(
-                described[variable], len(declared["VAR_INPUT"]), is_output=kind == "VAR_OUTPUT"
+                described[variable], declared["VAR_INPUT"], is_output=kind == "VAR_OUTPUT"
             )
     inputs, outputs = (tuple(variables[name] for name in declared[k]) for k in ("VAR_INPUT", "VAR_OUTPUT"))
     rule_blocks = [block for block in blocks if block.kind == "RULEBLOCK"]
@@ -145,12 +148,19 @@ def _system(name: str, blocks: Sequence[_Block]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=name or "unnamed",
-            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
+            inputs=with_any(inputs, rules),
             outputs=outputs,
             rules=tuple(chained(rules, outputs)),
             implication=foreign.choice(meanings(AND, "fcl"), word, "the activation ACT", ""),
         )
     )
+
+
+def _keeps_last(block: _Block) -> bool:
+    """Return whether an output keeps its last value where no rule fires."""
+    ways = block.settings.get("DEFAULT", (0, ""))[1].partition("|")
+    is_kept = "NC" in {way.strip().upper() for way in ways}
+    return is_kept or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper()
 
 
 def _word(block: _Block, key: str, usual: str) -> str:
@@ -172,11 +182,11 @@ def _rules(block: _Block) -> Iterator[Rule]:
                 f"line {line}: {content[:40]!r} is not RULE number : IF … THEN …; correct it"
             )
         words = (w.lower() if w.lower() in _RULE_WORDS else w for w in re.findall(r"[()]|[^\s()]+", rule[1]))
-        read = read_rule(line, " ".join(words), operators)
-        yield replace(read, and_operator=conjunction, or_operator=disjunction)
+        for read in read_rules(line, " ".join(words), operators):
+            yield replace(read, and_operator=conjunction, or_operator=disjunction)
 
 
-def _variable(block: _Block, num_inputs: int, *, is_output: bool) -> Variable:
+def _variable(block: _Block, inputs: Sequence[str], *, is_output: bool) -> Variable:
     terms = [_named_term(line, content) for line, content in block.listed]
     extent = _extent(block, terms)
     if not is_output:
@@ -189,32 +199,32 @@ def _variable(block: _Block, num_inputs: int, *, is_output: bool) -> Variable:
     aggregation = foreign.choice(aggregations, _word(block, "ACCU", "MAX"), f"{where} ACCU", "")
     line, default = block.settings.get("DEFAULT", (block.line, "nan"))
     default = default.partition("|")[0].strip()
-    if default.upper() == "NC" or "PREVIOUS" in block.settings.get("LOCK", (0, ""))[1].upper():
-        raise ControllerFileError(
-            f"line {line}: {block.name} keeps its last value, which is not read; give a number"
-        )
     is_weighed = defuzzifier in WEIGHING
     return foreign.variable(
         block.name,
         extent,
         [
-            (name, _concluded(line, words, num_inputs) if is_weighed else _shape(line, words, extent))
+            (name, _concluded(line, words, inputs) if is_weighed else _shape(line, words, extent))
             for line, name, words in terms
         ],
         is_output=True,
-        default=None if default.lower() == "nan" else foreign.number(default, f"line {line}: DEFAULT"),
+        default=None
+        if default.lower() in {"nan", "nc"}
+        else foreign.number(default, f"line {line}: DEFAULT"),
         defuzzifier=defuzzifier,
         aggregation="unbounded_sum" if is_weighed else aggregation,
     )
 
 
-def _concluded(line: int, words: str, num_inputs: int) -> MembershipFunction:
+def _concluded(line: int, words: str, inputs: Sequence[str]) -> MembershipFunction:
     """Read a term of an output that is weighed: a number as it stands, or in fuzzylite's words."""
     if re.fullmatch(r"[-+.\d]\S*", words):
         words = f"Constant {words}"
     word, *rest = words.split()
-    values = foreign.places(rest, f"line {line}") if word != "Function" else []
-    return foreign.concluded(word, values, num_inputs, "fll", f"line {line}")
+    where = f"line {line}"
+    if word == "Function":
+        return foreign.concluded_formula(" ".join(rest), inputs, where)
+    return foreign.concluded(word, foreign.places(rest, where), len(inputs), "fll", where)
 
 
 def _named_term(line: int, content: str) -> tuple[int, str, str]:

@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
@@ -24,19 +25,20 @@ from fis_tools.formats.exchange.fis_sections import (
     sections_of,
     whole_number,
 )
+from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.hedges import FRACTIONS, FUZZYLITES, POWERS, Hedge, with_hedged_terms
+from fis_tools.formats.exchange.hedges import ANY, FRACTIONS, FUZZYLITES_FRACTIONS, hedged, with_any
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.model import (
     Aggregation,
     And,
     AndOperator,
-    Consequent,
     Expression,
     FuzzyController,
     FuzzySystem,
     GeneralizedBell,
+    Hedge,
     Is,
     MembershipFunction,
     MonotoneFunction,
@@ -210,8 +212,9 @@ def read(text: str) -> Reading:
     """
     sections, comments = sections_of(text)
     told: list[str] = []
-    hedges = FUZZYLITES if any("generated with fuzzylite" in words for _, words in comments) else POWERS
-    reading = understand(_system(sections, hedges, told), comments, DIALECT)
+    is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
+    fractions = FUZZYLITES_FRACTIONS if is_fuzzylites else FRACTIONS
+    reading = understand(_system(sections, fractions, told), comments, DIALECT)
     return Reading(reading.controller, (*reading.assumptions, *told))
 
 
@@ -221,7 +224,12 @@ _SYSTEM_KEYS = ("Name", "Type", "Version", "NumInputs", "NumOutputs", "NumRules"
 _METHOD_KEYS = ("AndMethod", "OrMethod", "ImpMethod", "AggMethod", "DefuzzMethod")
 
 
-def _system(sections: dict[str, Section], hedges: Mapping[str, Hedge], told: list[str]) -> FuzzySystem:
+#: What stands for hedges in the fraction of a term's number; fuzzylite's for `any`.
+Fractions = Mapping[float, tuple[Hedge, ...]]
+_ANY = 0.99
+
+
+def _system(sections: dict[str, Section], fractions: Fractions, told: list[str]) -> FuzzySystem:
     head = section_of(sections, "[System]")
     entries = head.entries((*_SYSTEM_KEYS, *_METHOD_KEYS, "DisableStructuralChecks"))
     for key in (*_SYSTEM_KEYS[1:2], *_SYSTEM_KEYS[3:], *_METHOD_KEYS):
@@ -250,10 +258,11 @@ def _system(sections: dict[str, Section], hedges: Mapping[str, Hedge], told: lis
             )
     found = {title: section_of(sections, title) for title in expected}
     inputs = [_variable(found[title], None, told) for title in expected if title.startswith("[Input")]
+    names = [variable.name for variable in inputs]
     outputs = []
     for title in expected[len(inputs) :]:
         is_number = weighs or (kind == "hybrid" and _concludes_numbers(found[title]))
-        output = _variable(found[title], len(inputs) if is_number else None, told)
+        output = _variable(found[title], names if is_number else None, told)
         if is_number and not weighs:
             output = replace(output, defuzzifier="weighted_average")
             told.append(f"{output.name} concludes numbers: their weighted average is taken")
@@ -266,7 +275,9 @@ def _system(sections: dict[str, Section], hedges: Mapping[str, Hedge], told: lis
         )
     if len(lines) > counts["NumRules"]:
         told.append(f"[System] says NumRules={counts['NumRules']} but has {len(lines)} rules: all are taken")
-    rules = tuple(_rule(line, content, inputs, outputs) for line, content in lines)
+    rules = tuple(
+        rule for line, content in lines for rule in _rules(line, content, inputs, outputs, fractions)
+    )
     joins = (
         foreign.choice(_AND, *quoted_word(entries, "AndMethod"), "or rewrite the rules"),
         foreign.choice(_OR, *quoted_word(entries, "OrMethod"), "or rewrite the rules"),
@@ -278,7 +289,7 @@ def _system(sections: dict[str, Section], hedges: Mapping[str, Hedge], told: lis
     return settle(
         FuzzySystem(
             name=(quoted_word(entries, "Name")[0] if "Name" in entries else "") or "unnamed",
-            inputs=with_hedged_terms(inputs, rules, hedges),
+            inputs=with_any(inputs, rules),
             outputs=tuple(
                 output if output.aggregation == "unbounded_sum" else replace(output, aggregation=aggregation)
                 for output in outputs
@@ -295,11 +306,11 @@ def _system(sections: dict[str, Section], hedges: Mapping[str, Hedge], told: lis
 def _concludes_numbers(section: Section) -> bool:
     """Return whether an output's terms are numbers, which have no other defuzzifier than a weighing one."""
     values = [content for _, content in section.lines if content.startswith("MF")]
-    return all(re.search(r":\s*['\"](constant|linear)['\"]", value) for value in values)
+    return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Variable:
-    """Read a variable; of an output that is weighed, `num_weighed` is how many inputs there are."""
+def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str]) -> Variable:
+    """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
     entries = section.entries(
         ("Name", "Range", "NumMFs", "MF", "Enabled", "Default", "LockRange", "LockPrevious")
     )
@@ -308,11 +319,13 @@ def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Var
             raise ControllerFileError(
                 f"{section.title} has no {key}; add it, or get a whole copy of the file"
             )
-    only_free = [] if num_weighed is None else [("LockRange", 0.0)]
-    for key, only in (("Enabled", 1.0), ("LockPrevious", 0.0), *only_free):
+    only_free = [] if weighed_by is None else [("LockRange", 0.0)]
+    for key, only in (("Enabled", 1.0), *only_free):
         if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
+    if "LockPrevious" in entries and entries["LockPrevious"][1] == "1":
+        told.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
     num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     found = [key for key in entries if key.startswith("MF")]
     keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]
@@ -330,7 +343,7 @@ def _variable(section: Section, num_weighed: int | None, told: list[str]) -> Var
     default = entries.get("Default")
     states_default = is_output and default is not None and default[1].lower() != "nan"
     name = quoted_word(entries, "Name")[0]
-    terms = [_term(*entries[key], extent, num_weighed) for key in keys]
+    terms = [_term(*entries[key], extent, weighed_by) for key in keys]
     return foreign.variable(
         name,
         extent,
@@ -363,19 +376,22 @@ _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(
 
 
 def _term(
-    line: int, value: str, extent: Extent, num_weighed: int | None
+    line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None
 ) -> tuple[str, MembershipFunction | Table]:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
+    if parts["shape"] == "function" and weighed_by is not None:
+        return parts["name"], foreign.concluded_formula(parts["numbers"][1:-1], weighed_by, where)
     if parts["shape"] == "function":
         raise ControllerFileError(
-            f"{where}: the term is a formula, {parts['numbers'][:40]}, which cannot be read; give numbers"
+            f"{where}: the term is a formula, {parts['numbers'][:40]}, which only outputs by wtaver and "
+            "wtsum have; give numbers"
         )
     values = numbers_in(parts["numbers"], where)
-    if num_weighed is not None:
-        return parts["name"], foreign.concluded(parts["shape"], values, num_weighed, "fis", where)
+    if weighed_by is not None:
+        return parts["name"], foreign.concluded(parts["shape"], values, len(weighed_by), "fis", where)
     if parts["shape"] in {"constant", "linear"}:
         raise ControllerFileError(
             f"{where}: the term is {parts['shape']}, a number and no fuzzy set; only outputs by wtaver and "
@@ -391,7 +407,10 @@ _RULE = re.compile(
 )
 
 
-def _rule(line: int, content: str, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Rule:
+def _rules(
+    line: int, content: str, inputs: Sequence[Variable], outputs: Sequence[Variable], fractions: Fractions
+) -> list[Rule]:
+    """Read a rule; where it concludes with hedges, it becomes one for each that it uses."""
     where = f"line {line}"
     parts = _RULE.fullmatch(content)
     if parts is None:
@@ -399,29 +418,24 @@ def _rule(line: int, content: str, inputs: Sequence[Variable], outputs: Sequence
             f"{where}: {content[:40]!r} is not a rule; expected term numbers, weight and connection as in "
             f"'{'1 ' * len(inputs)}, {'1 ' * len(outputs)}(1) : 1'"
         )
-    asked = _term_numbers(parts["asked"], inputs, where)
-    concluded = _term_numbers(parts["concluded"], outputs, where)
+    asked = _term_numbers(parts["asked"], inputs, fractions, where)
+    concluded = _term_numbers(parts["concluded"], outputs, fractions, where)
     weight = foreign.number(parts["weight"], where)
-    leaves = [
-        Not(Is(variable.name, name)) if is_negated else Is(variable.name, name)
-        for variable, name, is_negated in asked
-    ]
-    if not leaves or not concluded:
+    if not asked or not concluded:
         raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
-    for variable, name, _ in concluded:
-        if name not in {term.name for term in variable.terms}:
+    for each in concluded:
+        if each.is_negated or each.term == ANY:
             raise ControllerFileError(
-                f"{where}: the hedge in {name!r} on what the rule concludes cannot be read; give the rule a "
-                "weight, or conclude another term"
+                f"{where}: the rule concludes {'not' if each.is_negated else ANY!r}; conclude a term, made "
+                "for it if need be"
             )
-    if any(is_negated for _, _, is_negated in concluded):
-        raise ControllerFileError(
-            f"{where}: the rule concludes 'not'; conclude a term, made for it if need be"
-        )
-    return Rule(
-        _joined(leaves, is_or=parts["join"] == "2"),
-        tuple(Consequent(variable.name, name, weight) for variable, name, _ in concluded),
-    )
+        if each.hedges and fractions is not FUZZYLITES_FRACTIONS:
+            raise ControllerFileError(
+                f"{where}: the hedge on {each.term!r}, which the rule concludes, is none of MATLAB's, and "
+                "Octave changes by it what fuzzylite does not; conclude a term made for it"
+            )
+    antecedent = _joined([each.expression for each in asked], is_or=parts["join"] == "2")
+    return hedged_rules(antecedent, [(c.hedges, c.variable, c.term) for c in concluded], weight, where)
 
 
 def _joined(leaves: Sequence[Expression], *, is_or: bool) -> Expression:
@@ -430,8 +444,34 @@ def _joined(leaves: Sequence[Expression], *, is_or: bool) -> Expression:
     return Or(tuple(leaves)) if is_or else And(tuple(leaves))
 
 
-def _term_numbers(words: str, variables: Sequence[Variable], where: str) -> list[tuple[Variable, str, bool]]:
-    """Read one term number for each variable: the variable, the term, whether it is negated."""
+class _Statement(NamedTuple):
+    """What a rule says of a variable.
+
+    Attributes
+    ----------
+    variable, term : str
+    hedges : tuple of str
+        Those before the term.
+    is_negated : bool
+        Whether `not` stands before all of it.
+    """
+
+    variable: str
+    term: str
+    hedges: tuple[Hedge, ...]
+    is_negated: bool
+
+    @property
+    def expression(self) -> Expression:
+        """As part of an antecedent."""
+        said = hedged(self.hedges, Is(self.variable, self.term))
+        return Not(said) if self.is_negated else said
+
+
+def _term_numbers(
+    words: str, variables: Sequence[Variable], fractions: Fractions, where: str
+) -> list[_Statement]:
+    """Read one term number for each variable; hedges stand in its fraction."""
     values = foreign.numbers(words.split(), where)
     if len(values) != len(variables):
         raise ControllerFileError(
@@ -439,17 +479,19 @@ def _term_numbers(words: str, variables: Sequence[Variable], where: str) -> list
         )
     found = []
     for value, variable in zip(values, variables, strict=True):
-        hedge = FRACTIONS.get(round(abs(value) % 1.0, 9)) if value != int(value) else ""
-        if hedge is None:
+        fraction = round(abs(value) % 1.0, 9)
+        if fraction and fraction not in {*fractions, _ANY}:
             raise ControllerFileError(
                 f"{where}: the term number {value:g} of {variable.name} has a hedge in its fraction that is "
-                f"none of {', '.join(map(str, FRACTIONS))}; define a term for it and name that"
+                f"none of {', '.join(map(str, fractions))}; define a term for it and name that"
             )
         if int(abs(value)) > len(variable.terms):
             raise ControllerFileError(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
-        if value:
+        if fraction == _ANY:
+            found.append(_Statement(variable.name, ANY, (), value < 0))
+        elif value:
             name = variable.terms[abs(int(value)) - 1].name
-            found.append((variable, f"{hedge} {name}".strip(), value < 0))
+            found.append(_Statement(variable.name, name, fractions.get(fraction, ()), value < 0))
     return found

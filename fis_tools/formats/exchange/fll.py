@@ -15,9 +15,9 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
-from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rule
+from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
-from fis_tools.formats.exchange.hedges import FUZZYLITES, with_hedged_terms
+from fis_tools.formats.exchange.hedges import with_any
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, NORMALIZED_SUMS, OR, meanings
 from fis_tools.formats.own.mapping import MOST_POINTS
@@ -47,6 +47,9 @@ DIALECT = Dialect(
     holds_resolution=True,
     default_resolution=RESOLUTION,
     is_nested=True,
+    hedges="fll",
+    most_words=99,
+    concludes_hedged=True,
 )
 
 #: The last line of a file of ours: a copy that was cut is told by it from a whole one.
@@ -102,7 +105,8 @@ def _term_lines(variable: Variable) -> Iterator[str]:
 def _concluded_lines(output: Variable) -> Iterator[str]:
     for term in output.terms:
         word, values = foreign.concluded_words(term.membership, "fll")
-        yield f"  term: {term.name} {word} {' '.join(map(repr, values))}"
+        said = (value if isinstance(value, str) else repr(value) for value in values)
+        yield f"  term: {term.name} {word} {' '.join(said)}"
 
 
 def _output_lines(system: FuzzySystem, output: Variable) -> list[str]:
@@ -184,7 +188,9 @@ def read(text: str) -> Reading:
             f"the last line '# {END}' is missing, so the file may be cut; get a whole copy, or add the line "
             "if it is whole"
         )
-    return understand(_system(blocks), comments, DIALECT)
+    reading = understand(_system(blocks), comments, DIALECT)
+    kept = (block.name for block in blocks if block.entries.get("lock-previous", (0, ""))[1] == "true")
+    return Reading(reading.controller, (*reading.assumptions, *map(foreign.kept_words, kept)))
 
 
 def _take(blocks: list[_Block], line: int, content: str) -> None:
@@ -217,7 +223,8 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     for block in blocks:
         _refuse_setting(block, "enabled", ("true",))
     inputs = tuple(_variable(block) for block in blocks if block.kind == "InputVariable")
-    outputs = tuple(_output(block, len(inputs)) for block in blocks if block.kind == "OutputVariable")
+    names = tuple(variable.name for variable in inputs)
+    outputs = tuple(_output(block, names) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
         _refuse_setting(block, "activation", ("General", "none", "Minimum"))
@@ -225,8 +232,9 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     first = next(iter(operators), (None, None))
     groups = [
         [
-            replace(read_rule(line, words, own), and_operator=own[0], or_operator=own[1])
+            replace(rule, and_operator=own[0], or_operator=own[1])
             for line, words in block.repeated
+            for rule in read_rules(line, words, own)
         ]
         for block, own in zip(rule_blocks, operators, strict=True)
     ]
@@ -243,7 +251,7 @@ def _system(blocks: Sequence[_Block]) -> FuzzySystem:
     return settle(
         FuzzySystem(
             name=engines[0].name or "unnamed",
-            inputs=with_hedged_terms(inputs, rules, FUZZYLITES),
+            inputs=with_any(inputs, rules),
             outputs=outputs,
             rules=tuple(chained(rules, outputs)),
             and_operator=first[0] or "min",
@@ -333,9 +341,8 @@ def _description(block: _Block) -> str:
     return block.entries.get("description", (0, ""))[1]
 
 
-def _output(block: _Block, num_inputs: int) -> Variable:
+def _output(block: _Block, inputs: Sequence[str]) -> Variable:
     extent = _extent(block)
-    _refuse_setting(block, "lock-previous", ("false",))
     line, words = _entry(block, "defuzzifier")
     defuzzifier, parameter = _defuzzifier(line, words)
     line, default = block.entries.get("default", (block.line, "nan"))
@@ -346,7 +353,7 @@ def _output(block: _Block, num_inputs: int) -> Variable:
         "defuzzifier": defuzzifier,
     }
     if defuzzifier in WEIGHING:
-        terms = _concluded_terms(block, parameter, num_inputs)
+        terms = _concluded_terms(block, parameter, inputs)
         return foreign.variable(block.name, extent, terms, aggregation="unbounded_sum", **facts)
     return foreign.variable(
         block.name,
@@ -359,15 +366,19 @@ def _output(block: _Block, num_inputs: int) -> Variable:
 
 
 def _concluded_terms(
-    block: _Block, parameter: str, num_inputs: int
+    block: _Block, parameter: str, inputs: Sequence[str]
 ) -> list[tuple[str, MembershipFunction | Table]]:
     """Read the terms of an output that is weighed."""
     _refuse_setting(block, "lock-range", ("false",))
     terms: list[tuple[str, MembershipFunction | Table]] = []
     for line, words in block.repeated:
         name, word, rest = _parted(line, words)
-        values = foreign.places(rest, f"line {line}") if word != "Function" else []
-        shape = foreign.concluded(word, values, num_inputs, "fll", f"line {line}")
+        where = f"line {line}"
+        shape = (
+            foreign.concluded_formula(" ".join(rest), inputs, where)
+            if word == "Function"
+            else foreign.concluded(word, foreign.places(rest, where), len(inputs), "fll", where)
+        )
         kind = "TakagiSugeno" if isinstance(shape, Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
             raise ControllerFileError(

@@ -6,13 +6,28 @@ from dataclasses import dataclass
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.hedges import FUZZYLITES
-from fis_tools.model import And, AndOperator, Consequent, Expression, Is, Not, Or, OrOperator, Rule, Variable
+from fis_tools.formats.exchange.hedges import ANY, FUZZYLITES, hedged
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Consequent,
+    Expression,
+    Hedge,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    OrOperator,
+    Rule,
+    Variable,
+)
 from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.validate import MAX_NESTING
 
 #: The operators of a block of rules; None where it has none.
 Operators = tuple[AndOperator | None, OrOperator | None]
+#: What a rule concludes: the hedges before the term, the variable, the term.
+Concluded = tuple[tuple[Hedge, ...], str, str]
 
 
 @dataclass
@@ -39,8 +54,11 @@ class _Words:
         return word
 
 
-def read_rule(line: int, text: str, operators: Operators) -> Rule:
-    """Read a rule.
+def read_rules(line: int, text: str, operators: Operators) -> list[Rule]:
+    """Read a rule; where it concludes with hedges, it becomes one for each strength that it concludes with.
+
+    fuzzylite applies a hedge before a concluded term to the strength of the rule, for this term and all that
+    follow in the rule. So it is said of all that the rule asks for.
 
     Parameters
     ----------
@@ -70,7 +88,24 @@ def read_rule(line: int, text: str, operators: Operators) -> Rule:
         weight = foreign.number(words.take(), f"line {line}: the weight")
     if words.peek():
         raise ControllerFileError(f"line {line}: {words.peek()[:40]!r} follows the rule; correct it")
-    return Rule(antecedent, tuple(Consequent(variable, term, weight) for variable, term in concluded))
+    return hedged_rules(antecedent, concluded, weight, f"line {line}")
+
+
+def hedged_rules(
+    antecedent: Expression, concluded: Sequence[Concluded], weight: float, where: str
+) -> list[Rule]:
+    """Say hedges before concluded terms of all that the rule asks for, as fuzzylite computes them."""
+    carried: tuple[Hedge, ...] = ()
+    groups: dict[tuple[Hedge, ...], list[Consequent]] = {}
+    for hedges, variable, term in concluded:
+        carried = (*hedges, *carried)
+        groups.setdefault(carried, []).append(Consequent(variable, term, weight))
+    if weight != 1.0 and carried:
+        raise ControllerFileError(
+            f"{where}: the rule has the weight {weight:g} and a hedge on what it concludes, which fuzzylite "
+            "applies after the weight; drop one of them"
+        )
+    return [Rule(hedged(hedges, antecedent), tuple(group)) for hedges, group in groups.items()]
 
 
 def chained(rules: Sequence[Rule], outputs: Sequence[Variable]) -> list[Rule]:
@@ -132,32 +167,27 @@ def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
         return Not(_proposition(words, operators, depth))
     variable = words.take()
     words.take("is")
-    is_negated = False
-    while words.peek() == "not":
+    return _hedged_term(words, variable)
+
+
+def _hedged_term(words: _Words, variable: str) -> Expression:
+    if words.peek() == "not":
         words.take()
-        is_negated = not is_negated
-    hedges = []
-    while words.peek() in FUZZYLITES:
-        hedges.append(words.take())
-    is_whole = hedges[-1:] == ["any"] and words.peek() in {"", "and", "or", "then", ")"}
-    statement = Is(variable, " ".join(hedges if is_whole else [*hedges, words.take()]))
-    return Not(statement) if is_negated else statement
+        inside = _hedged_term(words, variable)
+        return inside.operand if isinstance(inside, Not) else Not(inside)
+    if words.peek() in FUZZYLITES:
+        return Hedged(FUZZYLITES[words.take()], _hedged_term(words, variable))
+    return Is(variable, words.take())
 
 
-def _conclusion(words: _Words) -> tuple[str, str]:
+def _conclusion(words: _Words) -> Concluded:
     variable = words.take()
     words.take("is")
-    if words.peek() == "not":
+    hedges: list[Hedge] = []
+    while words.peek() in FUZZYLITES:
+        hedges.append(FUZZYLITES[words.take()])
+    if words.peek() in {"not", ANY}:
         raise ControllerFileError(
-            f"{words.where}: the rule concludes 'not'; conclude a term, made for it if need be"
+            f"{words.where}: the rule concludes {words.peek()!r}; conclude a term, made for it if need be"
         )
-    _refuse_hedge(words)
-    return variable, words.take()
-
-
-def _refuse_hedge(words: _Words) -> None:
-    if words.peek() in FUZZYLITES:
-        raise ControllerFileError(
-            f"{words.where}: the hedge {words.peek()!r} on what a rule concludes cannot be read; give the "
-            "rule a weight, or conclude another term"
-        )
+    return tuple(hedges), variable, words.take()

@@ -6,8 +6,9 @@ file differ, as its schema asks. Shapes that the standard does not know are writ
 which only `fis_tools` reads.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from html import escape
 
 from fis_tools.formats.error import ControllerFileError
@@ -17,7 +18,7 @@ from fis_tools.formats.exchange.carried import Reading, Written, comment, unders
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
-from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
+from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings
 from fis_tools.formats.exchange.xml import Element
 from fis_tools.model import (
     Aggregation,
@@ -27,6 +28,7 @@ from fis_tools.model import (
     Expression,
     FuzzyController,
     FuzzySystem,
+    Hedged,
     Is,
     MembershipFunction,
     Not,
@@ -39,7 +41,14 @@ from fis_tools.model import (
 )
 from fis_tools.model.shape import SHAPES, words_of
 
-DIALECT = Dialect(title="an FML file", holds_units=True, has_unique_names=True, has_weighed_outputs=False)
+DIALECT = Dialect(
+    title="an FML file", holds_units=True, has_unique_names=True, has_weighed_outputs=False, hedges="fml"
+)
+#: Modifiers of a clause.
+_MODIFIERS: dict[str, Callable[[Expression], Expression]] = {
+    "not": Not,
+    **{word: partial(Hedged, hedge) for word, hedge in meanings(HEDGES, "fml").items()},
+}
 
 NAMESPACE = "http://www.ieee1855.org"
 
@@ -163,7 +172,8 @@ def _rule_lines(system: FuzzySystem, rule: Rule, name: str) -> Iterator[str]:
     yield "      <antecedent>"
     for leaf in operands_of(rule.antecedent):
         statement = statement_of(leaf)
-        modifier = _attributes(modifier="not") if isinstance(leaf, Not) else ""
+        word = HEDGES[leaf.hedge].fml if isinstance(leaf, Hedged) else "not"
+        modifier = _attributes(modifier=word) if leaf != statement else ""
         yield _clause(statement.variable, statement.term, modifier, 8)
     yield "      </antecedent>"
     yield "      <consequent>"
@@ -350,23 +360,20 @@ def _rule(element: Element, base: Element) -> Rule:
     is_or = element.attributes.get("connector", "and").lower() == "or"
     words = {**base.attributes, **element.attributes}
     weight = foreign.number(element.attributes.get("weight", "1"), f"{where}: the weight")
-    asked = [_clause_of(clause, ("not",)) for clause in _only(element, "antecedent").children]
+    leaves = [_leaf(clause) for clause in _only(element, "antecedent").children]
     consequent = _only(element, "consequent")
     if any(True for _ in consequent.all("else")):
         raise ControllerFileError(
             f"{where}: 'else' cannot be read; write it as a rule of its own, with 'not'"
         )
-    concluded = [_clause_of(clause, ()) for clause in _only(consequent, "then").children]
-    leaves: list[Expression] = [
-        Not(Is(variable, term)) if is_negated else Is(variable, term) for variable, term, is_negated in asked
-    ]
+    concluded = [_clause_of(clause) for clause in _only(consequent, "then").children]
     if not leaves or not concluded:
         raise ControllerFileError(
             f"{where}: the rule asks or concludes nothing; give it a clause on each side"
         )
     rule = Rule(
         leaves[0] if len(leaves) == 1 else Or(tuple(leaves)) if is_or else And(tuple(leaves)),
-        tuple(Consequent(variable, term, weight) for variable, term, _ in concluded),
+        tuple(Consequent(variable, term, weight) for variable, term in concluded),
     )
     return replace(
         rule,
@@ -388,8 +395,15 @@ def _only(element: Element, name: str) -> Element:
     return found[0]
 
 
-def _clause_of(element: Element, modifiers: Sequence[str]) -> tuple[str, str, bool]:
-    """Return the variable and the term of a clause, and whether it is negated."""
+def _leaf(element: Element) -> Expression:
+    """Read a clause of an antecedent."""
+    modifier = element.attributes.get("modifier", "")
+    statement = Is(*_clause_of(element, _MODIFIERS))
+    return _MODIFIERS[modifier](statement) if modifier else statement
+
+
+def _clause_of(element: Element, modifiers: Iterable[str] = ()) -> tuple[str, str]:
+    """Return the variable and the term of a clause."""
     if element.name != "clause":
         raise ControllerFileError(f"line {element.line}: expected a 'clause'; correct {element.name[:40]!r}")
     modifier = element.attributes.get("modifier", "")
@@ -397,4 +411,4 @@ def _clause_of(element: Element, modifiers: Sequence[str]) -> tuple[str, str, bo
         raise ControllerFileError(
             f"line {element.line}: the modifier {modifier[:40]!r} cannot be read; define a term for it"
         )
-    return _only(element, "variable").text.strip(), _only(element, "term").text.strip(), bool(modifier)
+    return _only(element, "variable").text.strip(), _only(element, "term").text.strip()

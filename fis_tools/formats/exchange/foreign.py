@@ -8,16 +8,19 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe, universe_of
+from fis_tools.formats.exchange.methods import HEDGES
 from fis_tools.formats.own.mapping import MOST_POINTS
 from fis_tools.model import (
     Aggregation,
     Defuzzifier,
+    Formula,
+    Is,
     Linear,
     MembershipFunction,
     MonotoneFunction,
@@ -29,9 +32,10 @@ from fis_tools.model import (
     Trapezoidal,
     Variable,
 )
+from fis_tools.model.formulas import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shape import Format, words_of
 from fis_tools.model.validate import nearest
-from fis_tools.words.text import antecedent_words
+from fis_tools.words.text import antecedent_words, before
 
 _Choice = TypeVar("_Choice")
 
@@ -254,9 +258,31 @@ RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
 _WEIGHED = (Number, MonotoneFunction)
 
 
-def concluded_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[float]]:
-    """Return the word and the numbers of a term of an output that is weighed."""
+def kept_words(output: str) -> str:
+    """Tell of an output that keeps its last value where no rule fires."""
+    return (
+        f"{output} keeps its last value where no rule fires, here it takes its default: an evaluation here "
+        'knows none before it; pass on_no_fire="hold" to carry values on from row to row'
+    )
+
+
+def concluded_formula(text: str, inputs: Sequence[str], where: str) -> MembershipFunction:
+    """Read a formula of fuzzylite's; one that is linear in the inputs becomes a linear number."""
+    formula = Formula(text)
+    try:
+        factors = linear(formula.parsed, inputs)
+    except NotAFormula as error:
+        raise ControllerFileError(
+            f"{where}: {error}; it may have numbers, names, + - * / % ^ and {', '.join(FUNCTIONS)}"
+        ) from error
+    return formula if factors is None else Linear(tuple(map(float, factors[0])), float(factors[1]))
+
+
+def concluded_words(membership: MembershipFunction, file_format: Format) -> tuple[str, list[Any]]:
+    """Return the word of a term of an output that is weighed, and its numbers, or its formula in a text."""
     match membership:
+        case Formula(text):
+            return membership.entry.words[file_format][0], [text]
         case Ramp(start, end):
             return RAMPS[file_format], [float(start), float(end)]
         case Linear(coefficients, constant):
@@ -340,8 +366,13 @@ def _universe(
 
 def rule_words(rule: Rule) -> str:
     """Say a rule in the words of FLL and FCL; its consequents have one weight."""
-    concluded = " and ".join(f"{c.variable} is {c.term}" for c in rule.consequents)
+    words, asked = before(rule.antecedent)
+    if isinstance(asked, Is):
+        words, asked = [], rule.antecedent
+    known = {str(hedge): names.fll for hedge, names in HEDGES.items()}
+    hedges = "".join(f"{known[word]} " for word in words)
+    concluded = " and ".join(f"{c.variable} is {hedges}{c.term}" for c in rule.consequents)
     weight = rule.consequents[0].weight
-    return f"if {antecedent_words(rule.antecedent)} then {concluded}" + (
+    return f"if {antecedent_words(asked, known)} then {concluded}" + (
         "" if weight == 1.0 else f" with {weight!r}"
     )

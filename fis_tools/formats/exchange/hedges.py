@@ -1,67 +1,149 @@
-"""Hedges (very, somewhat, …) of other programs: each becomes a term of its own, made from the one it changes.
+"""Hedges in the words of other programs: read, written, and made terms of where a format has no word."""
 
-fuzzylite has formulas by name; MATLAB and Octave raise memberships to powers.
-"""
-
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import reduce
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fis_tools.formats.exchange.antecedents import mentions
-from fis_tools.model import Rule, Sampled, Term, Variable
+from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, mentions, with_plain_not
+from fis_tools.formats.exchange.methods import HEDGES, meanings
+from fis_tools.model import (
+    And,
+    AndOperator,
+    Expression,
+    FuzzySystem,
+    Hedge,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    OrOperator,
+    Rule,
+    Sampled,
+    Term,
+    Trapezoidal,
+    Variable,
+)
+from fis_tools.model import operators as model_operators
 from fis_tools.model.membership import sample
+from fis_tools.words.text import before
 
-Floats = NDArray[np.float64]
-Hedge = Callable[[Floats], Floats]
-
-#: fuzzylite's, as in its version 6.
-FUZZYLITES: Mapping[str, Hedge] = {
-    "any": np.ones_like,
-    "extremely": lambda m: np.where(m <= 0.5, 2.0 * m * m, 1.0 - 2.0 * (1.0 - m) ** 2),
-    "not": lambda m: 1.0 - m,
-    "seldom": lambda m: np.where(m <= 0.5, np.sqrt(0.5 * m), 1.0 - np.sqrt(0.5 * (1.0 - m))),
-    "somewhat": np.sqrt,
-    "very": np.square,
+#: Behind the number of a term in a `.fis` file, as MATLAB's and Octave's powers have them.
+FRACTIONS: dict[float, tuple[Hedge, ...]] = {
+    0.05: ("somewhat",),
+    0.2: ("very",),
+    0.3: ("extremely",),
+    0.4: ("very", "very"),
 }
-#: MATLAB's and Octave's; a tenth of the power stands behind the number of a term.
-POWERS: Mapping[str, Hedge] = {
-    "somewhat": np.sqrt,
-    "very": np.square,
-    "extremely": lambda m: m**3,
-    "very very": lambda m: m**4,
+#: As fuzzylite writes them, which has formulas of its own.
+FUZZYLITES_FRACTIONS: dict[float, tuple[Hedge, ...]] = {
+    **FRACTIONS,
+    0.01: ("seldom",),
+    0.3: ("intensely",),
 }
-FRACTIONS = {0.05: "somewhat", 0.2: "very", 0.3: "extremely", 0.4: "very very"}
+#: fuzzylite's word for what every value belongs to, read as a term.
+ANY = "any"
+#: fuzzylite's words, with the hedges that they stand for.
+FUZZYLITES = {word: hedge for word, hedge in meanings(HEDGES, "fll").items() if word}
 
 
-def with_hedged_terms(
-    variables: Iterable[Variable], rules: Sequence[Rule], hedges: Mapping[str, Hedge]
-) -> tuple[Variable, ...]:
-    """Give variables the terms that rules speak of with hedges before them, such as ``very low``."""
-    spoken = dict.fromkeys(statement for rule in rules for statement in mentions(rule))
-    found = []
-    for variable in variables:
-        known = {term.name: term for term in variable.terms}
-        asked = [name for owner, name in spoken if owner == variable.name and name not in known]
-        hedged = (_hedged(variable, name, known, hedges) for name in asked)
-        terms = (*variable.terms, *(term for term in hedged if term is not None))
-        found.append(replace(variable, terms=terms))
-    return tuple(found)
+def hedged(hedges: Sequence[Hedge], expression: Expression) -> Expression:
+    """Put hedges before a statement, the first of them outermost."""
+    return reduce(lambda inside, hedge: Hedged(hedge, inside), reversed(hedges), expression)
 
 
-def _hedged(
-    variable: Variable, name: str, known: Mapping[str, Term], hedges: Mapping[str, Hedge]
-) -> Term | None:
-    """Make the term of a name that consists of hedges and a term; None if it does not."""
-    words = name.split(" ")
-    hedge_words = words if words[-1] == "any" else words[:-1]
-    if words[-1] not in known and words[-1] != "any":
-        return None
-    degrees = np.ones(variable.num_points) if words[-1] == "any" else sample(variable, known[words[-1]])
-    whole = " ".join(hedge_words)
-    for word in [whole] if whole in hedges else hedge_words[::-1]:
-        if word not in hedges:
-            return None
-        degrees = hedges[word](degrees)
-    return Term(name, Sampled(tuple(degrees.tolist())))
+def any_term(variable: Variable) -> Term:
+    """Return the term that every value of a variable belongs to."""
+    low, high = variable.minimum, variable.maximum
+    return Term(ANY, Trapezoidal(low, low, high, high))
+
+
+def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Variable, ...]:
+    """Give variables that rules call `any` a term of this name, which every value belongs to."""
+    asked = {owner for rule in rules for owner, name in mentions(rule) if name == ANY}
+    return tuple(
+        replace(v, terms=(*v.terms, any_term(v)))
+        if v.name in asked and all(term.name != ANY for term in v.terms)
+        else v
+        for v in variables
+    )
+
+
+def on_statements(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:
+    """Move every hedge to a statement; minimum and maximum hand it on, because it grows.
+
+    Raises
+    ------
+    NotExpressible
+        If a hedge stands before several statements that other operators join.
+    """
+
+    def moved(hedge: Hedge, part: Expression) -> Expression:
+        if is_leaf(part):
+            return Hedged(hedge, part)
+        match part:
+            case And(operands) | Or(operands):
+                operator = and_operator if isinstance(part, And) else or_operator
+                if operator not in {"min", "max"} and len(operands) > 1:
+                    raise NotExpressible(
+                        f"{hedge!r} stands before several statements, and {operator} does not hand it on to "
+                        "each of them"
+                    )
+                return type(part)(tuple(moved(hedge, operand) for operand in operands))
+        return moved(hedge, with_plain_not(part, and_operator, or_operator))
+
+    match expression:
+        case Hedged(hedge, operand):
+            return moved(hedge, on_statements(operand, and_operator, or_operator))
+        case Not(operand):
+            return Not(on_statements(operand, and_operator, or_operator))
+        case And(operands) | Or(operands):
+            found = (on_statements(operand, and_operator, or_operator) for operand in operands)
+            return type(expression)(tuple(found))
+    return expression
+
+
+class Terms:
+    """The terms that are made of hedged statements for which a format has no words.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+        Whose rules are said.
+    words : frozenset of str
+        The hedges that the format has a word for.
+    most_words : int
+        How many words it can have before a term, with `not`.
+    """
+
+    def __init__(self, system: FuzzySystem, words: Iterable[Hedge], most_words: int) -> None:
+        self.inputs = {variable.name: variable for variable in system.inputs}
+        self.words = frozenset(words)
+        self.most_words = most_words
+
+    def said(self, expression: Expression) -> Expression:
+        """Return an antecedent, whose hedges stand before statements, in the words of the format."""
+        match expression:
+            case And(operands) | Or(operands):
+                return type(expression)(tuple(map(self.said, operands)))
+        words, statement = before(expression)
+        if not isinstance(statement, Is) or not set(words) - {"not"}:
+            return expression
+        if len(words) <= self.most_words and set(words) <= {*self.words, "not"}:
+            return expression
+        if isinstance(expression, Not):
+            return Not(Is(statement.variable, self._term(words[1:], statement)))
+        return Is(statement.variable, self._term(words, statement))
+
+    def _term(self, words: Sequence[str], statement: Is) -> str:
+        """Return the name of a term that says what a hedged statement does, made if need be."""
+        variable, name = self.inputs[statement.variable], " ".join([*words, statement.term])
+        if all(term.name != name for term in variable.terms):
+            degrees = sample(variable, variable.terms[variable.term_index(statement.term)])
+            for word in reversed(words):
+                degrees = 1.0 - degrees if word == "not" else _CHANGES[word](degrees)
+            made = Term(name, Sampled(tuple(degrees.tolist())))
+            self.inputs[variable.name] = replace(variable, terms=(*variable.terms, made))
+        return name
+
+
+_CHANGES = {str(hedge): change for hedge, change in model_operators.HEDGES.items()}

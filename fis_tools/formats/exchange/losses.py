@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from fis_tools.formats.exchange.dialect import Dialect, Said
 from fis_tools.formats.exchange.elsewhere import changes
-from fis_tools.model import And, Expression, FuzzyController, Is, Not, Or, Rule, Variable
+from fis_tools.model import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
 from fis_tools.words.text import number
 
 
@@ -40,9 +40,11 @@ def _differences(
     names = [(system.name, said.system.name)]
     for variable, other in pairs:
         names.append((variable.name, other.name))
-        names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=True))
+        names += ((t.name, o.name) for t, o in zip(variable.terms, other.terms, strict=False))
     yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
     yield from _variable_differences(pairs, dialect)
+    made = [f"{v.name} is {t.name}" for v in said.source.inputs for t in v.terms[_count(system, v) :]]
+    yield "hedged statements become terms of their own, sampled", made
     changed = [
         f"{place} as {len(group)}" if len(group) > 1 else f"{place} in another form"
         for place, (rule, group) in enumerate(zip(system.rules, said.rules, strict=True), start=1)
@@ -54,6 +56,10 @@ def _differences(
     yield "provenance is left out", [key for key, _ in controller.provenance]
     if controller.name != said.system.name:
         yield "the controller's name is left out", [controller.name]
+
+
+def _count(system: FuzzySystem, variable: Variable) -> int:
+    return len(system.variable(variable.name).terms)
 
 
 def _variable_differences(
@@ -76,7 +82,7 @@ def _variable_differences(
         [
             f"{v.name} {term.name}"
             for v, o in pairs
-            for term, other in zip(v.terms, o.terms, strict=True)
+            for term, other in zip(v.terms, o.terms, strict=False)
             if term.membership != other.membership
         ],
     )
@@ -95,6 +101,8 @@ def _form(expression: Expression) -> object:
             return "is"
         case Not(operand):
             return ("not", _form(operand))
+        case Hedged(hedge, operand):
+            return (hedge, _form(operand))
         case And(operands) | Or(operands):
             return (type(expression), tuple(_form(operand) for operand in operands))
 

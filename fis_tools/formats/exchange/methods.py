@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeVar
 
-from fis_tools.model import Aggregation, AndOperator, Defuzzifier, OrOperator
+from fis_tools.model import Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
 
 _Name = TypeVar("_Name", bound=str)
 
@@ -51,6 +51,14 @@ DEFUZZIFIERS: dict[Defuzzifier, Words] = {
     "lom": Words("lom", "LargestOfMaximum", "RM", "RM"),
     "weighted_average": Words("wtaver", "WeightedAverage", "WA", "COGS"),
     "weighted_sum": Words("wtsum", "WeightedSum", "WS", "COGSS"),
+}
+#: Nothing where a format has no word. fuzzylite's `extremely` is not that of MATLAB and IEEE 1855.
+HEDGES: dict[Hedge, Words] = {
+    "very": Words("", "very", "very", "very"),
+    "somewhat": Words("", "somewhat", "somewhat", "somewhat"),
+    "extremely": Words("", "", "extremely", ""),
+    "intensely": Words("", "extremely", "intensify", "extremely"),
+    "seldom": Words("", "seldom", "seldom", "seldom"),
 }
 
 

@@ -19,8 +19,10 @@ from fis_tools.model import (
     And,
     Consequent,
     Expression,
+    Formula,
     FuzzyController,
     FuzzySystem,
+    Hedged,
     Is,
     Linear,
     MembershipFunction,
@@ -33,6 +35,7 @@ from fis_tools.model import (
     rule_table,
     table_rules,
 )
+from fis_tools.model.operators import HEDGES
 from fis_tools.model.shape import SHAPES
 from fis_tools.model.validate import (
     MAX_NESTING,
@@ -122,7 +125,9 @@ def _membership_mapping(membership: MembershipFunction) -> dict[str, Any]:
     return {**told, **{key: _plain(getattr(membership, key)) for key in _keys(name)}}
 
 
-def _plain(parameter: float | tuple[float, ...]) -> float | list[float]:
+def _plain(parameter: float | str | tuple[float, ...]) -> float | str | list[float]:
+    if isinstance(parameter, str):
+        return parameter
     if isinstance(parameter, tuple):
         return [float(number) for number in parameter]
     return float(parameter)
@@ -151,6 +156,8 @@ def _expression_mapping(expression: Expression) -> dict[str, Any]:
             return {"is": [variable, term]}
         case Not(operand):
             return {"not": _expression_mapping(operand)}
+        case Hedged(hedge, operand):
+            return {hedge: _expression_mapping(operand)}
         case And(operands):
             return {"and": [_expression_mapping(operand) for operand in operands]}
         case Or(operands):
@@ -328,6 +335,8 @@ def _term(value: Any, where: str) -> Term:
     if shape == "linear":
         coefficients = tuple(_items(value["coefficients"], f"{where}.coefficients", _number))
         return Term(name, Linear(coefficients, _number(value["constant"], f"{where}.constant")))
+    if shape == "formula":
+        return Term(name, Formula(_text(value["text"], f"{where}.text")))
     numbers = {key: _number(value[key], f"{where}.{key}") for key in _keys(shape)}
     return Term(name, SHAPES[shape](**numbers))
 
@@ -392,7 +401,7 @@ def _consequent(value: Any, where: str) -> Consequent:
 def _expression(value: Any, where: str, depth: int) -> Expression:
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ControllerFileError(
-            f"{where} is {_kind_of(value)}; expected one of is, not, and, or with its operands"
+            f"{where} is {_kind_of(value)}; expected one of is, not, and, or, or a hedge, with its operands"
         )
     if depth > MAX_NESTING:
         raise ControllerFileError(f"{where} is nested more than {MAX_NESTING} deep; split the rule")
@@ -404,9 +413,11 @@ def _expression(value: Any, where: str, depth: int) -> Expression:
         return Is(*pair)
     if word == "not":
         return Not(_expression(operand, f"{where}.not", depth + 1))
+    if word in HEDGES:
+        return Hedged(word, _expression(operand, f"{where}.{word}", depth + 1))
     if word in {"and", "or"}:
         operands = _items(operand, f"{where}.{word}", lambda item, place: _expression(item, place, depth + 1))
         return And(tuple(operands)) if word == "and" else Or(tuple(operands))
     raise ControllerFileError(
-        f"{where}: unknown word {word!r}; {nearest(str(word), ('is', 'not', 'and', 'or'))}"
+        f"{where}: unknown word {word!r}; {nearest(str(word), ('is', 'not', 'and', 'or', *HEDGES))}"
     )

@@ -36,11 +36,12 @@ function fuzzify(system, clipped) {
   });
 }
 
-/** How far an expression of a rule holds: ["is", input, term], ["not", x], ["and" or "or", [x, …]]. */
+/** How far an expression of a rule holds: ["is", input, term], ["not" or a hedge, x], ["and" or "or", [x, …]]. */
 function degree(rule, expression, memberships) {
   const [kind, operand, term] = expression;
   if (kind === "is") return memberships[operand][term];
   if (kind === "not") return 1 - degree(rule, operand, memberships);
+  if (kind in HEDGES) return HEDGES[kind](degree(rule, operand, memberships));
   const combine = kind === "and" ? AND_OPERATORS[rule.and_operator] : OR_OPERATORS[rule.or_operator];
   let combined = degree(rule, operand[0], memberships);
   for (let i = 1; i < operand.length; i++) combined = combine(combined, degree(rule, operand[i], memberships));

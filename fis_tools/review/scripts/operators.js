@@ -28,5 +28,13 @@ const OR_OPERATORS = {
   nilpotent_maximum: (a, b) => (a + b < 1 ? Math.max(a, b) : 1),
 };
 
+const HEDGES = {
+  very: (a) => a * a,
+  somewhat: (a) => Math.sqrt(Math.max(a, 0)),
+  extremely: (a) => a * a * a,
+  intensely: (a) => (a <= 0.5 ? 2 * a * a : 1 - 2 * (1 - a) * (1 - a)),
+  seldom: (a) => (a <= 0.5 ? Math.sqrt(0.5 * Math.max(a, 0)) : 1 - Math.sqrt(0.5 * Math.max(1 - a, 0))),
+};
+
 const AGGREGATIONS = { ...OR_OPERATORS, unbounded_sum: (a, b) => a + b };
 const ACCUMULATIONS = { product: AND_OPERATORS.product, ...OR_OPERATORS };

@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import Vector, load, select, splat, store
+from fis_tools.engines.vectors import Vector, least, load, most, select, splat, store
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.attitude import clip
+from pipeline.flight.kernel.lanes import four, one, three, write_three
+from pipeline.flight.kernel.sight import to_body, to_hill
 from pipeline.flight.log import FlightLog
 
 Floats = NDArray[np.float64]
@@ -21,9 +23,16 @@ class Firing(NamedTuple):
     delay: int
     step: float
     least: float
+    exhaust_speed: float
+    dry: float
+    table: Floats
+    layout: Floats
     matrices: Floats
+    arms: Floats
     commands: Floats  # (K, 3, LANES) so far
     errors: Floats  # (9, LANES) of the flights that are flown, by rows
+    mass: Floats  # (LANES,) of that at the start
+    thrust: Floats  # (N, LANES) of each thruster, where these are a layout
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -42,7 +51,9 @@ def fire(
     if k == 0:
         for lane in range(LANES):
             case = first + min(lane, num_lanes - 1)
+            firing.mass[lane] = 1.0
             for row in range(3):
+                work.lanes.arm[row, lane], work.lanes.twist[row, lane] = firing.arms[case, row], 0.0
                 for column in range(3):
                     firing.errors[3 * row + column, lane] = firing.matrices[case, row, column]
     for axis in range(3):
@@ -57,7 +68,60 @@ def fire(
         turned += (
             load(firing.errors, 3 * axis + 1, LANES) * fy + load(firing.errors, 3 * axis + 2, LANES) * fz
         )
-        store(force, axis, clip(in_impulses(turned, firing.step, firing.least), world.max_force))
+        if len(firing.table) == 0:
+            turned = clip(in_impulses(turned, firing.step, firing.least), world.max_force)
+        store(force, axis, select(one(firing.mass) > firing.dry, turned, 0.0))
+    if len(firing.table) > 0:
+        divide(firing, work)
     if len(log.position_m) > 0:
         for axis in range(3):
             log.force_hill_n[k, axis] = force[axis, 0]
+
+
+@compiled(error_model="numpy")
+def divide(firing: Firing, work: Workspace) -> None:
+    """Divide forces among the thrusters of a layout, and let these fire."""
+    lanes, layout, table, nothing = work.lanes, firing.layout, firing.table, splat(0.0, LANES)
+    q = four(lanes.attitude, 0)
+    x, y, z = to_body(q, three(lanes.force))
+    share = splat(1.0, LANES)
+    for i in range(len(table)):
+        thrust = most(x, 0.0) * table[i, 0] + most(y, 0.0) * table[i, 1] + most(z, 0.0) * table[i, 2]
+        thrust += most(-x, 0.0) * table[i, 3] + most(-y, 0.0) * table[i, 4] + most(-z, 0.0) * table[i, 5]
+        store(firing.thrust, (i, 0), thrust)
+        share = least(share, layout[i, 6] / most(thrust, layout[i, 6]))
+    fx, fy, fz, mx, my, mz = nothing, nothing, nothing, nothing, nothing, nothing
+    for i in range(len(table)):
+        thrust = in_impulses(load(firing.thrust, (i, 0), LANES) * share, firing.step, firing.least)
+        store(firing.thrust, (i, 0), thrust)
+        fx, fy, fz = fx + layout[i, 0] * thrust, fy + layout[i, 1] * thrust, fz + layout[i, 2] * thrust
+        mx, my, mz = mx + layout[i, 3] * thrust, my + layout[i, 4] * thrust, mz + layout[i, 5] * thrust
+    write_three(lanes.force, 0, *to_hill(q, (fx, fy, fz)))
+    write_three(lanes.twist, 0, mx, my, mz)
+
+
+@compiled(error_model="numpy")
+def burn(world: World, firing: Firing, work: Workspace, k: int, log: FlightLog) -> None:
+    """Use up propellant, and scale forces to what they would be with the mass at the start.
+
+    Thrusters of a layout spend what they fire, which `spend` does not know of.
+    """
+    if firing.exhaust_speed == np.inf and len(firing.table) == 0:
+        return
+    lanes = work.lanes
+    fx, fy, fz = three(lanes.force)
+    along_axes = abs(fx) + abs(fy) + abs(fz)
+    fired = along_axes
+    if len(firing.table) > 0:
+        fired = splat(0.0, LANES)
+        for i in range(len(firing.table)):
+            fired += load(firing.thrust, (i, 0), LANES)
+    spent_per_force = world.control_period * world.acceleration_per_force
+    used = fired * (spent_per_force / firing.exhaust_speed)
+    before = one(firing.mass)
+    per_mass = 1.0 / (before - 0.5 * used)
+    store(lanes.spent, 0, one(lanes.spent) + (fired - along_axes) * (per_mass * spent_per_force))
+    write_three(lanes.force, 0, fx * per_mass, fy * per_mass, fz * per_mass)
+    store(firing.mass, 0, before - used)
+    if len(log.position_m) > 0:
+        log.mass_kg[k + 1] = firing.mass[0] / world.acceleration_per_force

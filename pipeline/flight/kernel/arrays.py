@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import LANES
 from pipeline.physics.motion import Motion, Stop
 from pipeline.physics.orbit import Course
+from pipeline.physics.reflection import Reflection
 from pipeline.physics.sight import Optics, Sight
 
 Floats = NDArray[np.float64]
@@ -80,6 +81,7 @@ class World(NamedTuple):
     sight: Sight
     has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
     optics: Optics
+    reflection: Reflection
     surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) what the points lie on, Hill axes; zeros beside them
     is_free: Bytes  # (cells, P) from which directions points are free, of `pipeline.physics.occlusion`
     num_edge_cells: int  # zero where nothing hides anything
@@ -96,6 +98,7 @@ class World(NamedTuple):
     max_force: float
     min_distance: float
     max_distance: float
+    turns_by_thrust: bool
     is_attitude_ideal: bool
     has_pole_blending: bool
     has_clusters: bool
@@ -149,6 +152,8 @@ CARRIED = np.dtype(
         ("rate", np.float64, (3, LANES)),  # inertial, body axes
         ("asked", np.float64, (3, LANES)),  # forces as the controller's systems ask for them, in its axes
         ("force", np.float64, (3, LANES)),  # as fired
+        ("arm", np.float64, (3, LANES)),  # where it acts, body axes, where that turns the deputy
+        ("twist", np.float64, (3, LANES)),  # by which torque single thrusters turn it besides, body axes
         ("coasts", np.float64, LANES),  # 1 where nothing is fired
         ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
         ("sun", np.float64, (2, LANES)),  # the same now

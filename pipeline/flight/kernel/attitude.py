@@ -26,7 +26,7 @@ from pipeline.flight.kernel.lanes import four, one, three, write_four, write_thr
 from pipeline.flight.log import FlightLog
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y
 from pipeline.physics.motion import place_after, step_of
-from pipeline.physics.quaternion import from_dcm
+from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
 
 Floats = NDArray[np.float64]
 
@@ -368,6 +368,9 @@ def turn_any(world: World, work: Workspace, lane: int) -> None:
         for component in range(7):
             work.passed[7 * j + component, lane] = state[component]
         mx, my, mz, _, _, _ = torque_at(world, work, lane, j)
+        if world.turns_by_thrust:
+            ax, ay, az = thrust_torque(work, lane, state)
+            mx, my, mz = mx + ax, my + ay, mz + az
         state[0], state[1], state[2], state[3], state[4], state[5], state[6] = turn_body(
             world, state[0], state[1], state[2], state[3], state[4], state[5], state[6], mx, my, mz
         )
@@ -375,6 +378,19 @@ def turn_any(world: World, work: Workspace, lane: int) -> None:
         work.lanes.attitude[component, lane] = state[component]
     for component in range(3):
         work.lanes.rate[component, lane] = state[4 + component]
+
+
+@compiled(error_model="numpy")
+def thrust_torque(work: Workspace, lane: int, attitude: Floats) -> tuple[float, float, float]:
+    """Return by what a lane's thrust turns it at an attitude, N m, body axes: ``arm x C f`` and the twist."""
+    arm, twist, force = work.lanes.arm, work.lanes.twist, work.lanes.force
+    fx, fy, fz = times3(dcm_b_from_h(attitude[:4]), force[0, lane], force[1, lane], force[2, lane])
+    x, y, z = arm[0, lane], arm[1, lane], arm[2, lane]
+    return (
+        y * fz - z * fy + twist[0, lane],
+        z * fx - x * fz + twist[1, lane],
+        x * fy - y * fx + twist[2, lane],
+    )
 
 
 @compiled(error_model="numpy")
@@ -427,6 +443,7 @@ def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
     # what might turn too far for the series within this period goes the general way
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
     is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
+    is_one_step_of_a_ball = is_one_step_of_a_ball and not world.turns_by_thrust
     slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_one_step_of_a_ball else 0.0
     is_fast = wx * wx + wy * wy + wz * wz >= slow * slow
     store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))

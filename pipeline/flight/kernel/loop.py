@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
-from pipeline.flight.kernel.actuators import Firing, fire
+from pipeline.flight.kernel.actuators import Firing, burn, fire
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
     INSPECTED,
@@ -42,7 +42,7 @@ from pipeline.flight.kernel.arrays import (
 from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import one, three, write_three
-from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
+from pipeline.flight.kernel.navigation import Fixes, believe, note_command, point_beside, recover_truth
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
@@ -126,6 +126,7 @@ def write_sample(
         log.target_m[k, component] = lanes.target[component, 0]
     for component in range(4):
         log.quaternion_b_from_h[k, component] = lanes.attitude[component, 0]
+        log.sensed_quaternion_b_from_h[k, component] = lanes.attitude[component, 0]
     if not world.is_attitude_ideal:
         dcm = dcm_b_from_h(log.quaternion_b_from_h[k])
         for component in range(3):
@@ -292,6 +293,8 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
         if world.is_attitude_ideal:
             write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
             aim_at_once(world, work, num_lanes, k)
+            if fixes is not None:
+                point_beside(fixes, work, first, num_lanes, k)
         sense(world, optics, clusters, work, num_lanes, k, needs_angles)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_track(world, lanes, lane, tracks[flight + lane, k])
@@ -326,11 +329,11 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
         if guard is not None:
             assure(world, work, num_lanes, log, k)
         if is_logged:
-            write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.quaternion_b_from_h[k]))
+            write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.sensed_quaternion_b_from_h[k]))
         aim_deputies(world, work, num_lanes, k)
         if fixes is not None:
             note_command(fixes, firing, work, k, world.num_controls)
-            recover_truth(fixes, work)
+            recover_truth(world, fixes, work, k, log)
         if firing is not None:
             fire(world, firing, work, first, num_lanes, k, log)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
@@ -339,6 +342,8 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             turn_deputies(world, work, num_lanes)
         if is_logged:
             write_instants(world, work, log, k)
+        if firing is not None:
+            burn(world, firing, work, k, log)
         spend(world, work)
         if course is None:
             move(world, work)

@@ -4,6 +4,7 @@
 and `lanes.velocity` are its estimate; while it is seen, judged and moved, they are the truth.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,9 @@ from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import Vector, load, select, splat, store
 from pipeline.flight.kernel.actuators import Firing, in_impulses
 from pipeline.flight.kernel.arrays import Workspace, World
-from pipeline.flight.kernel.lanes import three, write_three
+from pipeline.flight.kernel.attitude import clip
+from pipeline.flight.kernel.lanes import four, three, write_four, write_three
+from pipeline.flight.kernel.sight import to_body, to_hill
 from pipeline.flight.log import FlightLog
 from pipeline.flight.navigation import WIDER
 from pipeline.physics.motion import place_after, step_of, velocity_after
@@ -32,14 +35,21 @@ class Fixes(NamedTuple):
     process_per_force: Floats
     fix: float
     gate: float
+    range: float
+    bearing: float
     at_start: Floats
     of_fixes: Floats
+    of_sight: Floats
+    of_attitude: Floats
     filtered: Floats  # (6, LANES) what the filter made of the fixes up to `delay` periods ago
     covariance: Floats  # (6, 6, LANES) of that
     known: Floats  # (6, LANES) that, brought to now
     now: Floats  # (6, 6, LANES) its covariance, where a flight is logged
     half: Floats  # (6, 6, LANES) scratch
     truth: Floats  # (6, LANES) while the estimate stands in its place
+    turn: Floats  # (4, LANES) from the true attitude to the one that is sensed
+    tilt: Floats  # (3, LANES) the same as an angle about each axis, Hill axes
+    attitude: Floats  # (4, LANES) the true one while the one sensed stands in its place
     fixes: Floats  # (F, 3, LANES) measured so far
     acting: Floats  # (K, 3, LANES) commanded forces, in the periods in which they act
 
@@ -96,9 +106,18 @@ def correct(fixes: Fixes, which: int) -> None:
     dx = load(fixes.fixes, (which, 0, 0), LANES) - x
     dy = load(fixes.fixes, (which, 1, 0), LANES) - y
     dz = load(fixes.fixes, (which, 2, 0), LANES) - z
-    # the inverse of S, which is symmetric, by cofactors
-    a, b, c = entry(p, 0, 0) + fixes.fix, entry(p, 0, 1), entry(p, 0, 2)
-    d, e, f = entry(p, 1, 1) + fixes.fix, entry(p, 1, 2), entry(p, 2, 2) + fixes.fix
+    # the inverse of S, which is symmetric, by cofactors; its fix varies across the line of sight, and more or
+    # less along it
+    square = x * x + y * y + z * z
+    across = fixes.fix + fixes.bearing * square
+    more = (fixes.range - fixes.bearing * square) / square
+    a, b, c = (
+        entry(p, 0, 0) + across + more * x * x,
+        entry(p, 0, 1) + more * x * y,
+        entry(p, 0, 2) + more * x * z,
+    )
+    d, e = entry(p, 1, 1) + across + more * y * y, entry(p, 1, 2) + more * y * z
+    f = entry(p, 2, 2) + across + more * z * z
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
     bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
     scale = 1.0 / (a * aa + b * ab + c * ac)
@@ -132,6 +151,85 @@ def correct(fixes: Fixes, which: int) -> None:
 
 
 @compiled(error_model="numpy")
+def measured(
+    fixes: Fixes, which: int, case: int, lane: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Return the place of a lane by range and bearing, as `pipeline.flight.navigation.measured` has it."""
+    tilt, errors = fixes.tilt, fixes.of_sight[case, which]
+    wx, wy, wz = errors[1] + tilt[0, lane], errors[2] + tilt[1, lane], errors[3] + tilt[2, lane]
+    tx, ty, tz = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
+    scale = (sqrt(x * x + y * y + z * z) + errors[0]) / sqrt(tx * tx + ty * ty + tz * tz)
+    return tx * scale, ty * scale, tz * scale
+
+
+@compiled(error_model="numpy", forceinline=True)
+def times_turn(
+    q: tuple[Vector, Vector, Vector, Vector], turn: tuple[Vector, Vector, Vector, Vector], way: float
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return attitudes turned about their body axes, or with a way of -1 turned back."""
+    q1, q2, q3, q4 = q
+    a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
+    return (
+        q4 * a + q1 * d + q2 * c - q3 * b,
+        q4 * b + q2 * d + q3 * a - q1 * c,
+        q4 * c + q3 * d + q1 * b - q2 * a,
+        q4 * d - q1 * a - q2 * b - q3 * c,
+    )
+
+
+@compiled(error_model="numpy")
+def note_turn(fixes: Fixes, first: int, num_lanes: int, k: int) -> None:
+    """Note by how much the attitudes that are sensed from sample k on are turned from the true ones."""
+    for lane in range(LANES):
+        error = fixes.of_attitude[first + min(lane, num_lanes - 1), k]
+        scale = 1.0 / sqrt(1.0 + 0.25 * (error[0] * error[0] + error[1] * error[1] + error[2] * error[2]))
+        for axis in range(3):
+            fixes.turn[axis, lane] = 0.5 * error[axis] * scale
+        fixes.turn[3, lane] = scale
+
+
+@compiled(error_model="numpy")
+def point_beside(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+    """Turn deputies that point ideally to where they only sense that they do."""
+    if fixes.of_attitude.shape[1] > 0:
+        note_turn(fixes, first, num_lanes, k)
+        turned = times_turn(four(work.lanes.attitude, 0), four(fixes.turn, 0), -1.0)
+        write_four(work.lanes.attitude, 0, *turned)
+
+
+@compiled(error_model="numpy")
+def sense_attitude(world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+    """Put the true attitude aside, and what is sensed in its place."""
+    note_turn(fixes, first, num_lanes, k)
+    q = four(work.lanes.attitude, 0)
+    write_four(fixes.attitude, 0, *q)
+    sensed = times_turn(q, four(fixes.turn, 0), 1.0)
+    write_four(work.lanes.attitude, 0, *sensed)
+    b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
+    boresight = splat(b1, LANES), splat(b2, LANES), splat(b3, LANES)
+    write_three(work.lanes.boresight, 0, *to_hill(sensed, boresight))
+    a, b, c, d = four(fixes.turn, 0)
+    # angles are twice the quotient of the turn's parts
+    write_three(fixes.tilt, 0, *to_hill(q, (2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
+
+
+@compiled(error_model="numpy")
+def turn_out_so(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
+    """Put the true attitude back, aim as it will be taken for the desired one, and turn what is fired."""
+    lanes, turn = work.lanes, four(fixes.turn, 0)
+    true, meant = four(fixes.attitude, 0), to_body(four(lanes.attitude, 0), three(lanes.force))
+    fx, fy, fz = to_hill(true, meant)
+    limit = world.max_force
+    write_three(lanes.force, 0, clip(fx, limit), clip(fy, limit), clip(fz, limit))
+    write_four(lanes.attitude, 0, *true)
+    for j in range(world.num_attitude_steps):
+        write_four(work.aims, 4 * j, *times_turn(four(work.aims, 4 * j), turn, -1.0))
+    if len(log.position_m) > 0:
+        for axis in range(3):
+            log.force_hill_n[k, axis] = lanes.force[axis, 0]
+
+
+@compiled(error_model="numpy")
 def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
     """Put the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
     lanes = work.lanes
@@ -146,6 +244,13 @@ def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -
             if k % fixes.stride == 0:
                 which = k // fixes.stride
                 fixes.fixes[which, axis, lane] = place + fixes.of_fixes[case, which, axis]
+        if k % fixes.stride == 0 and fixes.of_sight.shape[1] > 0:
+            which = k // fixes.stride
+            x, y, z = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
+            x, y, z = measured(fixes, which, case, lane, x, y, z)
+            fixes.fixes[which, 0, lane] = x + fixes.of_fixes[case, which, 0]
+            fixes.fixes[which, 1, lane] = y + fixes.of_fixes[case, which, 1]
+            fixes.fixes[which, 2, lane] = z + fixes.of_fixes[case, which, 2]
     if k == 0:
         for row in range(6):
             for column in range(6):
@@ -153,13 +258,15 @@ def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -
 
 
 @compiled(error_model="numpy")
-def write_estimate(world: World, fixes: Fixes, k: int, log: FlightLog) -> None:
+def write_estimate(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
     """Log what lane 0 knows, and how well."""
     for row in range(6):
         for column in range(6):
             store(fixes.now, (row, column, 0), entry(fixes.covariance, row, column))
     for period in range(max(k - fixes.delay, 0), k):
         spread_out(world, fixes, fixes.now, period)
+    for component in range(4):
+        log.sensed_quaternion_b_from_h[k, component] = work.lanes.attitude[component, 0]
     for row in range(6):
         log.estimate[k, row] = fixes.known[row, 0]
         for column in range(6):
@@ -171,6 +278,8 @@ def believe(
     world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:
     """Measure, filter, and put what is known in the place of the truth, until `recover_truth`."""
+    if fixes.of_attitude.shape[1] > 0:
+        sense_attitude(world, fixes, work, first, num_lanes, k)
     measure(fixes, work, first, num_lanes, k)
     filtered_to = k - fixes.delay
     if filtered_to > 0:
@@ -186,15 +295,17 @@ def believe(
         store(work.lanes.position, row, load(fixes.known, row, LANES))
         store(work.lanes.velocity, row, load(fixes.known, 3 + row, LANES))
     if len(log.position_m) > 0:
-        write_estimate(world, fixes, k, log)
+        write_estimate(world, fixes, work, k, log)
 
 
 @compiled(error_model="numpy")
-def recover_truth(fixes: Fixes, work: Workspace) -> None:
-    """Put the truth back."""
+def recover_truth(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
+    """Put the truth back, once the deputy is aimed and what it commands is noted."""
     for row in range(3):
         store(work.lanes.position, row, load(fixes.truth, row, LANES))
         store(work.lanes.velocity, row, load(fixes.truth, 3 + row, LANES))
+    if fixes.of_attitude.shape[1] > 0:
+        turn_out_so(world, fixes, work, k, log)
 
 
 @compiled(error_model="numpy")
@@ -203,7 +314,7 @@ def note_command(fixes: Fixes, firing: Firing | None, work: Workspace, k: int, n
     delay = 0 if firing is None else firing.delay
     for axis in range(3):
         force = load(work.lanes.force, axis, LANES)
-        if firing is not None:
+        if firing is not None and len(firing.table) == 0:
             force = in_impulses(force, firing.step, firing.least)
         if k < delay:
             store(fixes.acting, (k, axis, 0), splat(0.0, LANES))

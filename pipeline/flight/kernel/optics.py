@@ -15,6 +15,7 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
 from pipeline.physics.occlusion import cell_of
+from pipeline.physics.reflection import is_bright
 from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, is_sunlit, sunlight
 
 Floats = NDArray[np.float64]
@@ -35,7 +36,7 @@ class Beam(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """A camera: its place (m), the unit vector along which it looks (Hill axes), whether it is blind."""
+    """A camera: its place (m), unit vectors along which it looks and to the Sun, whether it is blind."""
 
     x: float
     y: float
@@ -43,6 +44,9 @@ class Eye(NamedTuple):
     bx: float
     by: float
     bz: float
+    sun_x: float
+    sun_y: float
+    sun_z: float
     is_blind: bool
 
 
@@ -88,7 +92,8 @@ def beam_at(
 @compiled(error_model="numpy", forceinline=True)
 def eye_at(world: World, beam: Beam, x: float, y: float, z: float, bx: float, by: float, bz: float) -> Eye:
     """Return the camera at a place that looks along a unit vector."""
-    return Eye(x, y, z, bx, by, bz, bx * beam.x + by * beam.y + bz * beam.z > world.optics.most_sunward)
+    is_blind = bx * beam.x + by * beam.y + bz * beam.z > world.optics.most_sunward
+    return Eye(x, y, z, bx, by, bz, beam.x, beam.y, beam.z, is_blind)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -107,6 +112,7 @@ def lit_through(
     along = beam.x * load(surface, (sample, NORMAL, j), POINTS)
     along += beam.y * load(surface, (sample, NORMAL + 1, j), POINTS)
     along += beam.z * load(surface, (sample, NORMAL + 2, j), POINTS)
+    along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(surface, (sample, HEIGHT, j), POINTS))
     if hides is not None:
         store(work.lit, j, select(lit, 1.0, 0.0))
@@ -114,6 +120,26 @@ def lit_through(
             work.lit[i] *= world.is_free[beam.cell, i]
         lit = load(work.lit, j, POINTS) > 0.0
     return lit
+
+
+@compiled(error_model="numpy")
+def leave_out_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
+    """Strike out of `work.seen`, from j on, what reflects too little or too much towards a camera."""
+    surface, points = world.surface, world.points
+    for i in range(j, min(j + POINTS, world.num_points)):
+        if work.seen[i] > 0.0 and not is_bright(
+            world.reflection,
+            surface[sample, NORMAL, i],
+            surface[sample, NORMAL + 1, i],
+            surface[sample, NORMAL + 2, i],
+            eye.sun_x,
+            eye.sun_y,
+            eye.sun_z,
+            eye.x - points[sample, 0, i],
+            eye.y - points[sample, 1, i],
+            eye.z - points[sample, 2, i],
+        ):
+            work.seen[i] = 0.0
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -145,6 +171,10 @@ def seen_through(
                     z - points[sample, 2, i],
                 )
                 work.seen[i] = world.is_free[cell, i]
+        seen = load(work.seen, j, POINTS) > 0.0
+    if world.reflection.is_on:
+        store(work.seen, j, select(seen, 1.0, 0.0))
+        leave_out_dim(world, work, sample, j, eye)
         seen = load(work.seen, j, POINTS) > 0.0
     return seen
 

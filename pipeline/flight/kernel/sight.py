@@ -199,6 +199,26 @@ def dcm_of(q1: Vector, q2: Vector, q3: Vector, q4: Vector) -> tuple[Vector, ...]
 
 
 @compiled(error_model="numpy", forceinline=True)
+def to_hill(
+    q: tuple[Vector, Vector, Vector, Vector], v: tuple[Vector, Vector, Vector]
+) -> tuple[Vector, Vector, Vector]:
+    """Return vectors in body axes in Hill axes."""
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm_of(*q)
+    x, y, z = v
+    return c11 * x + c21 * y + c31 * z, c12 * x + c22 * y + c32 * z, c13 * x + c23 * y + c33 * z
+
+
+@compiled(error_model="numpy", forceinline=True)
+def to_body(
+    q: tuple[Vector, Vector, Vector, Vector], v: tuple[Vector, Vector, Vector]
+) -> tuple[Vector, Vector, Vector]:
+    """Return vectors in Hill axes in body axes."""
+    c11, c12, c13, c21, c22, c23, c31, c32, c33 = dcm_of(*q)
+    x, y, z = v
+    return c11 * x + c12 * y + c13 * z, c21 * x + c22 * y + c23 * z, c31 * x + c32 * y + c33 * z
+
+
+@compiled(error_model="numpy", forceinline=True)
 def write_signals(
     work: Workspace,
     place: tuple[Vector, Vector, Vector],

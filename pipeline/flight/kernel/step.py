@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
-from pipeline.flight.kernel.actuators import Firing, fire
+from pipeline.flight.kernel.actuators import Firing, burn, fire
 from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
 from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, clip, turn_deputies
 from pipeline.flight.kernel.lanes import write_three
 from pipeline.flight.kernel.loop import move, spend, start_lanes
-from pipeline.flight.kernel.navigation import Fixes, believe, note_command, recover_truth
+from pipeline.flight.kernel.navigation import Fixes, believe, note_command, point_beside, recover_truth
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.two_body import move_about_earth
@@ -89,14 +89,21 @@ def fixes_of(fixes: Fixes, flight: int) -> Fixes:
         fixes.process_per_force,
         fixes.fix,
         fixes.gate,
+        fixes.range,
+        fixes.bearing,
         fixes.at_start,
         fixes.of_fixes,
+        fixes.of_sight,
+        fixes.of_attitude,
         fixes.filtered[flight],
         fixes.covariance[flight],
         fixes.known[flight],
         fixes.now[flight],
         fixes.half[flight],
         fixes.truth[flight],
+        fixes.turn[flight],
+        fixes.tilt[flight],
+        fixes.attitude[flight],
         fixes.fixes[flight],
         fixes.acting[flight],
     )
@@ -109,9 +116,16 @@ def firing_of(firing: Firing, flight: int) -> Firing:
         firing.delay,
         firing.step,
         firing.least,
+        firing.exhaust_speed,
+        firing.dry,
+        firing.table,
+        firing.layout,
         firing.matrices,
+        firing.arms,
         firing.commands[flight],
         firing.errors[flight],
+        firing.mass[flight],
+        firing.thrust[flight],
     )
 
 
@@ -143,11 +157,13 @@ def act(
             note_command(own, None, work, k, world.num_controls)
         else:
             note_command(own, firing_of(firing, flight), work, k, world.num_controls)
-        recover_truth(own, work)
+        recover_truth(world, own, work, k, silent)
     if firing is not None:
         fire(world, firing_of(firing, flight), work, flight, 1, k, silent)
     if not world.is_attitude_ideal:
         turn_deputies(world, work, 1)
+    if firing is not None:
+        burn(world, firing_of(firing, flight), work, k, silent)
     spend(world, work)
     if course is None:
         move(world, work)
@@ -171,6 +187,8 @@ def look_about(
     if world.is_attitude_ideal:
         write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
         aim_at_once(world, work, 1, k)
+        if fixes is not None:
+            point_beside(fixes_of(fixes, flight), work, flight, 1, k)
     sense(world, optics, clusters, work, 1, k, False)
     if fixes is not None:
         believe(world, fixes_of(fixes, flight), work, flight, 1, k, silent)

@@ -39,10 +39,10 @@ from pipeline.flight.turns import AIMED, Turns
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import sun_angle, sun_direction_h, visible_share
 from pipeline.physics.motion import propagate
-from pipeline.physics.quaternion import dcm_b_from_h, from_dcm
+from pipeline.physics.quaternion import conjugate, dcm_b_from_h, from_dcm, product
 from pipeline.physics.rigid_body import relative_attitude_step
 from pipeline.physics.two_body import move_beside
-from pipeline.physics.vectors import times, transposed_times
+from pipeline.physics.vectors import cross, times, transposed_times
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -51,6 +51,12 @@ Booleans = NDArray[np.bool_]
 
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
+<<<<<<< HEAD
+=======
+NOTHING = np.zeros(3)
+NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+TOUR_TIME, TOUR_LEAN = constant("tour_time_s"), constant("tour_lean_m")
+>>>>>>> main
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
@@ -108,6 +114,8 @@ def turn_deputy(
     force_h: Floats,
     attitude: tuple[Floats, Floats, Floats],
     played: tuple[Floats, Floats],
+    turn: Floats,
+    thrust: tuple[Floats, Floats, Floats],
     quaternion_log: Floats,
     rate_log: Floats,
     torque_log: Floats,
@@ -126,6 +134,11 @@ def turn_deputy(
     played : tuple of arrays
         The desired attitude, shape (4,), and the torque, N m, shape (3,), of `pipeline.flight.turns`; each of
         shape (0,) where there is none.
+    turn : array, shape (4,)
+        From the desired attitude to that which the deputy takes for it.
+    thrust : tuple of arrays
+        What is fired, N, Hill axes, where it acts, m, body axes, and the torque of single thrusters, N m,
+        body axes; each of shape (3,).
     quaternion_log, rate_log, torque_log : array, shape (S, 4), (S, 3), (S, 3)
         Written.
 
@@ -136,11 +149,13 @@ def turn_deputy(
     """
     quaternion, rate, y = attitude
     wanted, given = played
+    fired_h, arm, twist = thrust
     for tick in range(world.num_ticks):
         if tick > 0:
             state = propagate(world.tick, state, force_h)
             y = next_y(world, state[:3], y)
         desired = from_dcm(desired_dcm(state[:3], y)) if len(wanted) == 0 else wanted
+        desired = product(desired, turn)
         if world.is_pointing_ideal:
             quaternion_log[tick] = desired
             continue
@@ -152,7 +167,8 @@ def turn_deputy(
         quaternion_log[tick] = quaternion
         rate_log[tick] = rate
         torque_log[tick] = torque
-        quaternion, rate = turn_for_a_tick(world, quaternion, rate, torque)
+        fired_b = times(dcm_b_from_h(quaternion), fired_h)
+        quaternion, rate = turn_for_a_tick(world, quaternion, rate, torque + cross(arm, fired_b) + twist)
     return quaternion, rate, y
 
 
@@ -234,14 +250,17 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     is_papers = world.is_papers_sight and scenario.sun_elevation_rad == 0.0
     is_idle = np.zeros(num_points, dtype=np.bool_) if is_papers else ~is_inspectable
     log.is_inspectable[:] = is_inspectable
+    log.mass_kg[0] = world.mass
 
     for k in range(world.num_controls + 1):
         position = state[:3].copy()
         velocity = state[3:].copy()
         y_before, y = y, next_y(world, position, y)
+        turn = NO_TURN if navigator is None else navigator.turn(k)
         if world.is_pointing_ideal:
             quaternion = turns.attitude(k) if len(turns.attitudes) else from_dcm(desired_dcm(position, y))
             rate = np.zeros(3)
+            quaternion = product(quaternion, conjugate(turn))
         dcm = dcm_b_from_h(quaternion)
         angle = sun_angle(sun_at_start[0], world.mean_motion, k * world.control_period)
         sun_h = sun_direction_h(angle, sun_at_start[1])
@@ -260,14 +279,16 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         log.velocity_m_s[k] = velocity
         truth = state
         if navigator is not None:  # from here to the thrusters the estimate is what counts
-            state, log.estimate_covariance[k] = navigator.estimate(k, position)
+            state, log.estimate_covariance[k] = navigator.estimate(k, position, quaternion)
             log.estimate[k] = state
             position, velocity = state[:3].copy(), state[3:].copy()
             y = next_y(world, position, y_before)
         lambda_u = relative_angle(target[0], target[1], position[0], position[1])
         eta_u = relative_angle(target[0], target[2], position[0], position[2])
 
-        log.quaternion_b_from_h[k] = quaternion
+        sensed = product(quaternion, turn)
+        dcm = dcm_b_from_h(sensed)
+        log.quaternion_b_from_h[k], log.sensed_quaternion_b_from_h[k] = quaternion, sensed
         log.angular_velocity_b_rad_s[k] = rate
         log.quaternion_c_from_h[k] = quaternion_c
         log.num_candidates[k] = num_candidates
@@ -361,9 +382,13 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         )
 
         if navigator is not None:
-            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.in_impulses(force_h))
+            told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.known(force_h))
             navigator.note(k, *told)
-        fired_h = force_h if thrusters is None else thrusters.fired(force_h)
+        fired_h = force_h
+        if navigator is not None:  # thrusters turn with the body, which is not turned as it seems
+            fired_h = transposed_times(dcm_b_from_h(quaternion), times(dcm, force_h))
+            fired_h = clipped(fired_h, world.max_force)
+        fired_h = fired_h if thrusters is None else thrusters.fired(fired_h, dcm_b_from_h(quaternion))
         log.force_hill_n[k] = fired_h
         quaternion, rate, y = turn_deputy(
             world,
@@ -371,14 +396,21 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             force_h,
             (quaternion, rate, y),
             (turns.attitude(k), turns.torque(k, world.max_torque)),
+            conjugate(turn),
+            (fired_h, *((NOTHING, NOTHING) if thrusters is None else (thrusters.arm, thrusters.twist))),
             log.attitude_quaternion[k],
             log.attitude_rate_b_rad_s[k],
             log.torque_b_n_m[k],
         )
         quaternion_c, rate_c = turn_chief(world, quaternion_c, rate_c)
+        total, mean_mass = np.abs(fired_h).sum(), world.mass
+        log.mass_kg[k + 1] = world.mass
+        if thrusters is not None:
+            total, mean_mass, log.mass_kg[k + 1] = thrusters.burnt(fired_h)
+        fired_h = fired_h * (world.mass / mean_mass)
         if world.course.is_on:
             state = move_beside(world.course, k, truth, fired_h / world.mass, sun_direction_h(*sun_at_start))
         else:
             state = propagate(world.motion, truth, fired_h)
-        delta_v += np.abs(fired_h).sum() * world.control_period / world.mass
+        delta_v += total * world.control_period / mean_mass
     return log

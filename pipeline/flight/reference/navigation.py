@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.flight.navigation import WIDER, Filter, errors_of, filter_of
+from pipeline.flight.navigation import WIDER, Filter, errors_of, filter_of, measured
 from pipeline.physics.motion import motion_over, propagate
+from pipeline.physics.quaternion import dcm_b_from_h, normalised
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -28,18 +29,25 @@ class Navigator:
     def __init__(self, mission: Mission, scenario: Scenario):
         self._law: Filter = filter_of(mission)
         self._motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
-        errors = errors_of(mission.navigation, [scenario], mission.num_controls // self._law.stride + 1)
+        errors = errors_of(mission, [scenario])
         start = np.concatenate((scenario.position_m, scenario.velocity_m_s))
-        self._of_fixes: Floats = errors.of_fixes[0]
+        self._of_fixes, self._of_sight, self._of_attitude = (
+            errors.of_fixes[0],
+            errors.of_sight[0],
+            errors.of_attitude[0],
+        )
         self._filtered: tuple[Floats, Floats] = (start + errors.at_start[0], self._law.at_start.copy())
         self._fixes: list[Floats] = []
         self._acting = np.zeros((mission.num_controls, 3))
 
-    def estimate(self, k: int, position: Floats) -> tuple[Floats, Floats]:
+    def estimate(self, k: int, position: Floats, quaternion: Floats) -> tuple[Floats, Floats]:
         """Return state and covariance as they are known at a sample, once its fix is measured."""
         law = self._law
         if k % law.stride == 0:
-            self._fixes.append(position + self._of_fixes[k // law.stride])
+            which = k // law.stride
+            seen = self._of_sight[which] if len(self._of_sight) else None
+            tilt_h = dcm_b_from_h(quaternion).T @ self._tilt(k)
+            self._fixes.append(measured(position, self._of_fixes[which], seen, tilt_h))
         filtered_to = k - law.delay
         if filtered_to > 0:
             self._filtered = self._moved(*self._filtered, filtered_to - 1)
@@ -49,6 +57,13 @@ class Navigator:
         for period in range(max(filtered_to, 0), k):
             known = self._moved(*known, period)
         return known
+
+    def turn(self, k: int) -> Floats:
+        """Return the turn from the true attitude to the one sensed in a control period, shape (4,)."""
+        return normalised(np.append(0.5 * self._tilt(k), 1.0))
+
+    def _tilt(self, k: int) -> Floats:
+        return np.asarray(self._of_attitude[k]) if len(self._of_attitude) else np.zeros(3)
 
     def note(self, k: int, delay: int, force: Floats) -> None:
         """Note that the command of a sample acts so many control periods later."""
@@ -61,8 +76,11 @@ class Navigator:
         return propagate(self._motion, state, force), phi @ covariance @ phi.T + noise
 
     def _corrected(self, state: Floats, covariance: Floats, fix: Floats) -> tuple[Floats, Floats]:
-        difference = fix - SEEN @ state
-        spread = SEEN @ covariance @ SEEN.T + self._law.fix * np.eye(3)
+        place = SEEN @ state
+        difference = fix - place
+        along = np.outer(place, place) / (place @ place)
+        across = self._law.bearing * (place @ place) * (np.eye(3) - along)
+        spread = SEEN @ covariance @ SEEN.T + self._law.fix * np.eye(3) + self._law.range * along + across
         if difference @ np.linalg.solve(spread, difference) > self._law.gate:
             return state, WIDER * covariance
         gain = covariance @ SEEN.T @ np.linalg.inv(spread)

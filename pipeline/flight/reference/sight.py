@@ -14,6 +14,7 @@ from pipeline.physics.illumination import (
 )
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.reflection import intensities
 from pipeline.physics.vectors import dot, norm, times, transposed_times
 from pipeline.physics.visibility import is_in_view, is_resolved
 
@@ -45,6 +46,10 @@ def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) ->
             is_lit[i] = dot(normal_h, point_h - ASTRONOMICAL_UNIT_M * sun_h) < 0.0
         else:
             is_lit[i] = is_illuminated(point_h, sun_h)
+        if world.past_terminator > 0.0:
+            outward = transposed_times(dcm_c_from_h, world.normals_c[i])
+            towards = sun_h - point_h / ASTRONOMICAL_UNIT_M
+            is_lit[i] = is_lit[i] or dot(outward, towards) > -world.past_terminator
         is_lit[i] = is_lit[i] and is_free(world, i, dcm_c_from_h, sun_h)
     return is_lit
 
@@ -85,6 +90,12 @@ def seen_points(
                 world.max_range,
                 world.cos_min_sun_angle,
             )
+        if world.reflection.is_on and is_seen[i]:
+            to_camera = (position_h - point_h) / norm(position_h - point_h)
+            bright = intensities(world.reflection, normal_h, sun_h, to_camera)
+            for colour in range(3):
+                limits = world.reflection.least[colour], world.reflection.greatest[colour]
+                is_seen[i] = is_seen[i] and limits[0] < bright[colour] < limits[1]
     return is_seen
 
 

@@ -1,6 +1,6 @@
 """A mission as plain numbers for the readable reference flight."""
 
-from math import ceil, cos, inf, radians
+from math import ceil, cos, inf, radians, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course
-from pipeline.flight.light import RIGHT_ANGLE_DEG, sees_as_in_the_paper, shadowing_radius
+from pipeline.flight.light import RIGHT_ANGLE_DEG, reflection_of, sees_as_in_the_paper, shadowing_radius
 from pipeline.flight.preview import look_stride, preview_stride
 from pipeline.flight.surface import surface_of
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
 from pipeline.physics.occlusion import Occlusion
 from pipeline.physics.orbit import Course
+from pipeline.physics.reflection import Reflection
 from pipeline.physics.rigid_body import tumble
 from pipeline.settings.experiment import Mission
 
@@ -71,6 +72,9 @@ class PlainWorld(NamedTuple):
     has_shadow: bool
     orbit_radius: float
     min_sun_share: float
+    #: sine of the angle by which the Sun may be below a point's horizon, and how the chief reflects
+    past_terminator: float
+    reflection: Reflection
     #: whether light and camera are the paper's, but for the Sun's elevation
     is_papers_sight: bool
     has_camera_limits: bool
@@ -139,6 +143,8 @@ def world_of(mission: Mission) -> PlainWorld:
         has_shadow=has_shadow,
         orbit_radius=shadowing_radius(mission.orbit, mission.light) if has_shadow else inf,
         min_sun_share=mission.light.min_fraction,
+        past_terminator=sin(radians(mission.light.past_terminator_deg)),
+        reflection=reflection_of(mission.light),
         is_papers_sight=sees_as_in_the_paper(mission),
         has_camera_limits=not is_any_incidence
         or sensor.max_range_m is not None

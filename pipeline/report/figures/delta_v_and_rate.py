@@ -8,26 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from pipeline.report.figures.style import (
-    BLUE,
-    DOTS,
-    GREEN,
-    INK,
-    MUTED,
-    OLIVE,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    SKY,
-    VERMILION,
-)
+from pipeline.report.figures.style import DOTS, INK, MUTED, PALETTE, PAPER
 
-_FILLED = (
-    *((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (PURPLE, "D"), (ORANGE, "v"), (SKY, "P")),
-    *((OLIVE, "X"), (INK, "*"), (MUTED, "h")),
-)
 #: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
-MARKS = tuple((colour, marker, face or colour) for face in ("", PAPER) for colour, marker in _FILLED)
+MARKS = tuple(
+    (colour, marker, face or colour)
+    for face in ("", PAPER)
+    for colour, marker in zip((*PALETTE, MUTED), "os^DvPX*h", strict=True)
+)
 #: up to here the scale of delta-v is linear, beyond it logarithmic, m/s
 LINEAR = 0.1
 TICKS = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)

@@ -15,6 +15,8 @@ __all__ = ["STYLE", "Figure", "Picture", "save", "style"]
 INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
 ORANGE, SKY, OLIVE = "#E69F00", "#56B4E9", "#7A7A29"
+#: of what is drawn side by side, in this order
+PALETTE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE, INK)
 
 #: of lines that are a limit or a border
 DOTS = (0, (2, 2))

@@ -15,28 +15,14 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
-from pipeline.report.figures.style import (
-    BLUE,
-    DOTS,
-    GREEN,
-    INK,
-    MOST_POINTS,
-    MUTED,
-    OLIVE,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    SKY,
-    VERMILION,
-)
+from pipeline.report.figures.style import DOTS, MOST_POINTS, MUTED, PALETTE, PAPER
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-FLIGHT_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, OLIVE, INK)
 HILL_AXES = ("radial i", "along-track j", "cross-track k")
 #: up to this many flights have colours of their own
-MOST_TOLD_APART = len(FLIGHT_COLOURS)
+MOST_TOLD_APART = len(PALETTE)
 
 
 @dataclass(frozen=True)

@@ -72,20 +72,22 @@ class Control(_message.Message):
     def __init__(self, force_body_n: _Optional[_Iterable[float]] = ..., force_hill_n: _Optional[_Iterable[float]] = ..., force_asked_n: _Optional[_Iterable[float]] = ..., reason: _Optional[_Iterable[_Union[Control.Reason, str]]] = ..., coasting_missed: _Optional[float] = ..., coasting_nearest_m: _Optional[float] = ..., coasting_farthest_m: _Optional[float] = ...) -> None: ...
 
 class Navigation(_message.Message):
-    __slots__ = ("position_m", "velocity_m_s", "position_deviation_m", "velocity_deviation_m_s", "fix_m", "fix_age_s")
+    __slots__ = ("position_m", "velocity_m_s", "position_deviation_m", "velocity_deviation_m_s", "fix_m", "fix_age_s", "quaternion")
     POSITION_M_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_M_S_FIELD_NUMBER: _ClassVar[int]
     POSITION_DEVIATION_M_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_DEVIATION_M_S_FIELD_NUMBER: _ClassVar[int]
     FIX_M_FIELD_NUMBER: _ClassVar[int]
     FIX_AGE_S_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
     position_m: _containers.RepeatedScalarFieldContainer[float]
     velocity_m_s: _containers.RepeatedScalarFieldContainer[float]
     position_deviation_m: _containers.RepeatedScalarFieldContainer[float]
     velocity_deviation_m_s: _containers.RepeatedScalarFieldContainer[float]
     fix_m: _containers.RepeatedScalarFieldContainer[float]
     fix_age_s: float
-    def __init__(self, position_m: _Optional[_Iterable[float]] = ..., velocity_m_s: _Optional[_Iterable[float]] = ..., position_deviation_m: _Optional[_Iterable[float]] = ..., velocity_deviation_m_s: _Optional[_Iterable[float]] = ..., fix_m: _Optional[_Iterable[float]] = ..., fix_age_s: _Optional[float] = ...) -> None: ...
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, position_m: _Optional[_Iterable[float]] = ..., velocity_m_s: _Optional[_Iterable[float]] = ..., position_deviation_m: _Optional[_Iterable[float]] = ..., velocity_deviation_m_s: _Optional[_Iterable[float]] = ..., fix_m: _Optional[_Iterable[float]] = ..., fix_age_s: _Optional[float] = ..., quaternion: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Guidance(_message.Message):
     __slots__ = ("num_candidates", "target_direction", "lambda_u_rad", "eta_u_rad")
@@ -112,7 +114,7 @@ class FisActivation(_message.Message):
     def __init__(self, inputs: _Optional[_Iterable[float]] = ..., firing_strengths: _Optional[_Iterable[float]] = ..., output_n: _Optional[float] = ..., shares_n: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class MissionStatus(_message.Message):
-    __slots__ = ("sun_angle_rad", "distance_m", "inspected_count", "inspection_rate_percent", "delta_v_m_s", "inspected_mask", "sun_elevation_rad", "sun_hidden_share", "inspectable_count")
+    __slots__ = ("sun_angle_rad", "distance_m", "inspected_count", "inspection_rate_percent", "delta_v_m_s", "inspected_mask", "sun_elevation_rad", "sun_hidden_share", "inspectable_count", "mass_kg")
     SUN_ANGLE_RAD_FIELD_NUMBER: _ClassVar[int]
     DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
     INSPECTED_COUNT_FIELD_NUMBER: _ClassVar[int]
@@ -122,6 +124,7 @@ class MissionStatus(_message.Message):
     SUN_ELEVATION_RAD_FIELD_NUMBER: _ClassVar[int]
     SUN_HIDDEN_SHARE_FIELD_NUMBER: _ClassVar[int]
     INSPECTABLE_COUNT_FIELD_NUMBER: _ClassVar[int]
+    MASS_KG_FIELD_NUMBER: _ClassVar[int]
     sun_angle_rad: float
     distance_m: float
     inspected_count: int
@@ -131,4 +134,5 @@ class MissionStatus(_message.Message):
     sun_elevation_rad: float
     sun_hidden_share: float
     inspectable_count: int
-    def __init__(self, sun_angle_rad: _Optional[float] = ..., distance_m: _Optional[float] = ..., inspected_count: _Optional[int] = ..., inspection_rate_percent: _Optional[float] = ..., delta_v_m_s: _Optional[float] = ..., inspected_mask: _Optional[bytes] = ..., sun_elevation_rad: _Optional[float] = ..., sun_hidden_share: _Optional[float] = ..., inspectable_count: _Optional[int] = ...) -> None: ...
+    mass_kg: float
+    def __init__(self, sun_angle_rad: _Optional[float] = ..., distance_m: _Optional[float] = ..., inspected_count: _Optional[int] = ..., inspection_rate_percent: _Optional[float] = ..., delta_v_m_s: _Optional[float] = ..., inspected_mask: _Optional[bytes] = ..., sun_elevation_rad: _Optional[float] = ..., sun_hidden_share: _Optional[float] = ..., inspectable_count: _Optional[int] = ..., mass_kg: _Optional[float] = ...) -> None: ...

@@ -25,7 +25,12 @@ from fis_tools.model import (
     Variable,
     table_rules,
 )
-from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.engines.random_systems import (
+    full_table_system,
+    hedged,
+    inputs_for,
+    random_general_system,
+)
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, paper_like_controller
 
 Floats = NDArray[np.float64]
@@ -60,6 +65,7 @@ def _systems(count: int) -> list[tuple[FuzzySystem, np.random.Generator]]:
         generator = np.random.default_rng([91, seed])
         is_table = seed % 4 == 0
         system = full_table_system(generator) if is_table else random_general_system(generator)
+        system = hedged(system, generator) if seed % 3 == 1 else system
         try:
             interval.pack(system)
         except interval.NotBounded:

@@ -17,6 +17,8 @@ from fis_tools.model import (
     FuzzySystem,
     Gaussian,
     GeneralizedBell,
+    Hedge,
+    Hedged,
     Is,
     MembershipFunction,
     Not,
@@ -45,6 +47,7 @@ DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifie
 AND_OPERATORS: tuple[AndOperator, ...] = get_args(AndOperator)
 OR_OPERATORS: tuple[OrOperator, ...] = get_args(OrOperator)
 ACCUMULATIONS: tuple[Accumulation, ...] = get_args(Accumulation)
+HEDGES: tuple[Hedge, ...] = get_args(Hedge)
 _Choice = TypeVar("_Choice")
 
 
@@ -167,6 +170,22 @@ def random_general_system(generator: np.random.Generator) -> FuzzySystem:
         or_operator=_any_of(generator, OR_OPERATORS),
         defuzzifier=_any_of(generator, DEFUZZIFIERS),
     )
+
+
+def hedged(system: FuzzySystem, generator: np.random.Generator) -> FuzzySystem:
+    """The same system, with hedges before some of what its rules ask for, at any depth."""
+
+    def said(expression: Expression) -> Expression:
+        match expression:
+            case Not(operand):
+                changed: Expression = Not(said(operand))
+            case And(operands) | Or(operands):
+                changed = type(expression)(tuple(map(said, operands)))
+            case _:
+                changed = expression
+        return Hedged(_any_of(generator, HEDGES), changed) if generator.random() < 0.4 else changed
+
+    return replace(system, rules=tuple(replace(r, antecedent=said(r.antecedent)) for r in system.rules))
 
 
 def _any_of(generator: np.random.Generator, choices: Sequence[_Choice]) -> _Choice:

@@ -89,6 +89,17 @@ def test_compiled_code_is_found_again(package: Package) -> None:
 
 
 @pytest.mark.slow
+def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package: Package) -> None:
+    ask = (
+        "from fis_tools.engines.compiled import sparingly\nfrom kernels.caller import twice\n"
+        "for x in (5, 6, 0.5):\n    print(sparingly(twice)(x), len(twice.signatures), end=' ')"
+    )
+    assert package.run(ask).stdout.split() == ["7", "0", "8", "1", "2.5", "1"]
+    # whole numbers were wanted twice, others once
+    assert package.run(ask).stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "old", "new", "answer"),
     [

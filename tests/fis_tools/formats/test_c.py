@@ -31,6 +31,7 @@ from fis_tools.source import read_controller
 from fis_tools.words.text import sentence
 from tests.fis_tools.engines.random_systems import (
     full_table_system,
+    hedged,
     inputs_for,
     otherwise,
     random_general_system,
@@ -101,6 +102,7 @@ def test_systems_of_all_kinds_give_what_python_gives(
     for seed in range(40):
         generator = np.random.default_rng([50, seed])
         system = random_general_system(generator) if seed % 4 else full_table_system(generator, 2)
+        system = hedged(system, generator) if seed % 2 else system
         systems.append(replace(system, name=f"system {seed}"))
     library = compiled(FuzzyController("many", tuple(systems)))
     num_defaults = 0

@@ -17,6 +17,7 @@ from fis_tools.model import (
     FuzzySystem,
     Gaussian,
     GeneralizedBell,
+    Hedged,
     Is,
     MembershipFunction,
     Not,
@@ -53,7 +54,9 @@ A, B, C = Is("a", "low"), Is("b", "high"), Is("c", "mid")
         (Not(Or((A, B))), "not (a is low or b is high)"),
         (And((And((A, B)), C)), "a is low and b is high and c is mid"),
         (And((Or((A,)), B)), "a is low and b is high"),
-        (Not(Not(A)), "not (a is not low)"),
+        (Not(Not(A)), "a is not not low"),
+        (Not(Hedged("very", A)), "a is not very low"),
+        (Hedged("somewhat", And((A, B))), "somewhat (a is low and b is high)"),
     ],
 )
 def test_antecedents_in_words(expression: Expression, words: str) -> None:

@@ -18,6 +18,7 @@ from fis_tools.model import (
     FuzzySystem,
     Gaussian,
     GeneralizedBell,
+    Hedged,
     Is,
     Linear,
     MembershipFunction,
@@ -186,7 +187,8 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
         (_with_rule(Is("distanse", "near")), ["rule 26", "'distanse'", "did you mean 'distance'?"]),
         (_with_rule(Is("distance", "nearby")), ["rule 26", "no term 'nearby'", "did you mean 'near'?"]),
         (_with_rule(Is("force_x", "ZE")), ["input 'force_x' does not exist"]),
-        (_with_rule(None), ["rule 26: None is not a statement", "Is, Not, And or Or"]),  # type: ignore[arg-type]
+        (_with_rule(None), ["rule 26: None is not a statement", "Is, Not, Hedged, And or Or"]),  # type: ignore[arg-type]
+        (_with_rule(Hedged("verry", _nested(1))), ["the hedge 'verry'", "did you mean 'very'?"]),  # type: ignore[arg-type]
         (_with_rule(_nested(1), Consequent("force_x", "ZE", "1")), ["weight 1"]),  # type: ignore[arg-type]
         (_with_rule(And(())), ["'and' joins no statements"]),
         (_with_rule(Not(Or(()))), ["'or' joins no statements"]),

@@ -11,7 +11,12 @@ from fis_tools.findings import explanation
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import page
-from tests.fis_tools.engines.random_systems import full_table_system, inputs_for, random_general_system
+from tests.fis_tools.engines.random_systems import (
+    full_table_system,
+    hedged,
+    inputs_for,
+    random_general_system,
+)
 from tests.fis_tools.review.cases import system_of_125_rules
 from tests.fis_tools.sample_controllers import general_controller
 
@@ -37,8 +42,10 @@ SHARES = """([place, rows]) => rows.map((row) => {
 def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
     generator = np.random.default_rng(seed)
     makers = (random_general_system, random_general_system, full_table_system)
+    systems = (makers[place % len(makers)](generator) for place in range(count))
     return tuple(
-        replace(makers[place % len(makers)](generator), name=f"random {place}") for place in range(count)
+        replace(hedged(system, generator) if place % 2 else system, name=f"random {place}")
+        for place, system in enumerate(systems)
     )
 
 

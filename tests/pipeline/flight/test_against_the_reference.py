@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fis_tools.engines import cache, compiled
 from pipeline.flight.controller import Controller, coast, constants_of, law_of, open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.reference.channels import channels_of, plan_of
@@ -52,7 +53,28 @@ FIXES = {
     "execution_error": 0.05,
     "initial_velocity_m_s": 0.001,
 }
+SIGHTED = {
+    "measures": "range_bearing",
+    "range_noise_m": 0.3,
+    "bearing_noise_deg": 0.2,
+    "attitude_bias_deg": 1.0,
+    "attitude_noise_deg": 0.3,
+}
 REAL = {"kind": "real", "scale_error": 0.05, "misalignment_deg": 2.0, "least_impulse_n_s": 0.02}
+
+#: a thruster a direction beside the centre of mass, askew and weak
+ASKEW = tuple(
+    (*np.roll((0.15, 0.02 * sign, -0.03), axis), *np.roll((sign * 0.8, 0.6, 0.0), axis), 0.03)
+    for axis in range(3)
+    for sign in (1.0, -1.0)
+)
+
+LAYOUT = {
+    "thrusters": ASKEW,
+    "specific_impulse_s": 60.0,
+    "least_impulse_n_s": 0.01,
+    "impulse_step_n_s": 0.005,
+}
 
 LOW_ORBIT = {
     "model": "two_body",
@@ -108,6 +130,16 @@ FLOWN = {
         STEERING,
         STARTS,
     ),
+    "range and bearing, an attitude known with an error": (
+        mission(
+            navigation=FIXES | SIGHTED | {"fix_period_s": 20.0, "delay_s": 10.0, "outlier_share": 0.1},
+            actuators=REAL | LAYOUT | {"delay_s": 10.0, "thrust_arm_m": 0.02},
+            safety=vars(LAST_MOMENT),
+            duration_s=1200.0,
+        ),
+        STEERING,
+        STARTS,
+    ),
     "coast": (mission(), coast(), [*STARTS, *OVER_POLES]),
     "Hill axes, weak thruster, slow clocks, narrow camera": (
         mission(
@@ -140,6 +172,16 @@ POINTED = {
     "going on when complete": (mission(attitude=IDEAL, coast_when_complete=False), STEERING, [COMPLETED]),
     "clusters": (mission(attitude=IDEAL, guidance={"kind": "clusters"}), STEERING, [*STARTS, *OVER_POLES]),
     "tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), STEERING, STARTS),
+    "range and bearing, an attitude known with an error": (
+        mission(
+            attitude=IDEAL,
+            navigation=FIXES | SIGHTED,
+            actuators=REAL | {"thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
+            safety=vars(LAST_MOMENT),
+        ),
+        STEERING,
+        STARTS,
+    ),
     "over a pole without force": (mission(attitude=IDEAL), coast(), OVER_POLES),
     "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
     "Hill axes": (mission(attitude=IDEAL), RESTORING, STARTS),
@@ -210,6 +252,35 @@ def test_ideal_pointing(name: str) -> None:
     what, controller, starts = POINTED[name]
     for start in starts:
         assert_same(*fly_both(what, controller, start), metres=1e-9, others=1e-9)
+
+
+#: of each thing that may be sensed, guarded or moved by, one
+PLAIN = [
+    *("paper", "clusters", "full inertia", "pole blending", "late fixes, late thrusters with errors"),
+    *("free motion, target and Sun", "what coasting shows", "what goes dark soon"),
+    *("the push that shows what sets", "the push onto a tour", "safety layer, a few forces changed"),
+    *("tumbling chief", "about the oblate Earth, in and out of its shadow"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLAIN)
+def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `sparingly` promises, which lets the first flight of a kind go without compiling."""
+    what, controller, starts = (FLOWN | POINTED)[name]
+    brief = replace(what, duration_s=40 * what.control_period_s)
+    monkeypatch.setattr(cache, "was_asked", lambda *_: True)
+    fast = fly_logged(brief, controller, starts[0])
+    token = compiled._plain.set("pipeline")
+    try:
+        with np.errstate(all="ignore"):
+            plain = fly_logged(brief, controller, starts[0])
+    finally:
+        compiled._plain.reset(token)
+    for field, expected, found in zip(fast._fields, fast, plain, strict=True):
+        np.testing.assert_array_equal(found, expected, err_msg=field)
 
 
 def test_clusters_are_forgotten_at_a_sample_without_candidates() -> None:

@@ -14,7 +14,7 @@ from pipeline.flight.kernel.step import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NU
 from pipeline.flight.log import FlightLog
 from pipeline.flight.simulation import fly_logged
 from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.stepping import Flights
+from pipeline.flight.stepping import NUM_SEEN, OBSERVED, Flights
 from pipeline.gym import (
     InspectionEnv,
     InspectionVectorEnv,
@@ -22,7 +22,6 @@ from pipeline.gym import (
     NormalizedVectorObservation,
     task_of,
 )
-from pipeline.gym.task import NUM_SEEN, OBSERVED
 from pipeline.recording.reflight import fly_again
 
 #: what differs in the parts of a flight that are compiled

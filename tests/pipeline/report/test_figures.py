@@ -14,8 +14,8 @@ from pipeline.report.figures.control import controls
 from pipeline.report.figures.convergence import convergence
 from pipeline.report.figures.distributions import METRICS, Sample, distributions
 from pipeline.report.figures.front import front_of_training
-from pipeline.report.figures.style import BLUE, PURPLE, save, style
-from pipeline.report.figures.trajectories import FLIGHT_COLOURS, Tracks, trajectories
+from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, save, style
+from pipeline.report.figures.trajectories import Tracks, trajectories
 from pipeline.report.svg import inline
 from tests.pipeline.flight.missions import PAPER
 from tests.pipeline.report.runs import PAPER_CONTROLLER
@@ -87,7 +87,7 @@ def test_the_chief_hides_what_is_behind_it():
 
 def test_planes_and_distance_show_the_flights():
     tracks = np.stack([around(30.0), around(80.0)])
-    _, orbit, across, distance = trajectories(Tracks(tracks, FLIGHT_COLOURS[:2], {}), MISSION).axes
+    _, orbit, across, distance = trajectories(Tracks(tracks, PALETTE[:2], {}), MISSION).axes
     for ax, axes in ((orbit, (1, 0)), (across, (1, 2))):
         for path, track in zip(ax.collections[0].get_segments(), tracks, strict=True):
             np.testing.assert_array_equal(path, track[:, axes])
@@ -101,7 +101,7 @@ def test_planes_and_distance_show_the_flights():
 def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
     tracks = np.stack([around(60.0), around(60.0) * (1.0, 1.0, -1.0), -around(60.0)])
     tracks[:, 0] += (0.0, 0.0, 5.0), (0.0, 0.0, -5.0), (0.0, 0.0, 0.0)
-    space, orbit, across, _ = trajectories(Tracks(tracks, FLIGHT_COLOURS[:3], {}), MISSION).axes
+    space, orbit, across, _ = trajectories(Tracks(tracks, PALETTE[:3], {}), MISSION).axes
     assert [text.get_text() for text in space.texts] == ["0", "1", "2"]
     assert [text.get_text() for text in orbit.texts] == ["0, 1", "2"]
     assert [text.get_text() for text in across.texts] == ["0", "1", "2"]

@@ -1,6 +1,5 @@
 """Values that cannot be are refused with the fact, the expectation and the cure."""
 
-import contextlib
 import math
 from dataclasses import FrozenInstanceError, replace
 
@@ -183,7 +182,7 @@ CASES = [
     (
         "controller",
         {"kind": "cost"},
-        "controller.kind is 'cost'; it must be one of open_loop, coast, natural_motion, lqr, "
+        "controller.kind is 'cost'; it must be one of open_loop, policy, coast, natural_motion, lqr, "
         "receding_horizon; did you mean coast?",
     ),
     ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
@@ -214,6 +213,14 @@ def leaves(config, path=()):
             yield (*path, name)
 
 
+def refusal_of(config):
+    """Return in what words settings are refused; None where they are taken."""
+    try:
+        experiment_from(config)
+    except SettingError as refusal:
+        return str(refusal)
+
+
 @pytest.mark.parametrize("value", ["text", "", ["x"], {"a": 1}, math.nan, math.inf, True, -5, None], ids=repr)
 def test_a_key_takes_a_value_or_refuses_it_in_words(value):
     for *groups, last in leaves(plain_config()):
@@ -222,8 +229,8 @@ def test_a_key_takes_a_value_or_refuses_it_in_words(value):
         for group in groups:
             node = node[group]
         node[last] = value
-        with contextlib.suppress(SettingError):
-            experiment_from(config)
+        words = refusal_of(config)
+        assert words is None or (last in words and "\n" not in words)
 
 
 @pytest.mark.parametrize(

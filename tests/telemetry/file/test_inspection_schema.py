@@ -44,6 +44,7 @@ CONTRACT = {
         ("velocity_deviation_m_s", DOUBLE, True),
         ("fix_m", DOUBLE, True),
         ("fix_age_s", DOUBLE, False),
+        ("quaternion", DOUBLE, True),
     ],
     "Guidance": [
         ("num_candidates", UINT32, False),
@@ -67,6 +68,7 @@ CONTRACT = {
         ("sun_elevation_rad", DOUBLE, False),
         ("sun_hidden_share", DOUBLE, False),
         ("inspectable_count", UINT32, False),
+        ("mass_kg", DOUBLE, False),
     ],
 }
 

@@ -8,8 +8,8 @@ import pytest
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange import fcl
-from fis_tools.model import And, Is, Not, Or, Trapezoidal, Triangular
+from fis_tools.formats.exchange import fcl, fll
+from fis_tools.model import And, FuzzyController, Hedged, Is, Not, Or, Trapezoidal, Triangular
 from tests.fis_tools.formats.exchange.systems import alone, flat_system
 
 TIPPER_FCL = """FUNCTION_BLOCK tipper  // as jFuzzyLogic writes it
@@ -58,7 +58,9 @@ def test_fcl_says_what_it_is_meant_to() -> None:
     ]
     assert system.inputs[1].terms[0].membership == Trapezoidal(0.0, 0.0, 1.0, 3.0)
     assert system.rules[0].antecedent == Or((Is("service", "poor"), Is("food", "rancid")))
-    assert system.rules[1].antecedent == And((Not(Is("service", "poor")), Is("food", "very delicious")))
+    assert system.rules[1].antecedent == And(
+        (Not(Is("service", "poor")), Hedged("very", Is("food", "delicious")))
+    )
     strengths = compile(system).firing_strengths(np.array([[2.0, 7.0]]))
     np.testing.assert_allclose(strengths, [[0.5, 0.5 * np.exp(-0.5) ** 2]], atol=1e-6)
 
@@ -240,6 +242,23 @@ def test_chained_fll_hands_on_degrees_of_truth() -> None:
     np.testing.assert_allclose(strengths, [[1, 0, 1, 1], [1, 0, 1, 1], [0.5, 1, 1, 0]], atol=1e-12)
 
 
-def test_a_hedge_before_what_a_rule_concluded_is_refused() -> None:
-    with pytest.raises(ControllerFileError, match="rule 4 asks for 'y' 'somewhat large'"):
-        serialize.loads(FLL, "fll")
+def test_a_hedge_before_what_a_rule_concluded_is_said_of_the_inputs() -> None:
+    (system,) = serialize.loads(FLL, "fll").systems
+    assert system.rules[3].antecedent == Not(Hedged("somewhat", Is("x", "high")))
+
+
+def test_fuzzylite_carries_a_hedge_on_to_what_else_a_rule_concludes() -> None:
+    """So do its program and pyfuzzylite, whose loops change one strength from conclusion to conclusion."""
+    rule = "if x is low and x is any then y is somewhat small and z is very large and z is small"
+    text = FLL[: FLL.index("  rule:")] + f"  rule: {rule}\n"
+    (system,) = serialize.loads(text, "fll").systems
+    strengths = compile(system).firing_strengths(np.array([[0.64]]))
+    np.testing.assert_allclose(strengths, [[np.sqrt(0.4), 0.4]], atol=1e-12)
+    assert [[c.term for c in rule.consequents] for rule in system.rules] == [["small"], ["large", "small"]]
+    written = fll.write(FuzzyController("chain", (system,))).text
+    assert "if x is low and x is _any then z is very somewhat small" in written
+    assert serialize.loads(written, "fll").systems == (system,)
+    with pytest.raises(ControllerFileError, match="and a hedge on what it concludes"):
+        serialize.loads(text.replace(rule, f"{rule} with 0.5"), "fll")
+    with pytest.raises(ControllerFileError, match="the rule concludes 'not'"):
+        serialize.loads(text.replace("somewhat small", "not small"), "fll")

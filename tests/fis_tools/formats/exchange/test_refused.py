@@ -89,7 +89,7 @@ def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new:
     ("kind", "old", "new", "words"),
     [
         ("fis", "[Input2]", "[Input3]", "not one of the sections"),
-        ("fis", "3 2, 3 (1)", "3 2, 3.2 (1)", "the hedge in 'very generous' on what the rule concludes"),
+        ("fis", "3 2, 3 (1)", "3 2, 3.2 (1)", "the hedge on 'generous', which the rule concludes"),
         ("fis", "'trimf',[0 5 10]", "'function',[sin(x)]", "the term is a formula, [sin(x)]"),
         ("fis", "NumRules=3", "NumRules=4", "[Rules] has 3 lines"),
         ("fis", "NumMFs=2", "NumMFs=3", "NumMFs=3 but has MF1, MF2"),
@@ -106,8 +106,8 @@ def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new:
         (
             "fml",
             "<clause><variable>angle<",
-            '<clause modifier="very"><variable>angle<',
-            "the modifier 'very'",
+            '<clause modifier="norm"><variable>angle<',
+            "the modifier 'norm'",
         ),
         ("fml", "<variable>angle</variable>", "", "clause has 0 variable; expected one"),
         ("fml", "<term>angle_NL</term>", "<term>steep</term>", "no term 'steep'"),

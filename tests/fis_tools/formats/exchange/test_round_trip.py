@@ -10,7 +10,7 @@ import pytest
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
-from fis_tools.formats.exchange import fis, fll, fml
+from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.carried import EDITED
 from fis_tools.formats.exchange.dialect import say
@@ -20,6 +20,7 @@ from fis_tools.model import (
     Consequent,
     FuzzyController,
     FuzzySystem,
+    Hedged,
     Is,
     Not,
     Or,
@@ -28,7 +29,7 @@ from fis_tools.model import (
     Term,
     Variable,
 )
-from tests.fis_tools.engines.random_systems import otherwise, random_general_system
+from tests.fis_tools.engines.random_systems import hedged, otherwise, random_general_system
 from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 
@@ -78,6 +79,40 @@ def test_files_hold_what_they_can_and_carry_the_rest(form: ModuleType, controlle
     assert form.write(reading.controller) == written
 
 
+@pytest.mark.parametrize(
+    ("form", "words", "terms"),
+    [
+        (fll, ("wind is not very calm", "then heat is extremely some", "extremely_warm Discrete"), 1),
+        (fml, ('modifier="extremely"', 'modifier="intensify"', 'modifier="not"'), 2),
+        (fis, ("'very_calm'", "'intensely_warm'"), 5),
+        (fcl, ("wind is not very calm", "then heat is extremely some", "TERM extremely_warm := ("), 1),
+    ],
+)
+def test_hedges_are_said_in_the_words_of_a_format_or_become_terms(
+    form: ModuleType, words: tuple[str, ...], terms: int
+) -> None:
+    calm, warm = Is("wind", "calm"), Is("temperature", "warm")
+    asked = (
+        Not(Hedged("very", calm)),
+        Hedged("extremely", warm),
+        Hedged("intensely", And((warm, Is("wind", "breeze")))),
+        Hedged("very", Hedged("somewhat", Is("wind", "storm"))),
+    )
+    flat = flat_system()
+    rules = tuple(Rule(expression, (Consequent("heat", "some"),)) for expression in asked)
+    system = replace(flat, rules=(*flat.rules, *rules))
+    written = form.write(alone(system))
+    (shown,) = serialize.loads(without_comment(written.text), form.__name__.rpartition(".")[2]).systems
+    rows = np.random.default_rng(3).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
+    widths = [output.maximum - output.minimum for output in system.outputs]
+    # a hedged term is sampled where a hedge is not
+    np.testing.assert_allclose(compile(shown)(rows) / widths, compile(system)(rows) / widths, atol=2e-3)
+    said = say(system, form.DIALECT)
+    assert sum(len(v.terms) for v in said.source.inputs) == sum(len(v.terms) for v in system.inputs) + terms
+    assert all(word in written.text for word in words)
+    assert any("become terms of their own" in told for told in written.losses)
+
+
 def test_nested_rules_of_any_operators_survive_in_fll() -> None:
     controller = general_controller()
     assert fll.read(fll.write(controller).text).controller == controller
@@ -101,7 +136,9 @@ def test_implications_and_aggregations_survive(form: ModuleType) -> None:
 def test_random_systems_survive_or_are_refused(form: ModuleType) -> None:
     refused = 0
     for seed in range(60):
-        system = random_general_system(np.random.default_rng(seed))
+        generator = np.random.default_rng(seed)
+        system = random_general_system(generator)
+        system = hedged(system, generator) if seed % 2 else system
         controller = FuzzyController("random", (system,))
         try:
             text = form.write(controller).text

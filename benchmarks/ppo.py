@@ -1,0 +1,243 @@
+"""Train a policy by PPO, in an environment with Stable-Baselines3: ``python -m benchmarks.ppo FOLDER``.
+
+Proximal policy optimization (Schulman et al., arXiv 1707.06347) of Stable-Baselines3 on the flights of
+`pipeline.gym`, on one thread. The policy is written as ONNX, at the end and on the way, for
+``controller=PATH``; `training.json` beside it says how it was trained.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import onnx
+import torch
+from numpy.typing import NDArray
+from onnx import TensorProto, checker, helper, numpy_helper
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from pipeline.gym import InspectionVectorEnv, NormalizedVectorObservation, Reward
+
+#: AFRL's published settings (safe-autonomy-sims, translational inspection) with RLlib's defaults for what
+#: they leave open; and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the
+#: first noise, a share of the greatest force) are not `PPO`'s own.
+SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "afrl": {
+        "num_envs": 20,
+        "n_steps": 60,
+        "batch_size": 1200,
+        "n_epochs": 30,
+        "gamma": 0.968559,
+        "gae_lambda": 0.928544,
+        "learning_rate": 5e-5,
+        "clip_range": 0.3,
+        "vf_coef": 1.0,
+        "layers": (256, 256),
+        "log_std": 0.0,
+    },
+    "ours": {
+        "num_envs": 64,
+        "n_steps": 128,
+        "batch_size": 1024,
+        "n_epochs": 10,
+        "gamma": 0.995,
+        "gae_lambda": 0.95,
+        "learning_rate": 3e-4,
+        "clip_range": 0.2,
+        "vf_coef": 0.5,
+        "layers": (64, 64),
+        "log_std": -1.5,
+    },
+}
+#: what a m/s costs at first; of another price in the end, the way there is geometric between these shares of
+#: the steps, so that something is inspected before fuel is saved
+FIRST_PRICE: Final = 0.1
+DEARER_FROM, DEARER_TO = 0.3, 0.9
+#: seeds of the starts of one training are so far from those of the next
+SEEDS_APART: Final = 100_000
+
+
+class Flights(VecEnv):
+    """Our flights as Stable-Baselines3 steps them.
+
+    The step that starts an episode anew is one of its own, of no reward: one in some hundreds. Time that is
+    over ends an episode, for what is left of it is observed.
+
+    Parameters
+    ----------
+    many : InspectionVectorEnv
+        Whose reward has no price of fuel.
+    seed : int
+    """
+
+    def __init__(self, many: InspectionVectorEnv, seed: int) -> None:
+        self.task, self._seed, self.price = many.task, seed, FIRST_PRICE
+        self._many = NormalizedVectorObservation(many)
+        self._ended = np.zeros(many.num_envs, dtype=np.bool_)
+        self._spent, self._returns = np.zeros((2, many.num_envs))
+        #: of the episodes that ended: return, rate, delta-v, whether it succeeded, whether it ended outside
+        self.ends: list[tuple[float, ...]] = []
+        super().__init__(many.num_envs, self._many.single_observation_space, many.single_action_space)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start all episodes."""
+        return self._many.reset(seed=self._seed * SEEDS_APART)[0]
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take what is to be done."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, ...]:
+        """Do it."""
+        seen, rewards, terminated, truncated, told = self._many.step(self._actions)
+        began, self._ended = self._ended, terminated | truncated
+        spent, self._spent = told["delta_v_m_s"] - self._spent, told["delta_v_m_s"]
+        rewards = rewards - self.price * np.where(began, 0.0, spent)
+        self._returns += rewards
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for flight in np.flatnonzero(self._ended | began):
+            infos[flight]["terminal_observation"] = seen[flight]
+        rates = told["num_inspected"] / told["num_inspectable"]
+        facts = self._returns, rates, self._spent, told["is_success"], told["outside_m"] > 0.0
+        self.ends += [tuple(float(fact[flight]) for fact in facts) for flight in np.flatnonzero(self._ended)]
+        self._returns[self._ended] = 0.0
+        return seen, rewards.astype(np.float32), self._ended | began, infos
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return nothing: there are no environments within."""
+        return [None] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set nothing."""
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call nothing."""
+        return []
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Nothing is wrapped."""
+        return [False] * self.num_envs
+
+
+def layers_of(model: PPO, flights: Flights, normal: VecNormalize) -> list[tuple[Any, Any]]:
+    """Return weights and biases of a policy, from what is observed, in its units, to shares of the force.
+
+    What observations are divided by, and the training's own scaling, go into the first layer.
+    """
+    linear = [part for part in model.policy.mlp_extractor.policy_net if isinstance(part, torch.nn.Linear)]
+    linear.append(model.policy.action_net)
+    layers = [
+        (part.weight.detach().numpy().astype(np.float64), part.bias.detach().numpy().astype(np.float64))
+        for part in linear
+    ]
+    weights, added = layers[0]
+    weights = weights / np.sqrt(normal.obs_rms.var + normal.epsilon)
+    layers[0] = weights / flights.task.scales, added - weights @ normal.obs_rms.mean
+    return layers
+
+
+def write(model: PPO, flights: Flights, normal: VecNormalize, path: Path) -> None:
+    """Write what a policy does without noise as ONNX: observed numbers in, a force in N, Hill axes, out."""
+    limits = {"low": -1.0, "high": 1.0, "force": flights.task.mission.deputy.max_force_n}
+    constants = {name: np.array(value) for name, value in limits.items()}
+    nodes, name = [], "observed"
+    for place, (weights, added) in enumerate(layers_of(model, flights, normal)):
+        if place > 0:
+            nodes.append(helper.make_node("Tanh", [name], [f"value{place}"]))
+            name = f"value{place}"
+        constants |= {f"weights{place}": weights, f"added{place}": added}
+        inputs = [name, f"weights{place}", f"added{place}"]
+        nodes.append(helper.make_node("Gemm", inputs, [f"sum{place}"], transB=1))
+        name = f"sum{place}"
+    nodes.append(helper.make_node("Clip", [name, "low", "high"], ["share"]))
+    nodes.append(helper.make_node("Mul", ["share", "force"], ["force_n"]))
+    ends = [
+        helper.make_tensor_value_info(label, TensorProto.FLOAT, [None, size])
+        for label, size in (("observed", len(flights.task.scales)), ("force_n", 3))
+    ]
+    tensors = [
+        numpy_helper.from_array(values.astype(np.float32), label) for label, values in constants.items()
+    ]
+    graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
+    whole = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    checker.check_model(whole)
+    onnx.save(whole, path)
+
+
+class Progress(BaseCallback):
+    """Makes fuel dearer by and by, and every so many steps prints a line and writes the policy."""
+
+    def __init__(
+        self, flights: Flights, normal: VecNormalize, folder: Path, options: argparse.Namespace
+    ) -> None:
+        super().__init__()
+        self._flights, self._normal, self._folder, self._options = flights, normal, folder, options
+        self._due, self._started = options.every, time.monotonic()
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        done = self.num_timesteps / self._options.steps
+        share = np.clip((done - DEARER_FROM) / (DEARER_TO - DEARER_FROM), 0.0, 1.0)
+        self._flights.price = FIRST_PRICE * (self._options.price / FIRST_PRICE) ** share
+
+    def _on_rollout_end(self) -> None:
+        if self.num_timesteps < self._due:
+            return
+        self._due += self._options.every
+        ends = np.array(self._flights.ends).reshape(-1, 5)
+        self._flights.ends.clear()
+        told = "none ended"
+        if len(ends):
+            told = "return {:.2f}, rate {:.3f}, {:.2f} m/s, success {:.2f}, outside {:.2f}".format(
+                *ends.mean(axis=0)
+            )
+        seconds = time.monotonic() - self._started
+        print(
+            f"{self.num_timesteps:,} steps, {seconds:.0f} s, {len(ends)} episodes with noise: {told}",
+            flush=True,
+        )
+        write(self.model, self._flights, self._normal, self._folder / f"{self.num_timesteps}.onnx")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Train one policy."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.ppo", description=__doc__)
+    parser.add_argument("folder", type=Path, help="where the policy is written")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--steps", type=int, default=1_000_000)
+    parser.add_argument("--every", type=int, default=100_000, help="steps between two that are written")
+    parser.add_argument("--settings", choices=list(SETTINGS), default="ours")
+    parser.add_argument("--price", type=float, default=1.0, help="of a m/s in the end; a point is worth 0.1")
+    parser.add_argument("--outside", type=float, default=10.0, help="taken away outside the limits")
+    parser.add_argument("words", nargs="*", help="of the world, such as world=afrl deputy.max_force_n=0.02")
+    options = parser.parse_intermixed_args(arguments)
+    torch.set_num_threads(1)
+    chosen = dict(SETTINGS[options.settings])
+    options.folder.mkdir(parents=True, exist_ok=True)
+    told = {name: value for name, value in vars(options).items() if name != "folder"}
+    text = json.dumps({**told, "settings": {"name": options.settings, **chosen}}, indent=1)
+    (options.folder / "training.json").write_text(text + "\n", encoding="utf-8")
+    num_envs, layers, log_std = (chosen.pop(name) for name in ("num_envs", "layers", "log_std"))
+    reward = Reward(per_delta_v=0.0, outside=options.outside)
+    flights = Flights(InspectionVectorEnv(num_envs, options.words, reward), options.seed)
+    normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
+    shape = {"net_arch": list(layers), "activation_fn": torch.nn.Tanh, "log_std_init": log_std}
+    model = PPO("MlpPolicy", normal, seed=options.seed, device="cpu", policy_kwargs=shape, **chosen)
+    model.learn(options.steps, callback=Progress(flights, normal, options.folder, options))
+    write(model, flights, normal, options.folder / "policy.onnx")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,225 @@
+"""Learned policies from ONNX files: a chain of layers is read as numbers, and everything else is refused.
+
+Nothing of a file is executed: of its graph the constants are taken, and which of a few operators stand
+between them.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.controller import Controller, ControllerError
+from pipeline.flight.kernel.network import CLIPPED, LINEAR, TANH, Network
+from pipeline.flight.policy import Policy
+from pipeline.flight.stepping import NUM_SEEN
+
+Floats = NDArray[np.float64]
+
+MOST_BYTES = 16 << 20
+#: of which the constants change what is added and multiplied
+ARITHMETIC = ("Add", "Sub", "Mul", "Div")
+OPERATORS = (*ARITHMETIC, "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
+#: in the words of the format
+FLOAT, DOUBLE, EXTERNAL = 1, 11, 1
+
+
+class _UnreadableError(ValueError):
+    """Why a file cannot fly, without its name."""
+
+
+def read_policy(path: Path) -> Controller:
+    """Read a policy.
+
+    Raises
+    ------
+    ControllerError
+        If the file cannot be read, or is no chain of `OPERATORS` from what is observed to three forces.
+    """
+    try:
+        with path.open("rb") as stream:
+            source = stream.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise ControllerError(f"{path} cannot be read ({error.strerror}); give an ONNX file") from error
+    return policy_of(path.stem, source, str(path))
+
+
+def policy_of(name: str, source: bytes, told: str) -> Controller:
+    """Return the controller of an ONNX file's content; `told` names the file in errors.
+
+    Raises
+    ------
+    ControllerError
+        As `read_policy`.
+    """
+    try:
+        network = _network(_graph(source))
+    except _UnreadableError as error:
+        raise ControllerError(f"{told} cannot fly: {error}") from error
+    return Controller(name, (), "hill", pilot=Policy(network, source))
+
+
+def _graph(source: bytes) -> Any:
+    try:
+        import onnx  # noqa: PLC0415 - an extra
+        from google.protobuf.message import DecodeError  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise _UnreadableError(
+            "policies are read by the package onnx; install the extra: pip install "
+            "'fuzzy-spacecraft-inspection[policy]'"
+        ) from error
+    if len(source) > MOST_BYTES:
+        raise _UnreadableError(f"it is larger than {MOST_BYTES >> 20} MiB; a policy is a small network")
+    try:
+        return onnx.ModelProto.FromString(source).graph
+    except DecodeError as error:
+        raise _UnreadableError("it is no ONNX file") from error
+
+
+@dataclass
+class _Chain:
+    """Layers found so far, and the affine map ``x @ weights + added`` that goes on from the last of them."""
+
+    weights: Floats = field(default_factory=lambda: np.eye(NUM_SEEN))
+    added: Floats = field(default_factory=lambda: np.zeros(NUM_SEEN))
+    layers: list[tuple[Floats, Floats, int, float, float]] = field(default_factory=list)
+
+    def close(self, kind: int, low: float = 0.0, high: float = 0.0) -> None:
+        """End a layer."""
+        self.layers.append((self.weights, self.added, kind, low, high))
+        width = len(self.added)
+        self.weights, self.added = np.eye(width), np.zeros(width)
+
+    def multiply(self, matrix: Floats, added: Floats | float = 0.0) -> None:
+        """Go on by a matrix."""
+        if matrix.ndim != 2 or len(matrix) != len(self.added):
+            raise _UnreadableError(
+                f"weights of shape {matrix.shape} follow {len(self.added)} numbers; the first layer takes "
+                f"the {NUM_SEEN} numbers that are observed"
+            )
+        self.weights, self.added = self.weights @ matrix, self.added @ matrix + added
+
+    def scale(self, factor: Floats, added: Floats) -> None:
+        """Go on number by number."""
+        width = len(self.added)
+        if not all(values.size in (1, width) for values in (factor, added)):
+            raise _UnreadableError(f"{max(factor.size, added.size)} constants follow {width} numbers")
+        factor, added = factor.reshape(-1), added.reshape(-1)
+        self.weights, self.added = self.weights * factor, self.added * factor + added
+
+
+def _network(graph: Any) -> Network:
+    """Read the layers of a graph."""
+    constants = dict(_constants(graph))
+    (now,) = _names([value.name for value in graph.input if value.name not in constants], "input")
+    (end,) = _names([value.name for value in graph.output], "output")
+    chain = _Chain()
+    for node in graph.node:
+        if node.op_type == "Constant" and not node.domain:
+            continue
+        if node.op_type not in OPERATORS or node.domain not in ("", "ai.onnx"):
+            raise _UnreadableError(
+                f"it has the operator {node.op_type}; only a chain of {', '.join(OPERATORS)} is flown"
+            )
+        if now not in node.input or not all(name == now or name in constants for name in node.input if name):
+            raise _UnreadableError(f"its operator {node.op_type} does not take the numbers of the one before")
+        values = [None if name == now or not name else constants[name] for name in node.input]
+        _follow(chain, node, values)
+        (now,) = node.output
+    if now != end:
+        raise _UnreadableError("its output is not what the last operator gives")
+    chain.close(LINEAR)
+    return _packed(chain.layers)
+
+
+def _names(names: Sequence[str], what: str) -> Sequence[str]:
+    if len(names) != 1:
+        raise _UnreadableError(f"it has {len(names)} {what}s; a policy has one")
+    return names
+
+
+def _constants(graph: Any) -> Iterator[tuple[str, Floats]]:
+    """Yield the names and values of a graph's constants."""
+    tensors = [(tensor.name, tensor) for tensor in graph.initializer]
+    for node in graph.node:
+        if node.op_type == "Constant" and len(node.attribute) == 1 and node.attribute[0].name == "value":
+            tensors.append((node.output[0], node.attribute[0].t))
+    from onnx.numpy_helper import to_array  # noqa: PLC0415 - an extra
+
+    for name, tensor in tensors:
+        if tensor.data_location == EXTERNAL or tensor.external_data:
+            raise _UnreadableError("its weights are in another file; save them in the file itself")
+        if tensor.data_type not in (FLOAT, DOUBLE):
+            raise _UnreadableError(f"its constant {name} is not of floating point numbers")
+        try:
+            values = np.asarray(to_array(tensor), dtype=np.float64)
+        except ValueError as error:
+            raise _UnreadableError(f"its constant {name} is not of the shape that it says") from error
+        if not np.isfinite(values).all():
+            raise _UnreadableError(f"its constant {name} is not finite")
+        yield name, values
+
+
+def _follow(chain: _Chain, node: Any, values: Sequence[Floats | None]) -> None:
+    """Go on by a node; None stands for the numbers of the one before."""
+    one = np.ones(1)
+    match node.op_type, values:
+        case "Identity" | "Flatten", _:
+            pass
+        case "Tanh", _:
+            chain.close(TANH)
+        case "Relu", _:
+            chain.close(CLIPPED, 0.0, np.inf)
+        case "Clip", [None, *limits]:
+            low, high = (*limits, None, None)[:2]
+            chain.close(
+                CLIPPED, -np.inf if low is None else low.item(), np.inf if high is None else high.item()
+            )
+        case "MatMul", [None, np.ndarray() as matrix]:
+            chain.multiply(matrix)
+        case "Gemm", [None, np.ndarray() as matrix, *bias]:
+            _follow_gemm(chain, node, matrix, bias)
+        case "Add", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
+            chain.scale(one, other)
+        case "Sub", [None, np.ndarray() as other]:
+            chain.scale(one, -other)
+        case "Sub", [np.ndarray() as other, None]:
+            chain.scale(-one, other)
+        case "Mul", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
+            chain.scale(other, 0.0 * one)
+        case "Div", [None, np.ndarray() as other] if other.all():
+            chain.scale(1.0 / other, 0.0 * one)
+        case _:
+            raise _UnreadableError(
+                f"its operator {node.op_type} does not take numbers and constants as layers do"
+            )
+
+
+def _follow_gemm(chain: _Chain, node: Any, matrix: Floats, bias: Sequence[Floats | None]) -> None:
+    told: Mapping[str, Any] = {one.name: one for one in node.attribute}
+    alpha, beta = (told[name].f if name in told else 1.0 for name in ("alpha", "beta"))
+    if "transA" in told and told["transA"].i:
+        raise _UnreadableError("its operator Gemm turns its numbers about (transA)")
+    if "transB" in told and told["transB"].i:
+        matrix = matrix.T
+    chain.multiply(alpha * matrix)
+    if bias and bias[0] is not None:
+        chain.scale(np.ones(1), beta * bias[0])
+
+
+def _packed(layers: Sequence[tuple[Floats, Floats, int, float, float]]) -> Network:
+    widths = np.array([NUM_SEEN, *(len(added) for _, added, *_ in layers)], dtype=np.int64)
+    if widths[-1] != 3:
+        raise _UnreadableError(
+            f"it answers with {widths[-1]} numbers; a policy gives three forces, N, Hill axes"
+        )
+    return Network(
+        widths,
+        np.concatenate([part.ravel() for weights, added, *_ in layers for part in (weights, added)]),
+        np.array([kind for _, _, kind, _, _ in layers], dtype=np.int64),
+        np.array([low for *_, low, _ in layers]),
+        np.array([high for *_, high in layers]),
+    )

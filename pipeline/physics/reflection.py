@@ -1,0 +1,88 @@
+"""Sunlight that a surface reflects towards a camera: Blinn and Phong's law.
+
+Of each colour, ``ambient + diffuse (n . l) + specular (n . h)^p``, at most 1, with the unit normal n, the
+unit vectors l towards the Sun and v towards the camera, and h halfway between these (J. F. Blinn, Models of
+light reflection for computer synthesized pictures, Computer Graphics 11(2), 1977, 192-198). AFRL's
+safe-autonomy-simulation takes a quarter of the shininess as p, and a point as seen where each colour is
+between two limits.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from pipeline.physics.vectors import dot, norm
+
+Floats = NDArray[np.float64]
+
+#: of the shininess in the exponent, as AFRL has it
+PER_SHININESS = 0.25
+
+
+class Reflection(NamedTuple):
+    """How a surface reflects, and with what intensity a point is seen; arrays have a place for each colour.
+
+    Attributes
+    ----------
+    is_on : bool
+        Otherwise a point is seen whatever it reflects.
+    ambient, diffuse, specular : (3,)
+    exponent : float
+    least, greatest : (3,)
+        Intensities that each colour must lie between.
+    """
+
+    is_on: bool
+    ambient: Floats
+    diffuse: Floats
+    specular: Floats
+    exponent: float
+    least: Floats
+    greatest: Floats
+
+
+@compiled
+def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camera: Floats) -> Floats:
+    """Return what a point reflects of each colour, shape (3,).
+
+    Parameters
+    ----------
+    reflection : Reflection
+    normal, to_sun, to_camera : (3,)
+        Unit vectors out of the surface and from the point.
+    """
+    halfway = to_sun + to_camera
+    facing = max(0.0, dot(normal, to_sun))
+    glancing = max(0.0, dot(normal, halfway / norm(halfway)))
+    lit = reflection.ambient + reflection.diffuse * facing
+    return np.asarray(np.minimum(1.0, lit + reflection.specular * glancing**reflection.exponent))
+
+
+@compiled(error_model="numpy")
+def is_bright(
+    reflection: Reflection,
+    nx: float,
+    ny: float,
+    nz: float,
+    lx: float,
+    ly: float,
+    lz: float,
+    vx: float,
+    vy: float,
+    vz: float,
+) -> bool:
+    """Tell whether a point is neither too dark nor too bright, by `intensities`; v may have any length."""
+    scale = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
+    hx, hy, hz = lx + vx * scale, ly + vy * scale, lz + vz * scale
+    facing = max(0.0, nx * lx + ny * ly + nz * lz)
+    glancing = max(0.0, (nx * hx + ny * hy + nz * hz) / sqrt(hx * hx + hy * hy + hz * hz))
+    shine = glancing**reflection.exponent
+    for colour in range(3):
+        lit = reflection.ambient[colour] + reflection.diffuse[colour] * facing
+        intensity = min(1.0, lit + reflection.specular[colour] * shine)
+        if not reflection.least[colour] < intensity < reflection.greatest[colour]:
+            return False
+    return True

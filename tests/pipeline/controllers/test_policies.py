@@ -1,0 +1,192 @@
+"""Learned policies answer as ONNX's own reference does, to what the gym shows, and are flown and recorded."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
+from onnx.reference import ReferenceEvaluator
+
+from pipeline.command_line.overrides import ConfigError, rewrite_paths
+from pipeline.controllers.policies import policy_of, read_policy
+from pipeline.controllers.source import named
+from pipeline.flight import policy
+from pipeline.flight.controller import Controller, ControllerError
+from pipeline.flight.kernel.network import answer
+from pipeline.flight.log import FlightLog
+from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.stepping import NUM_SEEN, OBSERVED
+from pipeline.gym import InspectionEnv, task_of
+from pipeline.recording.recorder import FlightRecorder
+from pipeline.recording.reflight import fly_again
+
+RNG = np.random.default_rng(4)
+W1, B1 = RNG.normal(0.0, 0.3, (NUM_SEEN, 8)), RNG.normal(0.0, 0.3, 8)
+W2, B2 = RNG.normal(0.0, 0.8, (8, 3)), RNG.normal(0.0, 0.1, 3)
+SCALES = np.array([100.0] * 3 + [0.5] * 3 + [10.0] * 3 + [1.0] * 6 + [99.0] * 2 + [1.0, 3600.0])
+CONSTANTS = {
+    "w1": W1, "w1t": W1.T, "b1": B1, "w2": W2, "b2": B2, "scales": SCALES, "low": np.array(-1.0),
+    "high": np.array(1.0), "force": np.array(0.03), "half": np.array([0.5]), "wide": np.ones((18, 3)),
+    "zero": np.array(0.0), "infinite": np.array(np.inf),
+}  # fmt: skip
+Step = tuple[str, Sequence[str], dict[str, Any]]
+LAYERS: Sequence[Step] = (
+    ("Flatten", ["", ], {}),
+    ("Div", ["", "scales"], {}),
+    ("Gemm", ["", "w1t", "b1"], {"transB": 1}),
+    ("Tanh", [""], {}),
+    ("Gemm", ["", "w2", "b2"], {"alpha": 0.5, "beta": 2.0}),
+    ("Clip", ["", "low", "high"], {}),
+    ("Mul", ["force", ""], {}),
+)  # fmt: skip
+OTHERWISE: Sequence[Step] = (
+    ("Mul", ["", "half"], {}),
+    ("Sub", ["", "half"], {}),
+    ("MatMul", ["", "w1"], {}),
+    ("Add", ["b1", ""], {}),
+    ("Relu", [""], {}),
+    ("MatMul", ["", "w2"], {}),
+    ("Sub", ["b2", ""], {}),
+    ("Clip", ["", "low"], {}),
+    ("Identity", [""], {}),
+)
+
+
+def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT) -> ModelProto:
+    """A chain of operators; the empty name stands for what the one before gives."""
+    nodes: list[NodeProto] = []
+    for place, (operator, inputs, attributes) in enumerate(steps):
+        names = [name or f"value{place}" for name in inputs]
+        nodes.append(helper.make_node(operator, names, [f"value{place + 1}"], **attributes))
+    used = [name for _, inputs, _ in steps for name in inputs if name in CONSTANTS]
+    numbers = np.float32 if kind == TensorProto.FLOAT else np.float64
+    tensors = [numpy_helper.from_array(CONSTANTS[name].astype(numbers), name) for name in dict.fromkeys(used)]
+    ends = [
+        helper.make_tensor_value_info(name, kind, [None, width])
+        for name, width in (("value0", NUM_SEEN), (f"value{len(steps)}", 3))
+    ]
+    graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+
+
+def read(made: ModelProto) -> Controller:
+    return policy_of("policy", made.SerializeToString(), "policy.onnx")
+
+
+@pytest.mark.parametrize("steps", [LAYERS, OTHERWISE], ids=["layers", "otherwise"])
+def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
+    seen = RNG.normal(0.0, 1.0, (50, NUM_SEEN)) * SCALES
+    found, pilot = np.empty((50, 3)), read(model(steps)).pilot
+    assert isinstance(pilot, policy.Policy)
+    answer(pilot.network, seen, np.zeros((2, NUM_SEEN)), found)
+    (expected,) = ReferenceEvaluator(model(steps, TensorProto.DOUBLE)).run(None, {"value0": seen})
+    # the weights of the file are of single precision
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("steps", "reason"),
+    [
+        ([*LAYERS, ("Exp", [""], {})], "it has the operator Exp; only a chain of Add, Sub, "),
+        ([("Add", ["", ""], {}), *LAYERS], "its operator Add does not take numbers and constants"),
+        ([*LAYERS[:-2], ("Clip", ["low", "", "high"], {})], "its operator Clip does not take numbers"),
+        ([*LAYERS, ("Mul", ["", "infinite"], {})], "its constant infinite is not finite"),
+        ([*LAYERS, ("Div", ["", "zero"], {})], "its operator Div does not take numbers"),
+        ([("MatMul", ["", "wide"], {})], r"weights of shape \(18, 3\) follow 19 numbers"),
+        ([("Add", ["", "b1"], {}), *LAYERS], "8 constants follow 19 numbers"),
+        (LAYERS[:4], "it answers with 8 numbers; a policy gives three forces"),
+    ],
+)
+def test_what_is_no_chain_of_layers_is_refused_in_a_sentence(steps, reason) -> None:
+    with pytest.raises(ControllerError, match=rf"policy.onnx cannot fly: {reason}"):
+        read(model(steps))
+
+
+def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "policy.onnx"
+    with pytest.raises(ControllerError, match=r"cannot be read .*; give an ONNX file"):
+        read_policy(path)
+    path.write_bytes(b"\xff" * 100)
+    with pytest.raises(ControllerError, match="it is no ONNX file"):
+        read_policy(path)
+    path.write_bytes(bytes(1 << 25))
+    with pytest.raises(ControllerError, match="it is larger than 16 MiB"):
+        read_policy(path)
+    made = model(LAYERS)
+    made.graph.initializer[0].data_location = TensorProto.EXTERNAL
+    path.write_bytes(made.SerializeToString())
+    with pytest.raises(ControllerError, match="its weights are in another file"):
+        read_policy(path)
+    del made.graph.initializer[:]
+    path.write_bytes(made.SerializeToString())
+    with pytest.raises(ControllerError, match="its operator Div does not take the numbers of the one before"):
+        read_policy(path)
+
+
+def test_a_path_stands_for_a_policy() -> None:
+    assert rewrite_paths(["controller=my/a.onnx"]) == ["controller=policy", "controller.path='my/a.onnx'"]
+    with pytest.raises(ConfigError, match="mixes names and paths, or kinds of files"):
+        rewrite_paths(["controller=a.onnx,b.json"])
+
+
+#: as in the tests of the gym, which compile the same flights
+OVERRIDES = ["safety=filter", "duration_s=900", "sun=random", "monte_carlo.num_cases=7"]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> tuple[Any, Controller, FlightLog]:
+    """A policy's flight from the second start."""
+    path = tmp_path_factory.mktemp("policy") / "learned.onnx"
+    path.write_bytes(model(LAYERS).SerializeToString())
+    task = task_of(OVERRIDES)
+    controller = named(str(path), task.mission)
+    return task, controller, fly_logged(task.mission, controller, starts(task)[1])
+
+
+def starts(task: Any) -> list[Any]:
+    return evaluation_scenarios(task.experiment.monte_carlo, task.experiment.sun, task.experiment.seed)
+
+
+@pytest.mark.slow
+def test_a_policy_flies_in_the_gym_what_it_flies_here(flown) -> None:
+    task, controller, log = flown
+    assert controller.name == "learned"
+    env, reference = InspectionEnv(OVERRIDES), ReferenceEvaluator(model(LAYERS))
+    seen, _ = env.reset(options={"scenario": starts(task)[1]})
+    assert len(OBSERVED) == len(seen)
+    most = task.mission.deputy.max_force_n
+    for k in range(task.mission.num_controls):
+        (force,) = reference.run(None, {"value0": seen[np.newaxis]})
+        np.testing.assert_allclose(log.force_asked_n[k], force[0], atol=1e-6)
+        seen, *_, told = env.step(force[0] / most)
+    np.testing.assert_allclose(seen[:3], log.position_m[-1], atol=1e-2)
+    assert told["num_inspected"] == log.is_inspected[-1].sum()
+    assert told["delta_v_m_s"] == pytest.approx(log.delta_v_m_s[-1], rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_flight_is_the_same_in_any_company(flown, monkeypatch) -> None:
+    task, controller, log = flown
+    monkeypatch.setattr(policy, "BLOCK", 3)
+    many = fly_all(task.mission, controller, starts(task), 2)
+    alone = fly_all(task.mission, controller, starts(task)[1:2], 1)
+    assert many.delta_v_m_s[1] == alone.delta_v_m_s[0] == log.delta_v_m_s[-1]
+    assert many.mean_distance_m[1] == alone.mean_distance_m[0]
+    assert len(set(many.delta_v_m_s)) == 7
+
+
+@pytest.mark.slow
+def test_its_recording_flies_again_without_the_file(flown, tmp_path: Path) -> None:
+    task, controller, log = flown
+    recorder = FlightRecorder(
+        task.mission,
+        controller,
+        seed=task.experiment.seed,
+        config=task.config,
+        near_limit_m=task.experiment.telemetry.near_limit_m,
+    )
+    recorder.record(tmp_path / "flight.mcap", starts(task)[1], log, "case-1")
+    assert fly_again(tmp_path / "flight.mcap").is_equal
