@@ -25,12 +25,8 @@ from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
 from pipeline.physics.motion import Motion, motion_over
-<<<<<<< HEAD
-from pipeline.settings.experiment import Mission, Navigation
-from pipeline.settings.mission import IDEAL, LINEAR, PERFECT
-=======
 from pipeline.settings.experiment import Mission
->>>>>>> main
+from pipeline.settings.mission import IDEAL, LINEAR, PERFECT
 
 Floats = NDArray[np.float64]
 

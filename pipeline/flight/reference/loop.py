@@ -51,12 +51,8 @@ Booleans = NDArray[np.bool_]
 
 URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_distance_m")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
-<<<<<<< HEAD
-=======
 NOTHING = np.zeros(3)
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
-TOUR_TIME, TOUR_LEAN = constant("tour_time_s"), constant("tour_lean_m")
->>>>>>> main
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
