@@ -62,7 +62,7 @@ def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
 def asked_along(
     policy: Policy, mission: Mission, starts: list[Scenario], forces: Floats
 ) -> tuple[Floats, Floats]:
-    """Return what is seen in flights under some forces, (m, K, 3), and what the policy would do, row by row."""
+    """Return what is seen in flights under some forces, (m, K, 3), and what the policy does: a row each."""
     flights = Flights(mission, len(starts), is_tilted=False)
     for place, start in enumerate(starts):
         flights.start(place, start)
