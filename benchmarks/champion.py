@@ -25,6 +25,7 @@ from pipeline.flight.world import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
 from pipeline.report.figures.side_by_side import side_by_side
 from pipeline.report.figures.style import save, style
+from pipeline.report.figures.trajectories import FLIGHT_COLOURS, Tracks, trajectories
 from pipeline.settings.experiment import Experiment, Mission
 
 Floats = NDArray[np.float64]
@@ -55,9 +56,12 @@ def main() -> None:
     parser.add_argument("--logged", type=int, default=100, help="flights whose rules are looked at")
     parser.add_argument("--without", action="store_true", help="fly without each rule, and nothing else")
     parser.add_argument("--case", type=int, help="tell this solved case's burns, and nothing else")
-    parser.add_argument("--picture", type=Path, help="with --case: draw it beside its plan, a PNG")
+    parser.add_argument("--world", default="paper", help="as in world=NAME; all but paper draw their own Sun")
+    parser.add_argument("--picture", type=Path, help="with --case or --flights: where to, a PNG")
+    parser.add_argument("--flights", type=int, choices=range(1, 9), help="draw so many, and nothing else")
     options = parser.parse_args()
-    overrides = [f"sun={options.sun}", f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}"]
+    overrides = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", f"world={options.world}"]
+    overrides += [f"sun={options.sun}"] if options.world == "paper" else []
     experiment, guarded = (
         compose_experiment(["+experiment=evaluate", *overrides, f"safety={safety}"]).experiment
         for safety in ("none", "filter")
@@ -66,6 +70,8 @@ def main() -> None:
     if options.case is not None:
         return tell_flight(experiment, controller, options.case, options.picture)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, options.seed)
+    if options.flights is not None:
+        return draw_flights(experiment.mission, controller, scenarios[: options.flights], options.picture)
     if options.without:
         return print_without(experiment.mission, controller, scenarios)
     episodes = fly(experiment.mission, controller, scenarios)
@@ -87,6 +93,16 @@ def main() -> None:
 def fly(mission: Mission, controller: Controller, scenarios: list[Scenario]) -> Columns:
     """Return the columns of an evaluation's episodes."""
     return dict(episode_columns(mission, scenarios, fly_all(mission, controller, scenarios)))
+
+
+def draw_flights(mission: Mission, controller: Controller, scenarios: list[Scenario], picture: Path) -> None:
+    """Draw flights around the chief, with the Sun's angle at each start, as a PNG."""
+    paths = np.array([fly_logged(mission, controller, start).position_m for start in scenarios])
+    angles = [f"Sun at {math.degrees(start.sun_angle_rad):.0f}° at the start" for start in scenarios]
+    colours = FLIGHT_COLOURS[: len(scenarios)]
+    tracks = Tracks(paths, colours, dict(zip(angles, colours, strict=True)))
+    with style():
+        picture.write_bytes(save(trajectories(tracks, mission), picture.stem, PICTURE_DPI).png)
 
 
 def print_outcome(by_safety: dict[str, Columns]) -> None:

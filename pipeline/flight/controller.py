@@ -97,6 +97,9 @@ class Regulator(Protocol):
     def path(self, scenario: Scenario) -> Floats:
         """Return the wanted states of a flight at each decision, shape (K, 6), m and m/s, Hill axes."""
 
+    def forces(self, scenario: Scenario) -> Floats:
+        """Return the forces that lead along them, shape (K, 3), N, Hill axes."""
+
 
 class Pilot(Protocol):
     """Who decides at every control period on what is observed then."""
@@ -329,22 +332,21 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
 
 
 def check_tour(controller: Controller, mission: Mission) -> None:
-    """Check that a push leads onto the tour in its time: from half an orbit on, none across the track does.
+    """Check that a push leads onto the tour in its times: from half an orbit on, none across the track does.
 
     Raises
     ------
     ControllerError
-        If ``tour_time_s`` is half an orbit or more.
+        If ``tour_time_s`` or ``tour_wait_s`` is half an orbit or more.
     """
-    time, half = (
-        float(constants_of(controller)[constant("tour_time_s")]),
-        pi / mission.orbit.mean_motion_rad_s,
-    )
-    if time >= half:
-        raise ControllerError(
-            f"controller {controller.name!r} has tour_time_s {time:g}; give less than half an orbit, "
-            f"{half:.0f} s"
-        )
+    half = pi / mission.orbit.mean_motion_rad_s
+    for name in ("tour_time_s", "tour_wait_s"):
+        time = float(constants_of(controller)[constant(name)])
+        if time >= half:
+            raise ControllerError(
+                f"controller {controller.name!r} has {name} {time:g}; give less than half an orbit, "
+                f"{half:.0f} s"
+            )
 
 
 def sensed_by(controller: Controller) -> list[str]:

@@ -17,6 +17,7 @@ fires its thrusters as if it were the true one.
 It runs in `pipeline.flight.kernel.navigation` and, plainly, in `pipeline.flight.reference.navigation`.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from pipeline.flight.log import Scenario
 from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import IDEAL, LINEAR, PERFECT
 
 Floats = NDArray[np.float64]
 
@@ -166,3 +168,21 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
             shaken = np.radians(navigation.attitude_noise_deg) * generator.standard_normal((num_samples, 3))
             found.of_attitude[case] = tilt + shaken
     return found
+
+
+def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
+    """Return the mission and the starts as the deputies take them to be when they start.
+
+    Motion is linear and thrusters fire what they are told. A deputy that navigates by fixes is where it first
+    estimates itself to be, and will know its place; errors to come are drawn, but nobody knows them yet.
+    """
+    known = replace(mission, navigation=PERFECT, actuators=IDEAL, dynamics=LINEAR)
+    if mission.navigation.mode == "perfect":
+        return known, scenarios
+    first = errors_of(mission, scenarios).at_start
+    return known, [
+        replace(
+            scenario, position_m=scenario.position_m + off[:3], velocity_m_s=scenario.velocity_m_s + off[3:]
+        )
+        for scenario, off in zip(scenarios, first, strict=True)
+    ]

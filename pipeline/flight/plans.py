@@ -22,11 +22,11 @@ Floats = NDArray[np.float64]
 Fly = Callable[[int, Plans], object]
 
 
-def regulated(regulator: Regulator, num_controls: int, scenarios: list[Scenario]) -> Plans:
-    """Return the plans of flights that a linear law flies: no force where the deputy is on its path."""
+def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
+    """Return the plans of flights that a linear law flies: on the path, the forces that lead along it."""
     paths = np.array([regulator.path(scenario) for scenario in scenarios], dtype=np.float64)
-    nothing = unanswered(np.zeros((1, num_controls, 3)))
-    return nothing._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
+    forces = np.array([regulator.forces(scenario) for scenario in scenarios], dtype=np.float64)
+    return unanswered(forces)._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
 
 
 def planned(

@@ -200,6 +200,9 @@ CONSTANTS = {
         is_tuned=False,
     ),
     "tour_time_s": Constant("tour_push_* leads to where the tour is after this time, s"),
+    "tour_wait_s": Constant(
+        "where it is dark then, to where it is when light returns; nowhere if that is farther off, s"
+    ),
     "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
     **TOUR_PLACES,
 }

@@ -38,6 +38,7 @@ from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.light import sun_shares
 from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
+from pipeline.flight.navigation import as_believed
 from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
@@ -193,9 +194,16 @@ def fly_population(
 
 def optics_in_use(world: World, starts: Starts) -> Beyond | None:
     """Return in what light or camera are not the paper's; None where they are."""
-    if not (world.has_optics or np.any(starts.sun_elevation != 0.0)):
+    return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
+
+
+def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
+    """Return the same where the Sun of some start is out of the orbit plane, or of none."""
+    if not (world.has_optics or is_tilted):
         return None
-    return Beyond(hides=True if world.num_edge_cells else None)
+    return Beyond(
+        hides=True if world.num_edge_cells else None, glitters=True if world.reflection.is_on else None
+    )
 
 
 def _parts_in_use(
@@ -296,9 +304,9 @@ def rehearsed_openings(
 ) -> Floats | None:
     """Return the force of the first control period from each start for a controller that rehearses it.
 
-    All its first pushes are flown to the end from every start; the one whose flight ends cheapest is chosen:
-    inside the limits if any is, then by delta-v and a price for each point missed beyond those that the
-    controller itself leaves when it coasts.
+    All its first pushes are flown to the end from every start, as the deputy takes start and mission to be;
+    the one whose flight ends cheapest is chosen: inside the limits if any is, then by delta-v and a price for
+    each point missed beyond those that the controller itself leaves when it coasts.
 
     Returns
     -------
@@ -309,10 +317,11 @@ def rehearsed_openings(
     if not len(pushes):
         return None
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
-    world, cases = pack_world(mission), cases_of(mission, scenarios)
+    known, starts = as_believed(mission, scenarios)
+    world, cases = pack_world(known), cases_of(known, starts)
     ends = fly_population(
         world,
-        law_of(controller, mission),
+        law_of(controller, known),
         packed(controller),
         cases.repeated(len(forces)),
         workers,
@@ -331,7 +340,7 @@ def law_for(
     """Return what compiled flights from some starts need to know of a controller, with their plans."""
     law, num_controls = law_of(controller, mission), mission.num_controls
     if controller.regulator is not None:
-        return law._replace(plans=regulated(controller.regulator, num_controls, scenarios))
+        return law._replace(plans=regulated(controller.regulator, scenarios))
     if controller.pilot is not None:
         return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:

@@ -123,8 +123,8 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
         if restart + 1 >= LEAST_RESTARTS and num_agreeing(_costs(drafts)) >= AGREEING:
             break
     restarts = np.sort(_costs(drafts))
-    drafts.append(kick(problem, min(drafts, key=_total), needed, settings.kicks, np.random.default_rng(own)))
-    drafts.sort(key=_total)
+    drafts.append(kick(problem, min(drafts, key=total), needed, settings.kicks, np.random.default_rng(own)))
+    drafts.sort(key=total)
     best = min(
         (finish(problem, draft.forces, needed) for draft in _distinct(drafts)[:NUM_FINALISTS]),
         key=lambda flight: flight.rank(needed),
@@ -157,8 +157,8 @@ def kick(problem: Problem, best: Step, needed: int, num_kicks: int, generator: n
         pushes = generator.normal(0.0, KICK_M_S / problem.delta_v_per_force, (BURNS_PER_KICK, 3))
         forces[begins] += pushes * generator.integers(0, 2, (BURNS_PER_KICK, 3))
         draft = descend(problem, np.clip(forces, -reach, reach), needed)
-        in_vain = 0 if _total(draft) < _total(best) - WORTH_M_S else in_vain + 1
-        best = min(best, draft, key=_total)
+        in_vain = 0 if total(draft) < total(best) - WORTH_M_S else in_vain + 1
+        best = min(best, draft, key=total)
     return best
 
 
@@ -177,14 +177,14 @@ def descend(problem: Problem, forces: Floats, needed: int) -> Step:
     last = step(problem, forces, needed, prices, COARSE_STRIDE)
     for _ in range(COARSE_STEPS):
         after = step(problem, last.forces, needed, last.prices, COARSE_STRIDE)
-        has_settled = _total(after) > (1.0 - TOLERANCE) * _total(last)
-        last = after if _total(after) <= _total(last) else last
+        has_settled = total(after) > (1.0 - TOLERANCE) * total(last)
+        last = after if total(after) <= total(last) else last
         if has_settled:
             break
     return last
 
 
-def _total(done: Step) -> float:
+def total(done: Step) -> float:
     """Return what drafts are compared by: delta-v, and 1 m/s for each metre of slack."""
     return done.delta_v + done.slack
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -36,8 +36,12 @@ class NaturalMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class Ring:
-    """An ellipse of free motion that follows the Sun, and how high it swings."""
+    """An ellipse of free motion that follows the Sun, and how high it swings; or a route in its place."""
 
+    follows: Annotated[
+        Literal["ring", "route"],
+        Field(description="the ring, or a few burns planned at the start for the world's light and camera"),
+    ]
     ring_size_m: Annotated[Positive, Field(description="its height; it is twice as long along the track, m")]
     ring_lead_rad: Annotated[Angle, Field(description="of the Sun before the place on the ring, rad")]
     max_height_m: Annotated[NotNegative, Field(description="greatest amplitude along the orbit normal, m")]

@@ -117,6 +117,7 @@ class Encoding:
     see_damping_ks2: PositiveInterval | None
     aim_urgent_m_s: NotNegativeInterval | None
     tour_time_s: PositiveInterval | None = None
+    tour_wait_s: NotNegativeInterval | None = None
     tour_lean_m: NotNegativeInterval | None = None
     tour_m: Annotated[
         Interval | None, Field(description="of each mean and wave of the tour that the controller sets")

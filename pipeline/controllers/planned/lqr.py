@@ -12,6 +12,7 @@ from scipy.linalg import solve_discrete_are
 
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
+from pipeline.controllers.planned.route import Routes
 from pipeline.flight.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
@@ -58,7 +59,7 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
 
 
 class LqrRegulator:
-    """Brings the deputy of any start of a mission to its ring."""
+    """Brings the deputy of any start of a mission to its ring, or keeps it on its route."""
 
     def __init__(self, settings: Lqr, mission: Mission) -> None:
         check_within_limits(settings, mission)
@@ -69,8 +70,16 @@ class LqrRegulator:
         times = np.arange(mission.num_controls, dtype=np.float64) * mission.control_period_s
         self.turned: Floats = mean_motion * times
         self.to_states = np.linalg.inv(elements_matrix(mean_motion))
+        self.routes = Routes(mission)
 
     def path(self, scenario: Scenario) -> Floats:
-        """Return the states on the ring at each decision, shape (K, 6), m and m/s, Hill axes."""
+        """Return the states on ring or route at each decision, shape (K, 6), m and m/s, Hill axes."""
+        if self.settings.follows == "route":
+            return self.routes(scenario).states[:-1]
         elements = ring_elements(self.settings, scenario, self.turned)
         return np.asarray(elements @ self.to_states.T)
+
+    def forces(self, scenario: Scenario) -> Floats:
+        """Return the forces that keep the deputy on its path, shape (K, 3), N, Hill axes: none on a ring."""
+        is_ring = self.settings.follows == "ring"
+        return np.zeros((len(self.turned), 3)) if is_ring else self.routes(scenario).forces

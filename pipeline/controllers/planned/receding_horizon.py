@@ -20,6 +20,7 @@ from scipy.optimize import linprog
 
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
+from pipeline.controllers.planned.route import Routes
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.log import Scenario
 from pipeline.flight.world import pack_world
@@ -113,17 +114,24 @@ class RecedingHorizonPlanner:
             settings.height_tolerance_m,
         )
         self.tolerances = np.array([centre, centre, ring, ring, height, height])
+        self.routes = Routes(mission, first)
+        self.elements = elements_matrix(self.world.mean_motion)
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
         """Return the forces up to the next solution, shape (rows, 3), N, Hill axes; see `Planner`."""
         length = self.lengths[decision]
-        end = (decision + length) * self.turn
         horizon = self.horizons[length]
-        solved = self.solve(horizon, state, ring_elements(self.settings, scenario, np.array([end]))[0])
+        solved = self.solve(horizon, state, self.wanted(scenario, decision + length))
         forces = np.zeros((self.solution_period, 3))
         is_next = horizon.periods < self.solution_period
         forces[horizon.periods[is_next]] = solved[is_next]
         return forces
+
+    def wanted(self, scenario: Scenario, sample: int) -> Floats:
+        """Return the elements of ring or route at a sample, shape (6,)."""
+        if self.settings.follows == "route":
+            return np.asarray(self.elements @ self.routes(scenario).states[sample])
+        return np.asarray(ring_elements(self.settings, scenario, np.array([sample * self.turn]))[0])
 
     def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:
         """Return the forces of a horizon, shape (F, 3), N, Hill axes.

@@ -31,7 +31,7 @@ from pipeline.flight.reference.preview import preview
 from pipeline.flight.reference.safety import assured, safety_world_of
 from pipeline.flight.reference.see_push import cheapest_looks, push_of
 from pipeline.flight.reference.sight import lit_points, seen_points, times_lit
-from pipeline.flight.reference.tour import push_to, tour_place
+from pipeline.flight.reference.tour import push_onto_tour
 from pipeline.flight.reference.urgency import around_the_chief, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
 from pipeline.flight.signals import PREVIEW, SETTING, TOUR, URGENCY, constant
@@ -53,7 +53,6 @@ URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_dista
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
 NOTHING = np.zeros(3)
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
-TOUR_TIME, TOUR_LEAN = constant("tour_time_s"), constant("tour_lean_m")
 
 #: place of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
@@ -331,10 +330,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
                 push = around_the_chief(push, position, constants[SKIRT_DISTANCE], world.min_distance)
             tour_push = np.zeros(3)
             if channels.needs & TOUR:
-                ahead = constants[TOUR_TIME]
-                place = tour_place(constants, angle - world.mean_motion * ahead, sun_at_start[1])
-                place += constants[TOUR_LEAN] * urgent
-                tour_push = push_to(place, state, world.mean_motion, ahead)
+                tour_push = push_onto_tour(world, constants, state, (angle, sun_at_start[1]), urgent)
                 tour_push = around_the_chief(
                     tour_push, position, constants[SKIRT_DISTANCE], world.min_distance
                 )

@@ -212,9 +212,11 @@ SEEING = controller(
     aim_urgent_m_s=0.04,
     coast_below_points=3.0,
 )
-#: senses the push onto a tour, and what that leans towards
-TOURING = controller(
-    tuple(
+
+
+def touring(**changes: float) -> Controller:
+    """A controller that senses the push onto a tour, and what that leans towards."""
+    systems = tuple(
         leaning_system(
             f"force_{axis}",
             0.02,
@@ -223,23 +225,27 @@ TOURING = controller(
             (f"see_push_{along}", "m/s", 0.2),
         )
         for axis, along in zip("xyz", ("radial", "along_track", "cross_track"), strict=True)
-    ),
-    "hill",
-    urgency_time_s=900.0,
-    skirt_distance_m=70.0,
-    see_damping_ks2=0.08,
-    tour_time_s=700.0,
-    tour_lean_m=20.0,
-    tour_radial_mean_m=-11.0,
-    tour_radial_cos_1_m=50.0,
-    tour_radial_sin_2_m=-30.0,
-    tour_along_track_sin_1_m=80.0,
-    tour_along_track_cos_2_m=17.0,
-    tour_cross_track_sin_1_m=25.0,
-    tour_cross_track_cos_2_m=-14.0,
-    tour_lift_mean_m=12.0,
-    tour_lift_sin_2_m=-40.0,
-)
+    )
+    constants = {
+        "urgency_time_s": 900.0,
+        "skirt_distance_m": 70.0,
+        "see_damping_ks2": 0.08,
+        "tour_time_s": 700.0,
+        "tour_lean_m": 20.0,
+        "tour_radial_mean_m": -11.0,
+        "tour_radial_cos_1_m": 50.0,
+        "tour_radial_sin_2_m": -30.0,
+        "tour_along_track_sin_1_m": 80.0,
+        "tour_along_track_cos_2_m": 17.0,
+        "tour_cross_track_sin_1_m": 25.0,
+        "tour_cross_track_cos_2_m": -14.0,
+        "tour_lift_mean_m": 12.0,
+        "tour_lift_sin_2_m": -40.0,
+    }
+    return controller(systems, "hill", **constants | changes)
+
+
+TOURING = touring()
 STEERING = controller(steering_systems())
 RESTORING = controller(restoring_systems(), "hill")
 SPARSE = controller((sparse_system(), steering_systems()[1]))

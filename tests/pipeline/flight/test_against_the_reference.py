@@ -36,6 +36,7 @@ from tests.pipeline.flight.cases import (
     assert_same,
     ball,
     mission,
+    touring,
 )
 from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
 from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
@@ -205,6 +206,11 @@ POINTED = {
         mission(attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}),
         STEERING,
         STARTS,
+    ),
+    "onto a tour when the shadow ends": (
+        mission(attitude=IDEAL, light={"shadow": "conical"}),
+        touring(tour_wait_s=2000.0),
+        [replace(STARTS[1], sun_angle_rad=5.2)],
     ),
     "another camera": (mission(attitude=IDEAL, sensor={"boresight": (-0.8, 0.6, 0.0)}), STEERING, STARTS),
 }

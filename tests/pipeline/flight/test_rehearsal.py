@@ -15,9 +15,10 @@ from pipeline.flight.controller import (
     packed,
     rehearsed_pushes,
 )
+from pipeline.flight.navigation import FIXES
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.simulation import fly_all, fly_logged, fly_population
+from pipeline.flight.simulation import fly_all, fly_logged, fly_population, rehearsed_openings
 from pipeline.flight.world import pack_world
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
 
@@ -67,6 +68,24 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
         channels = channels_of(SEEING.systems, "hill", None, constants_of(SEEING))
         plain = fly(MISSION, start, channels, inference_of(SEEING.systems), opening_h=forces[best])
         assert_same(log, plain, metres=1e-9, others=1e-9)
+
+
+def test_it_is_rehearsed_without_the_errors_to_come() -> None:
+    fixes = {"mode": "fixes", "initial_position_m": 20.0, "initial_velocity_m_s": 0.01}
+    real = mission(attitude={"mode": "ideal"}, navigation=fixes, actuators={"kind": "real"})
+    start = replace(STARTS[0], noise=(1, 2, 3))
+    # the first of what is drawn
+    off = np.repeat([20.0, 0.01], 3) * start.generator(FIXES).standard_normal(6)
+    believed = replace(
+        start, position_m=start.position_m + off[:3], velocity_m_s=start.velocity_m_s + off[3:]
+    )
+    controller = rehearsing(0.12)
+    openings = [
+        rehearsed_openings(flown, controller, [at], 1)
+        for flown, at in ((real, start), (MISSION, believed), (MISSION, start))
+    ]
+    np.testing.assert_array_equal(openings[0], openings[1])
+    assert np.any(openings[0] != openings[2])
 
 
 def test_it_is_along_hills_axes() -> None:

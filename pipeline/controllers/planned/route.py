@@ -1,0 +1,88 @@
+"""The route that tracking controllers keep to where the ring shows too little: a few burns that see enough.
+
+The ring knows nothing of shadow, incidence and range. The route is planned for them, once, at the start: by
+the search for plans of least fuel (`pipeline.optimum`), as a few burns after which, by Clohessy and
+Wiltshire's equations and the world's law of sight, free motion shows what makes a success.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.log import Scenario, points_needed
+from pipeline.flight.navigation import as_believed
+from pipeline.flight.world import pack_world
+from pipeline.optimum.plan import descend, total
+from pipeline.optimum.problem import problem_of
+from pipeline.optimum.search import search
+from pipeline.physics.motion import free_path
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: burns of the searches, of which the cheapest is taken
+BURNS = (2, 3)
+#: who follows a route is never quite on it: points asked for beyond those that make a success, and by how
+#: much less than what the camera allows a point's incidence is to be, degrees
+SPARE_POINTS, SPARE_DEG = 2, 4.0
+
+
+class Route(NamedTuple):
+    """The route of a flight of K control periods.
+
+    Attributes
+    ----------
+    forces : (K, 3)
+        N, Hill axes.
+    states : (K + 1 + beyond, 6)
+        m and m/s, Hill axes.
+    """
+
+    forces: Floats
+    states: Floats
+
+
+class Routes:
+    """Plans the route of each start of a mission.
+
+    Parameters
+    ----------
+    mission : Mission
+    beyond : int
+        Control periods for which a route goes on by free motion after the flight's end.
+    """
+
+    def __init__(self, mission: Mission, beyond: int = 0) -> None:
+        self.mission, self.beyond = mission, beyond
+        self._known: dict[tuple[object, ...], Route] = {}
+
+    def __call__(self, scenario: Scenario) -> Route:
+        """Return the route from a start."""
+        place = (*scenario.position_m.tolist(), *scenario.velocity_m_s.tolist())
+        start = (place, scenario.sun_angle_rad, scenario.sun_elevation_rad, scenario.noise)
+        if start not in self._known:
+            self._known[start] = self._plan(scenario)
+        return self._known[start]
+
+    def _plan(self, scenario: Scenario) -> Route:
+        """Search for a route and follow it from the start."""
+        mission, (start,) = as_believed(self.mission, [scenario])
+        angle = max(mission.sensor.max_incidence_deg - SPARE_DEG, 0.0)
+        problem = problem_of(replace(mission, sensor=replace(mission.sensor, max_incidence_deg=angle)), start)
+        inspectable = int(problem.is_lit.any(axis=0).sum())
+        needed = points_needed(inspectable, mission.inspection_threshold_percent) + SPARE_POINTS
+        needed = min(needed, inspectable)
+        drafts = [
+            descend(problem, search(problem, needed, burns, np.random.default_rng(burns)), needed)
+            for burns in BURNS
+        ]
+        forces = min(drafts, key=total).forces
+        motion = pack_world(mission).motion
+        states = np.empty((len(forces) + 1 + self.beyond, 6))
+        states[0] = np.r_[start.position_m, start.velocity_m_s]
+        for k, force in enumerate(forces):
+            states[k + 1] = motion.transition[0] @ states[k] + motion.control[0] @ force
+        states[len(forces) :] = free_path(motion, states[len(forces)], self.beyond + 1)
+        return Route(forces, states)
