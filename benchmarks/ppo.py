@@ -226,7 +226,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--price", type=float, default=1.0, help="of a m/s in the end; a point is worth 0.1")
     parser.add_argument("--outside", type=float, default=10.0, help="taken away outside the limits")
     parser.add_argument("words", nargs="*", help="of the world, such as world=afrl deputy.max_force_n=0.02")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     chosen = dict(SETTINGS[options.settings])
     options.folder.mkdir(parents=True, exist_ok=True)
