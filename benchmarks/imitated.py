@@ -62,7 +62,7 @@ def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
 def asked_along(
     policy: Policy, mission: Mission, starts: list[Scenario], forces: Floats
 ) -> tuple[Floats, Floats]:
-    """Return what is seen in flights under forces, (m, K, 3), and what the policy would do, row by row."""
+    """Return what is seen in flights under some forces, (m, K, 3), and what the policy does: a row each."""
     flights = Flights(mission, len(starts), is_tilted=False)
     for place, start in enumerate(starts):
         flights.start(place, start)
@@ -123,7 +123,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, help="file for the last controller (.json)")
     parser.add_argument("policy", help="an ONNX file")
     parser.add_argument("words", nargs="*", help="of the world")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     base = [*options.words, f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]
     experiment: Any = compose_experiment(["+experiment=train", *base]).experiment
     mission, controller = experiment.mission, named(options.policy, experiment.mission)

@@ -1,6 +1,6 @@
 """Learned policies beside other controllers, flown from the same starts: ``python -m benchmarks policies``.
 
-``python -m benchmarks policies seed-1.onnx seed-2.onnx -c champion_27 -c lqr sun=random`` prints two tables:
+``python -m benchmarks policies -c champion_27 -c lqr seed-1.onnx seed-2.onnx sun=random`` prints two tables:
 the world as it is assumed to be, and dispersed. Policies are taken together, as trainings of one method from
 several seeds: their numbers are interquartile means over flights and trainings, with intervals by the
 stratified bootstrap, as Agarwal et al. propose (Deep Reinforcement Learning at the Edge of the Statistical
@@ -86,7 +86,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--cases", type=int, default=300, help="flights of each")
     parser.add_argument("--seed", type=int, default=6, help="of the starts")
     parser.add_argument("words", nargs="+", help="policies (.onnx), and words of the world")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     paths = [word for word in options.words if word.endswith(".onnx")]
     words = [word for word in options.words if word not in paths]
     cases = [f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]

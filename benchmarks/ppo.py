@@ -146,7 +146,10 @@ def layers_of(model: PPO, flights: Flights, normal: VecNormalize) -> list[tuple[
 
 
 def write(model: PPO, flights: Flights, normal: VecNormalize, path: Path) -> None:
-    """Write what a policy does without noise as ONNX: observed numbers in, a force in N, Hill axes, out."""
+    """Write what a policy does without noise as ONNX: observed numbers in, a force in N, Hill axes, out.
+
+    How it was trained, `training.json`, goes into the file.
+    """
     limits = {"low": -1.0, "high": 1.0, "force": flights.task.mission.deputy.max_force_n}
     constants = {name: np.array(value) for name, value in limits.items()}
     nodes, name = [], "observed"
@@ -169,6 +172,8 @@ def write(model: PPO, flights: Flights, normal: VecNormalize, path: Path) -> Non
     ]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
     whole = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    told = json.loads((path.parent / "training.json").read_text(encoding="utf-8"))
+    helper.set_model_props(whole, {"training": json.dumps({**told, "done": model.num_timesteps})})
     checker.check_model(whole)
     onnx.save(whole, path)
 
@@ -221,7 +226,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--price", type=float, default=1.0, help="of a m/s in the end; a point is worth 0.1")
     parser.add_argument("--outside", type=float, default=10.0, help="taken away outside the limits")
     parser.add_argument("words", nargs="*", help="of the world, such as world=afrl deputy.max_force_n=0.02")
-    options = parser.parse_intermixed_args(arguments)
+    options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     chosen = dict(SETTINGS[options.settings])
     options.folder.mkdir(parents=True, exist_ok=True)

@@ -151,7 +151,9 @@ def _constants(graph: Any) -> Iterator[tuple[str, Floats]]:
 
     for name, tensor in tensors:
         if tensor.data_location == EXTERNAL or tensor.external_data:
-            raise _UnreadableError("its weights are in another file; save them in the file itself")
+            raise _UnreadableError(
+                "its weights are in another file; save them in it (torch.onnx.export: external_data=False)"
+            )
         if tensor.data_type not in (FLOAT, DOUBLE):
             raise _UnreadableError(f"its constant {name} is not of floating point numbers")
         try:

@@ -1,5 +1,6 @@
 """Gather evidence for requirements: flights, searches, proofs and a page of what they show: assure/."""
 
+import hashlib
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -234,6 +235,13 @@ def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
+def _fingerprint(controller: Controller) -> str | None:
+    """Return the hash of a fuzzy controller's text or of a policy's file; None for others."""
+    if controller.pilot is not None:
+        return hashlib.sha256(controller.pilot.source).hexdigest()
+    return fingerprint(controller.fuzzy) if controller.fuzzy else None
+
+
 def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
@@ -247,7 +255,7 @@ def _provenance(
         "name": requirements.name,
         "controller": {
             "name": controller.name,
-            "sha256": fingerprint(controller.fuzzy) if controller.fuzzy else None,
+            "sha256": _fingerprint(controller),
         },
         "conditions": {
             "num_cases": experiment.assurance.num_cases,

@@ -170,7 +170,7 @@ def _provenance(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
     controller = evidence["controller"]
     return [
         ("controller", controller["name"]),
-        ("controller, SHA-256", controller["sha256"] or "not fuzzy"),
+        ("controller, SHA-256", controller["sha256"] or "neither fuzzy nor learned"),
         ("configuration, SHA-256", evidence["config_hash"]),
         ("revision of the sources", evidence["git_revision"] or "not in a repository"),
         ("sources, SHA-256", evidence["sources"]),
