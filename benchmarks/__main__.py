@@ -13,7 +13,18 @@ import numba
 from benchmarks import commands, gym, inference, learning, recording, steps, tools
 
 #: what is compared or attacked rather than timed, each with options of its own
-CAMPAIGNS = ("examples", "fuzz", "islands", "kills", "scaling", "slurm", "soak", "workers")
+CAMPAIGNS = (
+    "examples",
+    "fuzz",
+    "imitated",
+    "islands",
+    "kills",
+    "policies",
+    "scaling",
+    "slurm",
+    "soak",
+    "workers",
+)
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Actuators, Mission, SettingError
+from pipeline.settings.experiment import Actuators, Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
@@ -95,13 +95,7 @@ def thrusters_of(mission: Mission) -> Thrusters:
 
 @cache
 def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]:
-    """Return `Thrusters.table` and `Thrusters.layout` of rows as settings have them.
-
-    Raises
-    ------
-    SettingError
-        If the thrusters cannot push in some direction.
-    """
+    """Return `Thrusters.table` and `Thrusters.layout` of rows as settings have them."""
     rows = np.array(thrusters, dtype=np.float64)
     directions = rows[:, 3:6]
     layout = np.column_stack([directions, np.cross(rows[:, :3], directions), rows[:, 6]])
@@ -122,11 +116,7 @@ def _division(layout: Floats, direction: Floats) -> Floats:
         b_eq=np.r_[direction, np.zeros(3)],
         method="highs",
     )
-    if solved.x is None:
-        raise SettingError(
-            f"actuators.thrusters cannot push along {direction.tolist()} of the body axes; add thrusters "
-            "whose forces have a part along it"
-        )
+    assert solved.x is not None  # noqa: S101 - settings refuse what cannot push in every direction
     return np.asarray(np.maximum(0.0, solved.x[:count]))
 
 

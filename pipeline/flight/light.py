@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.flight.course import semi_major_axis
 from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
-from pipeline.physics.reflection import PER_SHININESS, Reflection
+from pipeline.physics.reflection import Reflection
 from pipeline.settings.experiment import Light, Mission, Orbit, SettingError
 
 Floats = NDArray[np.float64]
@@ -32,8 +32,8 @@ def reflection_of(light: Light) -> Reflection:
     """Return how the chief reflects."""
     colours = light.ambient, light.diffuse, light.specular, light.least_intensity, light.greatest_intensity
     ambient, diffuse, specular, least, greatest = (np.array(colour, dtype=np.float64) for colour in colours)
-    exponent = PER_SHININESS * light.shininess
-    return Reflection(light.reflection != "none", ambient, diffuse, specular, exponent, least, greatest)
+    is_on, exponent = light.reflection != "none", light.specular_exponent
+    return Reflection(is_on, ambient, diffuse, specular, exponent, least, greatest)
 
 
 def shadowing_radius(orbit: Orbit, light: Light) -> float:

@@ -194,9 +194,16 @@ def fly_population(
 
 def optics_in_use(world: World, starts: Starts) -> Beyond | None:
     """Return in what light or camera are not the paper's; None where they are."""
-    if not (world.has_optics or np.any(starts.sun_elevation != 0.0)):
+    return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
+
+
+def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
+    """Return the same where the Sun of some start is out of the orbit plane, or of none."""
+    if not (world.has_optics or is_tilted):
         return None
-    return Beyond(hides=True if world.num_edge_cells else None)
+    return Beyond(
+        hides=True if world.num_edge_cells else None, glitters=True if world.reflection.is_on else None
+    )
 
 
 def _parts_in_use(

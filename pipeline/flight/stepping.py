@@ -9,12 +9,13 @@ from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import aligned
 from pipeline.flight.cases import Cases, cases_of
 from pipeline.flight.kernel.actuators import Firing
-from pipeline.flight.kernel.arrays import CARRIED, CASE, Beyond
+from pipeline.flight.kernel.arrays import CARRIED, CASE
 from pipeline.flight.kernel.navigation import Fixes
 from pipeline.flight.kernel.optics import note_inspectable
 from pipeline.flight.kernel.step import LEFT, NOT_STARTED, NUM_OBSERVED, Carried, step_many
 from pipeline.flight.log import Scenario, no_log
 from pipeline.flight.simulation import (
+    beyond_of,
     counted_points,
     is_by_the_reference,
     make_workspace,
@@ -70,8 +71,7 @@ class Flights:
             raise ValueError("guidance.engine=sklearn cannot be stepped; choose guidance.engine=compiled")
         self._mission, self._world = mission, pack_world(mission)
         world, width = self._world, self._world.points.shape[2]
-        has_optics = world.has_optics or is_tilted
-        self._optics = Beyond(hides=True if world.num_edge_cells else None) if has_optics else None
+        self._optics = beyond_of(world, is_tilted=is_tilted)
         self._work = make_workspace(world)
         clusters = self._work.centres.shape[1]
         self._carried = Carried(

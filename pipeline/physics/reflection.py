@@ -3,8 +3,8 @@
 Of each colour, ``ambient + diffuse (n . l) + specular (n . h)^p``, at most 1, with the unit normal n, the
 unit vectors l towards the Sun and v towards the camera, and h halfway between these (J. F. Blinn, Models of
 light reflection for computer synthesized pictures, Computer Graphics 11(2), 1977, 192-198). AFRL's
-safe-autonomy-simulation takes a quarter of the shininess as p, and a point as seen where each colour is
-between two limits.
+safe-autonomy-simulation takes a quarter of a shininess as p, and a point as seen where each colour is between
+two limits. Here p is whole, so that its power is made of products and the same wherever it is computed.
 """
 
 from math import sqrt
@@ -18,9 +18,6 @@ from pipeline.physics.vectors import dot, norm
 
 Floats = NDArray[np.float64]
 
-#: of the shininess in the exponent, as AFRL has it
-PER_SHININESS = 0.25
-
 
 class Reflection(NamedTuple):
     """How a surface reflects, and with what intensity a point is seen; arrays have a place for each colour.
@@ -30,7 +27,7 @@ class Reflection(NamedTuple):
     is_on : bool
         Otherwise a point is seen whatever it reflects.
     ambient, diffuse, specular : (3,)
-    exponent : float
+    exponent : int
     least, greatest : (3,)
         Intensities that each colour must lie between.
     """
@@ -39,7 +36,7 @@ class Reflection(NamedTuple):
     ambient: Floats
     diffuse: Floats
     specular: Floats
-    exponent: float
+    exponent: int
     least: Floats
     greatest: Floats
 
@@ -62,6 +59,18 @@ def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camer
 
 
 @compiled(error_model="numpy")
+def power(base: float, exponent: int) -> float:
+    """Return a number multiplied by itself so often, by squares."""
+    result = 1.0
+    while exponent > 0:
+        if exponent % 2 == 1:
+            result *= base
+        base *= base
+        exponent //= 2
+    return result
+
+
+@compiled(error_model="numpy")
 def is_bright(
     reflection: Reflection,
     nx: float,
@@ -79,7 +88,7 @@ def is_bright(
     hx, hy, hz = lx + vx * scale, ly + vy * scale, lz + vz * scale
     facing = max(0.0, nx * lx + ny * ly + nz * lz)
     glancing = max(0.0, (nx * hx + ny * hy + nz * hz) / sqrt(hx * hx + hy * hy + hz * hz))
-    shine = glancing**reflection.exponent
+    shine = power(glancing, reflection.exponent)
     for colour in range(3):
         lit = reflection.ambient[colour] + reflection.diffuse[colour] * facing
         intensity = min(1.0, lit + reflection.specular[colour] * shine)

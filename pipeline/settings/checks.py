@@ -76,6 +76,12 @@ def _thrusters(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], 
                 f"{{key}}[{which}] is {list(row)}; it must be seven numbers: the place [x, y, z] (m), the "
                 "unit vector of its force [x, y, z], both in body axes, and the greatest force (N)"
             )
+    directions = np.array(rows, dtype=np.float64)[:, 3:6]
+    # if all lie on one side of a plane, then of one that passes through two of them
+    sides = np.cross(directions[:, np.newaxis], directions).reshape(-1, 3)
+    sides = sides[np.linalg.norm(sides, axis=1) > 1e-9] @ directions.T
+    if np.linalg.matrix_rank(directions) < 3 or np.any(sides.min(axis=1) > -1e-9):
+        raise ValueError("{key} cannot push in every direction; add a thruster that pushes where none does")
     return rows
 
 
@@ -160,6 +166,8 @@ Whole = Annotated[int, Strict(), BeforeValidator(_whole)]
 MOST = 1_000_000
 Natural = Annotated[Whole, Field(ge=0, le=MOST)]
 Count = Annotated[Whole, Field(ge=1, le=MOST)]
+#: flown part by part, so that memory hardly grows with them
+Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: threads; None is one for each processor
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]

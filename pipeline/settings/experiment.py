@@ -15,6 +15,7 @@ from pydantic import Field
 
 from pipeline.settings import checks, start_table
 from pipeline.settings.checks import (
+    Cases,
     Count,
     Cure,
     Flag,
@@ -100,7 +101,7 @@ SHIPPED = "shipped"
 class MonteCarlo:
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from given."""
 
-    num_cases: Annotated[Count, Cure("; without scenarios there is nothing to fly")]
+    num_cases: Annotated[Cases, Cure("; without scenarios there is nothing to fly")]
     min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
     max_distance_m: Annotated[Number, Field(description="from the chief, m")]
     confidence_percent: Annotated[

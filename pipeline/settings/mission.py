@@ -172,7 +172,9 @@ class Light:
     ambient: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (0.4,) * 3
     diffuse: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (0.1,) * 3
     specular: Annotated[Vector, Field(description="of the chief's surface, [red, green, blue]")] = (1.0,) * 3
-    shininess: Annotated[NotNegative, Field(description="four times the specular exponent")] = 100.0
+    specular_exponent: Annotated[
+        Count, Field(le=1000, description="how closely the surface mirrors: a quarter of AFRL's shininess")
+    ] = 25
     least_intensity: Annotated[
         Vector, Field(description="that a point must exceed to be seen, [red, green, blue]")
     ] = (0.8,) * 3

@@ -324,8 +324,10 @@ def _variable(section: Section, weighed_by: Sequence[str] | None, told: list[str
         if key in entries and foreign.number(entries[key][1], f"line {entries[key][0]}: {key}") != only:
             raise ControllerFileError(f"line {entries[key][0]}: only {key}={only:g} can be read; set it so")
     is_output = section.title.startswith("[Output")
-    if "LockPrevious" in entries and entries["LockPrevious"][1] == "1":
-        told.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
+    if "LockPrevious" in entries:
+        where = f"line {entries['LockPrevious'][0]}: LockPrevious"
+        if foreign.choice({"0": False, "1": True}, entries["LockPrevious"][1], where, ""):
+            told.append(foreign.kept_words(quoted_word(entries, "Name")[0]))
     num_terms = whole_number(entries, "NumMFs", 1 if is_output else 0)
     found = [key for key in entries if key.startswith("MF")]
     keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]

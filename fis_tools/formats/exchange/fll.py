@@ -343,6 +343,7 @@ def _description(block: _Block) -> str:
 
 def _output(block: _Block, inputs: Sequence[str]) -> Variable:
     extent = _extent(block)
+    _refuse_setting(block, "lock-previous", ("true", "false"))
     line, words = _entry(block, "defuzzifier")
     defuzzifier, parameter = _defuzzifier(line, words)
     line, default = block.entries.get("default", (block.line, "nan"))

@@ -37,7 +37,7 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
     optics = optics_in_use(world, starts)
     if optics is not None:
         note_seen_along(
-            world, optics.hides, make_workspace(world), starts, np.ascontiguousarray(paths), stride, counts
+            world, optics, make_workspace(world), starts, np.ascontiguousarray(paths), stride, counts
         )
         return counts
     times = np.arange(paths.shape[1]) * (stride * world.control_period)

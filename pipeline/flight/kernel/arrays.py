@@ -55,9 +55,12 @@ class Beyond(NamedTuple):
     ----------
     hides : bool or None
         True where parts of the chief hide one another; None is known to the compiler.
+    glitters : bool or None
+        True where a point must be bright enough to be seen.
     """
 
     hides: bool | None
+    glitters: bool | None
 
 
 class World(NamedTuple):

@@ -1,7 +1,8 @@
 """What is lit and what is seen where light or camera are not the paper's: shadow, incidence, range, a mesh.
 
 Where they are the paper's, `pipeline.physics.sight` says it in a line, and nothing of this is compiled.
-`hides` is None where no part of the chief hides another. Written out plainly in
+`hides` is None where no part of the chief hides another, `glitters` where it does not matter how bright a
+point is. Written out plainly in
 `pipeline.flight.reference.sight`.
 """
 
@@ -144,7 +145,14 @@ def leave_out_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) 
 
 @compiled(error_model="numpy", forceinline=True)
 def seen_through(
-    world: World, hides: bool | None, work: Workspace, sample: int, j: int, lit: Mask, eye: Eye
+    world: World,
+    hides: bool | None,
+    glitters: bool | None,
+    work: Workspace,
+    sample: int,
+    j: int,
+    lit: Mask,
+    eye: Eye,
 ) -> Mask:
     """Tell which of the lit points from j on a camera sees."""
     optics, points = world.optics, world.points
@@ -172,7 +180,7 @@ def seen_through(
                 )
                 work.seen[i] = world.is_free[cell, i]
         seen = load(work.seen, j, POINTS) > 0.0
-    if world.reflection.is_on:
+    if glitters is not None:
         store(work.seen, j, select(seen, 1.0, 0.0))
         leave_out_dim(world, work, sample, j, eye)
         seen = load(work.seen, j, POINTS) > 0.0
@@ -181,7 +189,7 @@ def seen_through(
 
 @compiled(error_model="numpy", forceinline=True)
 def strike_out_seen(
-    world: World, hides: bool | None, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float
+    world: World, optics: Beyond, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float
 ) -> int:
     """Strike what is lit and seen by a camera on the chief's centre out of `work.ahead`; return how many."""
     sample, num_seen, eye = (k if len(world.points) > 1 else 0), 0, eye_on_chief(world, beam, x, y, z)
@@ -190,9 +198,9 @@ def strike_out_seen(
             before = load(work.ahead, j, POINTS)
             wanted = before > 0.0
             if some(wanted):
-                lit = lit_through(world, hides, work, sample, j, wanted, beam)
+                lit = lit_through(world, optics.hides, work, sample, j, wanted, beam)
                 if some(lit):
-                    seen = seen_through(world, hides, work, sample, j, lit, eye)
+                    seen = seen_through(world, optics.hides, optics.glitters, work, sample, j, lit, eye)
                     store(work.ahead, j, select(seen, 0.0, before))
                     num_seen += count(seen)
     return num_seen
@@ -304,7 +312,7 @@ def note_lit_at_samples(
 @compiled(nogil=True, error_model="numpy")
 def note_seen_along(
     world: World,
-    hides: bool | None,
+    optics: Beyond,
     work: Workspace,
     cases: Any,
     paths: Floats,
@@ -324,6 +332,6 @@ def note_seen_along(
         for place in range(paths.shape[1]):
             k = place * stride
             sun_x, sun_y = sun_after(world, start_x, start_y, k)
-            beam = beam_from(world, hides, k, sun_x, sun_y, high, low)
+            beam = beam_from(world, optics.hides, k, sun_x, sun_y, high, low)
             x, y, z = paths[path, place, 0], paths[path, place, 1], paths[path, place, 2]
-            counts[path] += strike_out_seen(world, hides, work, k, beam, x, y, z)
+            counts[path] += strike_out_seen(world, optics, work, k, beam, x, y, z)

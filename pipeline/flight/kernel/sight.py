@@ -80,11 +80,11 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def look_through(world: World, hides: bool | None, work: Workspace, lane: int, k: int) -> None:
+def look_through(world: World, optics: Beyond, work: Workspace, lane: int, k: int) -> None:
     """Do what `look` does where light or camera are not the paper's."""
     lanes, points = work.lanes, world.points
     sample = k if len(points) > 1 else 0
-    beam = beam_at(world, hides, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
+    beam = beam_at(world, optics.hides, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
     eye = eye_at(
         world,
         beam,
@@ -104,9 +104,9 @@ def look_through(world: World, hides: bool | None, work: Workspace, lane: int, k
         if not (beam.shines and some(wanted)):
             store(work.candidate, j, nothing)
             continue
-        left = lit_through(world, hides, work, sample, j, wanted, beam)
+        left = lit_through(world, optics.hides, work, sample, j, wanted, beam)
         if not eye.is_blind:
-            seen = seen_through(world, hides, work, sample, j, left, eye)
+            seen = seen_through(world, optics.hides, optics.glitters, work, sample, j, left, eye)
             left = left ^ seen
             store(work.unseen, (lane, j), select(seen, nothing, before))
             num_seen += count(seen)
@@ -297,7 +297,7 @@ def sense(
         if optics is None:
             look(world, work, lane, sample)
         else:
-            look_through(world, optics.hides, work, lane, k)
+            look_through(world, optics, work, lane, k)
         if clusters is not None:
             choose_cluster(world, work, lane, sample)
     write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)

@@ -116,8 +116,10 @@ def test_a_value_is_held_where_no_rule_fires() -> None:
     assert answers.no_rule_fired.tolist() == [[row == 2, False, False] for row in range(4)]
     assert answers.outputs[2, 0] == answers.outputs[1, 0]
     assert compile(near()).infer(ROWS[2:], on_no_fire="hold").outputs[0, 0] == 0.0
-    told = serialize.reads(FLL, "fll").assumptions
-    assert any("rough keeps its last value where no rule fires" in sentence for sentence in told)
+    text = fcl.write(FuzzyController("near", (near(),))).text.replace("DEFAULT := 0.0;", "DEFAULT := NC;", 1)
+    for kept, kind in ((FLL, "fll"), (text, "fcl")):
+        told = serialize.reads(kept, kind).assumptions  # type: ignore[arg-type]
+        assert any("rough keeps its last value where no rule fires" in sentence for sentence in told)
 
 
 def test_files_hold_formulas_with_the_names_that_they_write() -> None:

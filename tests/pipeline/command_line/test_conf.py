@@ -77,7 +77,8 @@ def test_the_papers_numbers():
     sensor = {"half_angle_deg": 15, "boresight": [-1, 0, 0]}
     beyond = {"max_incidence_deg": 90, "max_range_m": None, "min_sun_angle_deg": 0}
     assert config["sensor"] == sensor | beyond
-    assert config["light"] == {"shadow": "none", "min_fraction": 0.5}
+    light = {"shadow": "none", "past_terminator_deg": 0, "reflection": "none"}
+    assert {name: config["light"][name] for name in light} == light
     assert config["chief"]["inspection_radius_m"] == 10
     assert config["inspection_threshold_percent"] == 95
     assert (config["duration_s"], config["control_period_s"]) == (3600, 10)

@@ -184,8 +184,10 @@ def test_a_layout_of_thrusters_gives_what_is_asked_and_no_torque() -> None:
     # askew, it pushes as asked where torques cannot be avoided, and refuses what it cannot push at all
     table, layout = layout_of(ASKEW)
     np.testing.assert_allclose(layout[:, :3].T @ table, np.hstack([np.eye(3), -np.eye(3)]), atol=1e-12)
-    with pytest.raises(SettingError, match="cannot push along"):
-        layout_of(ASKEW[:5])
+    rows = [[float(number) for number in row] for row in ASKEW[:5]]
+    lame = ["+experiment=fly", "controller=coast", "actuators=layout", f"actuators.thrusters={rows}"]
+    with pytest.raises(SettingError, match="cannot push in every direction"):
+        compose_experiment(lame)
 
 
 def test_a_flight_with_a_layout_fires_what_its_thrusters_can() -> None:

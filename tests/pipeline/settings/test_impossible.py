@@ -112,6 +112,7 @@ CASES = [
         0,
         "monte_carlo.num_cases is 0; it must be a whole number of at least 1; without",
     ),
+    ("monte_carlo.num_cases", 10**9, "it must be from 1 to 1e+08"),
     ("monte_carlo.num_cases", -5, "monte_carlo.num_cases is -5"),
     (
         "monte_carlo.min_distance_m",

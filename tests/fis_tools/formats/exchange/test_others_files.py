@@ -78,7 +78,6 @@ def test_fcl_of_ours_is_read_back() -> None:
     ("old", "new", "words"),
     [
         ("COG;", "COGS;", "cannot be weighed"),
-        ("DEFAULT := 15;", "DEFAULT := NC;", "keeps its last value"),
         ("TRIAN 0 5 10;", "5;", "a number and no fuzzy set"),
         ("TRIAN 0 5 10;", ";", "is not TERM name := "),
         ("RANGE := (0 .. 30);", "", "has no RANGE"),

@@ -55,7 +55,7 @@ def line_of(kind: Kind, words: str) -> int:
         ("fll", "off Triangle 0.0 0.0 0.2", "off Triangle 0.0 0.0 0.2 0.5", "height 0.5"),
         ("fll", "off Triangle 0.0 0.0 0.2", "off", "is not a term"),
         ("fll", "off Triangle 0.0 0.0 0.2", "off Discrete 0 0 0.1 nan", "not a finite number"),
-        ("fll", "lock-previous: false", "lock-previous: true", "expected false"),
+        ("fll", "lock-previous: false", "lock-previous: no", "expected true or false"),
         ("fll", "default: 0.0", "default: none", "not a finite number"),
         ("fll", "description: share", "deskription: share", "did you mean 'description'?"),
         ("fll", "presence is not nobody", "presence is slightly nobody", "must be"),

@@ -108,8 +108,8 @@ _USUAL |= {"term": "Linear 2 0.5", "implication": "none"}
     ("change", "sentence"),
     [
         (
-            {"term": "Function 2*a"},
-            "its term is a 'Function', which cannot be weighed; use one of Arc,",
+            {"term": "Function 2*"},
+            r"the formula '2\*' has 'its end' where '\(' must be; it may have numbers, names",
         ),
         ({"term": "Triangle 0 1 2"}, "its term is a 'Triangle', which cannot be weighed"),
         ({"term": "Linear 2 0.5 1 7"}, "Linear has the numbers 2, 0.5, 1, 7; expected 2 finite ones"),
