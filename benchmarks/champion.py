@@ -24,8 +24,8 @@ from pipeline.flight.starts import evaluation_scenarios
 from pipeline.flight.world import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
 from pipeline.report.figures.side_by_side import side_by_side
-from pipeline.report.figures.style import save, style
-from pipeline.report.figures.trajectories import FLIGHT_COLOURS, Tracks, trajectories
+from pipeline.report.figures.style import PALETTE, save, style
+from pipeline.report.figures.trajectories import Tracks, trajectories
 from pipeline.settings.experiment import Experiment, Mission
 
 Floats = NDArray[np.float64]
@@ -71,7 +71,7 @@ def main() -> None:
         return tell_flight(experiment, controller, options.case, options.picture)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, options.seed)
     if options.flights is not None:
-        return draw_flights(experiment.mission, controller, scenarios[: options.flights], options.picture)
+        return draw_flights(guarded.mission, controller, scenarios[: options.flights], options.picture)
     if options.without:
         return print_without(experiment.mission, controller, scenarios)
     episodes = fly(experiment.mission, controller, scenarios)
@@ -96,11 +96,9 @@ def fly(mission: Mission, controller: Controller, scenarios: list[Scenario]) -> 
 
 
 def draw_flights(mission: Mission, controller: Controller, scenarios: list[Scenario], picture: Path) -> None:
-    """Draw flights around the chief, with the Sun's angle at each start, as a PNG."""
+    """Draw flights around the chief, with their numbers at the starts, as a PNG."""
     paths = np.array([fly_logged(mission, controller, start).position_m for start in scenarios])
-    angles = [f"Sun at {math.degrees(start.sun_angle_rad):.0f}° at the start" for start in scenarios]
-    colours = FLIGHT_COLOURS[: len(scenarios)]
-    tracks = Tracks(paths, colours, dict(zip(angles, colours, strict=True)))
+    tracks = Tracks(paths, PALETTE[: len(scenarios)], {})
     with style():
         picture.write_bytes(save(trajectories(tracks, mission), picture.stem, PICTURE_DPI).png)
 

@@ -24,7 +24,7 @@ def route() -> Route:
 @pytest.mark.slow
 def test_it_follows_from_its_few_burns(route: Route) -> None:
     transition, control = discrete()
-    states, forces = route
+    forces, states = route
     assert len(states) == len(forces) + 41 == MISSION.num_controls + 41
     np.testing.assert_array_equal(states[0], np.r_[START.position_m, START.velocity_m_s])
     held = np.vstack([forces, np.zeros((40, 3))])
