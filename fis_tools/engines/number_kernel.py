@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.interpreter import LANES, combine, fuzzify_one
 from fis_tools.engines.program import MIN, NUMBER, PRODUCT, WEIGHTED_SUM, Program, Weighing
-from fis_tools.engines.vectors import least, load, select, splat, store
+from fis_tools.engines.vectors import gather, least, load, most, select, some, splat, store
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -47,6 +47,33 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     return out[:, np.newaxis]
 
 
+@compiled(error_model="numpy", forceinline=True)
+def fuzzify_all(
+    layout: Integers,
+    universes: Floats,
+    memberships: Floats,
+    values: Floats,
+    at: int,
+    slots: Floats,
+    slot: int,
+) -> None:
+    """Do what `fuzzify_one` does for values from an index on, side by side; write rows from a slot on."""
+    terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
+    low, high = universes[start], universes[start + points - 1]
+    x = least(most(load(values, at, LANES), low), high)
+    left = least(np.floor((x - low) * ((points - 1) / (high - low))), points - 1.0)
+    here = gather(universes, start, left)
+    beyond = gather(universes, start, least(left + 1.0, points - 1.0))
+    if some((x < here) | ((x >= beyond) & (left < points - 1.0))):  # the points are not even
+        for lane in range(LANES):
+            fuzzify_one(layout, universes, memberships, values[at + lane], slots[slot + lane :: LANES])
+        return
+    distance, ahead = x - here, left * (2.0 * terms)
+    for term in range(terms):
+        slope = gather(memberships, row + terms + term, ahead)
+        store(slots, slot + term * LANES, slope * distance + gather(memberships, row + term, ahead))
+
+
 @compiled(error_model="numpy", nogil=True)
 def infer_rows(  # noqa: PLR0912 - written out for speed
     layout: Integers,
@@ -74,9 +101,10 @@ def infer_rows(  # noqa: PLR0912 - written out for speed
         slot = 0
         for place in range(num_inputs):
             for lane in range(num_lanes):
-                x = values[first + lane, place]
-                clipped[place * LANES + lane] = min(max(x, ends[place, 0]), ends[place, 1])
-                fuzzify_one(layout[place], universes, memberships, x, slots[slot * LANES + lane :: LANES])
+                clipped[place * LANES + lane] = values[first + lane, place]
+            fuzzify_all(layout[place], universes, memberships, clipped, place * LANES, slots, slot * LANES)
+            x = load(clipped, place * LANES, LANES)
+            store(clipped, place * LANES, least(most(x, ends[place, 0]), ends[place, 1]))
             slot += layout[place, 0]
         for index in range(len(steps)):
             operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES

@@ -29,7 +29,10 @@ MINIATURE = (
     "report.dots_per_inch=50",
 )
 #: and with so few kinds of flight that compiling them does
-FEW = {"robustness": ("compare.safety=[none]", "compare.controllers=[champion_any_sun,lqr]")}
+FEW = {
+    "robustness": ("compare.safety=[none]", "compare.controllers=[lqr]"),
+    "reproduce": ("compare.controllers=[paper_champion,champion_27_rehearsed,natural_motion]",),
+}
 NUM_SAMPLES = 61
 
 
