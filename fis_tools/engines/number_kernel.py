@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.interpreter import LANES, combine, fuzzify_one
 from fis_tools.engines.program import MIN, NUMBER, PRODUCT, WEIGHTED_SUM, Program, Weighing
-from fis_tools.engines.vectors import gather, least, load, most, select, some, splat, store
+from fis_tools.engines.vectors import borrowed, gather, least, load, most, select, some, splat, store
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -92,9 +92,11 @@ def infer_rows(  # noqa: PLR0912 - written out for speed
     out: Floats,
 ) -> None:
     """Write the outputs, (n,), for values (n, num_inputs)."""
+    layout, universes, memberships, steps = borrowed((layout, universes, memberships, steps))
+    rule_slots, rules, weights, parameters = borrowed((rule_slots, rules, weights, parameters))
     num_inputs, num_terms = len(layout), layout[:, 0].sum()
-    slots = np.zeros((num_terms + len(steps)) * LANES)
-    clipped = np.zeros(num_inputs * LANES)
+    room, values_room = np.zeros((num_terms + len(steps)) * LANES), np.zeros(num_inputs * LANES)
+    slots, clipped = borrowed((room, values_room))
     answers = np.empty(LANES)
     for first in range(0, len(values), LANES):
         num_lanes = min(LANES, len(values) - first)
@@ -103,8 +105,9 @@ def infer_rows(  # noqa: PLR0912 - written out for speed
             for lane in range(num_lanes):
                 clipped[place * LANES + lane] = values[first + lane, place]
             fuzzify_all(layout[place], universes, memberships, clipped, place * LANES, slots, slot * LANES)
-            x = load(clipped, place * LANES, LANES)
-            store(clipped, place * LANES, least(most(x, ends[place, 0]), ends[place, 1]))
+            if not is_constant:
+                x = load(clipped, place * LANES, LANES)
+                store(clipped, place * LANES, least(most(x, ends[place, 0]), ends[place, 1]))
             slot += layout[place, 0]
         for index in range(len(steps)):
             operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
