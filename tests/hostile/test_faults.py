@@ -16,6 +16,8 @@ from pipeline.run import artifacts
 from tests.pipeline.command_line.cases import use_stages
 from tests.places import PROJECT
 
+pytestmark = pytest.mark.slow
+
 STARTS = [
     *("+experiment=fly", "controller=coast", "stages=[scenario]"),
     *("telemetry.record_training=true", "starts=random", "starts.num_cases=2000"),

@@ -5,6 +5,8 @@ import pytest
 from benchmarks.fuzz import attack
 from benchmarks.readers import all_readers
 
+pytestmark = pytest.mark.slow
+
 NAMES = (
     "json",
     "yaml",

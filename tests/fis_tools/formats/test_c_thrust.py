@@ -14,6 +14,8 @@ from tests.fis_tools.sample_controllers import general_controller, paper_like_co
 from tests.places import PROJECT
 from tests.programs import program
 
+pytestmark = pytest.mark.slow
+
 CONTROLLERS = PROJECT / "conf" / "controller"
 FUZZY = ("champion_any_sun", "champion_fixed_sun", "ellipse", "paper", "paper_champion", "paper_octants")
 

@@ -18,6 +18,8 @@ from tests.fis_tools.scikit_fuzzy.random_control_systems import (
     random_control_system,
 )
 
+pytestmark = pytest.mark.slow
+
 NUM_SYSTEMS = 40
 #: Methods that scikit-fuzzy also asks of an empty set, and then answers about the universe.
 OF_MAXIMUM = ("mom", "som", "lom")

@@ -15,6 +15,8 @@ from pipeline.command_line.cluster import ranges, script
 from pipeline.run import artifacts, sweep
 from tests.pipeline.command_line.cases import use_stages
 
+pytestmark = pytest.mark.slow
+
 SWEEP = [
     "cluster", "slurm", "--cpus", "3", "--partition", "batch", "--at-once", "2",
     "--setup", "module load this", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]",

@@ -12,6 +12,8 @@ from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, SettingError
 
+pytestmark = pytest.mark.slow
+
 MASS = "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.5}"
 ANGLE = "+dispersions.sensor.half_angle_deg={kind:uniform,low:13,high:17}"
 TORQUE = "+dispersions.deputy.max_torque_n_m={kind:normal,mean:0.01,std:0.002,low:0.009}"

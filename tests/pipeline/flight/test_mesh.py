@@ -18,6 +18,8 @@ from tests.pipeline.flight.missions import IDEAL
 from tests.pipeline.flight.test_against_the_reference import fly_both
 from tests.pipeline.flight.test_light_and_camera import SHADOW, TILTED
 
+pytestmark = pytest.mark.slow
+
 
 def satellite(**changes: object) -> Mission:
     return mission(attitude=IDEAL.attitude, chief={"shape": "mesh"}, **changes)

@@ -22,6 +22,8 @@ from pipeline.flight.simulation import fly_all, fly_logged, fly_population, rehe
 from pipeline.flight.world import pack_world
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
 
+pytestmark = pytest.mark.slow
+
 MISSION = mission(attitude={"mode": "ideal"})
 
 

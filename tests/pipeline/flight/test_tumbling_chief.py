@@ -17,6 +17,8 @@ from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 
+pytestmark = pytest.mark.slow
+
 MOMENTS = np.array([1.0, 2.0, 2.9])
 
 

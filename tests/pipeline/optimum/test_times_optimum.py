@@ -16,6 +16,8 @@ from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages
 from tests.pipeline.optimum.cases import composed
 
+pytestmark = pytest.mark.slow
+
 EVALUATE = (
     "+experiment=evaluate",
     "controller=paper_champion",

@@ -13,6 +13,8 @@ from pipeline.physics.illumination import (
     visible_share,
 )
 
+pytestmark = pytest.mark.slow
+
 MEAN_MOTION = 0.0011068
 RADIUS = orbit_radius(MEAN_MOTION)
 

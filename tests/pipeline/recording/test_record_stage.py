@@ -17,6 +17,8 @@ from pipeline.run.runner import run_stages
 from pipeline.stages import record
 from tests.pipeline.recording import cases
 
+pytestmark = pytest.mark.slow
+
 MINIATURE = ("duration_s=200.0", "monte_carlo.num_cases=6", "sun=random", "seed=4")
 
 

@@ -11,6 +11,8 @@ from pipeline.command_line.config import conf_folder
 from pipeline.run import artifacts
 from tests.pipeline.command_line.cases import use_stages
 
+pytestmark = pytest.mark.slow
+
 FLY = ["+experiment=fly", "controller=coast"]
 EVALUATE = ["+experiment=evaluate", "controller=coast"]
 STAGES = ["scenario", "evaluate", "record", "report"]

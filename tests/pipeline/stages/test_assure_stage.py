@@ -20,6 +20,8 @@ from pipeline.run import artifacts
 from tests.browser import serious_violations
 from tests.policies import check_policy, source_hash
 
+pytestmark = pytest.mark.slow
+
 SMALL = (
     "controller=champion_any_sun",
     "sun=random",

@@ -19,6 +19,8 @@ from pipeline.settings.experiment import SettingError
 from pipeline.stages import compare
 from tests.pipeline.stages.cases import composed, prepared
 
+pytestmark = pytest.mark.slow
+
 CONTROLLERS = ["coast", "lqr", "receding_horizon", "paper"]
 SHORT = (f"compare.controllers=[{','.join(CONTROLLERS)}]", "monte_carlo.num_cases=4", "seed=7")
 

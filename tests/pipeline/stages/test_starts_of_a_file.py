@@ -13,6 +13,8 @@ from pipeline.settings.experiment import Experiment, SettingError
 from pipeline.stages import scenario
 from tests.pipeline.stages.cases import prepared
 
+pytestmark = pytest.mark.slow
+
 HEADER = "position_x_m,position_y_m,position_z_m,sun_angle_rad"
 
 

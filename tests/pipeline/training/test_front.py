@@ -18,6 +18,8 @@ from pipeline.run import artifacts
 from pipeline.stages import train
 from tests.pipeline.stages.cases import prepared
 
+pytestmark = pytest.mark.slow
+
 WORDS = (
     "starts.num_cases=4", "starts.num_hard=2", "starts.hard_from=6", "optimizer.rounds=2",
     "optimizer.generations=2", "optimizer.validation_cases=7", "duration_s=600.0",

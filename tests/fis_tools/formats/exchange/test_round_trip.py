@@ -33,6 +33,8 @@ from tests.fis_tools.engines.random_systems import hedged, otherwise, random_gen
 from tests.fis_tools.formats.exchange.systems import alone, flat_system, nested_system
 from tests.fis_tools.sample_controllers import force_x_system, force_z_system, general_controller
 
+pytestmark = pytest.mark.slow
+
 FORMS = (fis, fll, fml)
 
 

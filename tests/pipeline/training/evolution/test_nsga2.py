@@ -10,6 +10,8 @@ from pipeline.training.evolution import OBJECTIVE, evolve_rounds
 from pipeline.training.evolution.nsga2 import survivors
 from tests.pipeline.training.evolution.cases import broken_and_resumed, evolve, optimizer
 
+pytestmark = pytest.mark.slow
+
 NUM_GENES = 5
 
 BEGUN = np.full((1, NUM_GENES), 0.9)
