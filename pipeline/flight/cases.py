@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.actuators import ThrustErrors, Thrusters, thrust_errors, thrusters_of
+from pipeline.flight.drag import drag_in_time
 from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CASE
 from pipeline.flight.kernel.navigation import Fixes
 from pipeline.flight.log import Scenario
 from pipeline.flight.navigation import Errors, Filter, errors_of, filter_of
+from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -33,12 +35,15 @@ class Cases:
         None where the deputy knows its place.
     thrusters : (Thrusters, ThrustErrors), optional
         None where they fire what they are told.
+    drag : (m, K, 3) array
+        As in `pipeline.flight.drag.drag_in_time`.
     """
 
     starts: Starts
     num_controls: int
     navigation: tuple[Filter, Errors] | None
     thrusters: tuple[Thrusters, ThrustErrors] | None
+    drag: Floats
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -56,7 +61,12 @@ class Cases:
             starts=each(self.starts).view(np.recarray),
             navigation=navigation and (navigation[0], Errors(*map(each, navigation[1]))),
             thrusters=thrusters and (thrusters[0], ThrustErrors(*map(each, thrusters[1]))),
+            drag=each(self.drag),
         )
+
+    def course(self, course: Course) -> Course | None:
+        """Return the chief's course as these fly beside it; None where motion is linear."""
+        return course._replace(varying=self.drag) if course.is_on else None
 
     def fixes(self) -> Fixes | None:
         """Return navigation as one thread flies it."""
@@ -111,5 +121,6 @@ def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
         law = filter_of(mission)
         navigation = law, errors_of(mission, scenarios)
     if mission.actuators.kind == "real":
-        thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
-    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters)
+        thrusters = thrusters_of(mission), thrust_errors(mission, scenarios)
+    drag = drag_in_time(mission, scenarios)
+    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters, drag)

@@ -43,6 +43,7 @@ from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -166,7 +167,7 @@ def fly_population(
             *_parts_in_use(world, law, cases.starts),
             cases.fixes(),
             cases.firing(),
-            world.course if world.course.is_on else None,
+            cases.course(world.course),
             law,
             numbers.values,
             numbers.rules,
@@ -257,7 +258,7 @@ def fly_all(
 
     Where settings are dispersed, cases that share all of theirs fly side by side.
     """
-    if mission.dispersions:
+    if distributions(mission.dispersions):
         return _fly_dispersed(mission, controller, scenarios, workers, tracks)
     if is_by_the_reference(mission, controller):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
@@ -438,7 +439,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         *_parts_in_use(world, law, cases.starts),
         cases.fixes(),
         cases.firing(),
-        world.course if world.course.is_on else None,
+        cases.course(world.course),
         law,
         numbers.values,
         numbers.rules,

@@ -23,7 +23,7 @@ from pipeline.settings.checks import (
     UnitVector,
     Vector,
 )
-from pipeline.settings.dispersions import distributions
+from pipeline.settings.dispersions import distributions, processes
 from pipeline.settings.groups import settings
 
 #: by which specific impulse is a speed of exhaust
@@ -40,6 +40,12 @@ SHARED = (
     *("attitude_period_s", "control_period_s", "duration_s"),
     *("navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"),
 )
+#: with what the groups count of which something may vary within a flight
+COUNTS_WITH = {
+    "navigation": ("mode", "fixes"),
+    "actuators": ("kind", "real"),
+    "dynamics": ("model", "two_body"),
+}
 #: the least is beyond what rounding adds up to in a flight
 Margin = Annotated[Number, Field(ge=0.001)]
 
@@ -383,7 +389,7 @@ class Mission:
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
     light: Light = PAPER_LIGHT
     dispersions: Annotated[
-        dict[str, Any], Field(description="settings that each case has its own of, with their distributions")
+        dict[str, Any], Field(description="settings that cases have their own of, or that vary in a flight, with distributions")
     ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
@@ -415,6 +421,14 @@ class Mission:
                     f"dispersions.{one.key} is no number that a flight can have its own of; it must be a key "
                     "of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
+                )
+        for key in processes(self.dispersions):
+            group = key.partition(".")[0]
+            switch, wanted = COUNTS_WITH[group]
+            if getattr(getattr(self, group), switch) != wanted:
+                raise SettingError(
+                    f"dispersions.{key} has a correlation time, but {key} counts only with "
+                    f"{group}.{switch}={wanted}; set that, or leave the distribution out"
                 )
 
     def _check_clocks(self) -> None:

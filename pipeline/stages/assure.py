@@ -38,7 +38,7 @@ from pipeline.flight.starts import evaluation_scenarios
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import page
 from pipeline.run import artifacts, maker, tables
-from pipeline.settings.dispersions import distributions
+from pipeline.settings.dispersions import distributions, processes
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
@@ -267,7 +267,9 @@ def _provenance(
             "navigation": mission.navigation.mode,
             "thrusters": mission.actuators.kind,
             "dynamics": mission.dynamics.model,
-            "dispersed": [one.key for one in distributions(mission.dispersions)],
+            "dispersed": sorted(
+                [one.key for one in distributions(mission.dispersions)] + [*processes(mission.dispersions)]
+            ),
             "duration_s": mission.duration_s,
         },
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),

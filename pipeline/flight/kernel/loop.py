@@ -348,7 +348,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
         if course is None:
             move(world, work)
         else:
-            move_about_earth(world, course, work, k)
+            move_about_earth(world, course, work, first, num_lanes, k)
 
     write_outcomes(world, work, num_lanes, flight, outcomes)
 

@@ -168,7 +168,7 @@ def act(
     if course is None:
         move(world, work)
     else:
-        move_about_earth(world, course, work, k)
+        move_about_earth(world, course, work, flight, 1, k)
 
 
 @compiled(error_model="numpy", forceinline=True)
