@@ -389,7 +389,8 @@ class Mission:
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
     light: Light = PAPER_LIGHT
     dispersions: Annotated[
-        dict[str, Any], Field(description="settings that cases have their own of, or that vary in a flight, with distributions")
+        dict[str, Any],
+        Field(description="what cases have their own of, or what varies in a flight, with its distribution"),
     ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
