@@ -372,6 +372,72 @@ def _lower_gather(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return found
 
 
+def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -> Any:
+    is_possible = (
+        _is_of_floats(array, 1)
+        and _is_of_floats(out, 2)
+        and isinstance(at, types.Integer)
+        and isinstance(offsets, VectorType)
+        and isinstance(count, types.Integer)
+    )
+    return types.none if is_possible else None
+
+
+_typed(vectors.gather_rows, _gather_rows_type)
+
+
+@lower_builtin(
+    vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array
+)
+def _lower_gather_rows(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    array, at, offsets, count, out = args
+    lanes, size = offsets.type.count, vectors.ROW
+    row = ir.VectorType(F64, size)
+    first = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    whole = builder.fptosi(offsets, ir.VectorType(I64, lanes))
+    groups = []
+    for group in range(0, lanes, size):
+        places = [
+            builder.gep(first, [builder.extract_element(whole, I32(lane % lanes))])
+            for lane in range(group, group + size)
+        ]
+        loaded = [builder.load(builder.bitcast(place, row.as_pointer()), align=8) for place in places]
+        groups.append(_transposed(builder, loaded))
+    wanted = context.cast(builder, count, signature.args[3], types.intp)
+    for place in range(size):
+        with builder.if_then(builder.icmp_signed("<", I64(place), wanted)):
+            vector = _beside(builder, [group[place] for group in groups], lanes)
+            to = _place(context, builder, signature.args[4], out, I64(place), types.intp)
+            builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
+    return context.get_dummy_value()
+
+
+def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """Return the columns of a square, by exchanging blocks off the diagonal: of one, of two, of four."""
+    size, stride = len(rows), 1
+    while stride < size:
+        upper = [k if k & stride == 0 else size + k - stride for k in range(size)]
+        lower = [k + stride if k & stride == 0 else size + k for k in range(size)]
+        for k in range(size):
+            if k & stride == 0:
+                pair = rows[k], rows[k + stride]
+                for place, chosen in ((k, upper), (k + stride, lower)):
+                    rows[place] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(I32, size), chosen))
+        stride *= 2
+    return rows
+
+
+def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
+    """Return vectors of one width one after another as one, or the first lanes of a single one."""
+    while len(parts) > 1:
+        both = 2 * parts[0].type.count
+        chosen = ir.Constant(ir.VectorType(I32, both), list(range(both)))
+        parts = [builder.shuffle_vector(*pair, chosen) for pair in zip(parts[::2], parts[1::2], strict=True)]
+    if parts[0].type.count == lanes:
+        return parts[0]
+    return builder.shuffle_vector(parts[0], parts[0], ir.Constant(ir.VectorType(I32, lanes), list(range(lanes))))
+
+
 def _of_vector(operation: Any, kind: type, result: Any) -> Callable[[Any], Any]:
     """Register an operation that makes a scalar of a vector or a mask."""
 
