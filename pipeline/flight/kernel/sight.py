@@ -58,10 +58,13 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
             store(work.candidate, j, nothing)
             continue
         px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+        lit = is_unseen & is_lit(sight, px, py, sun_x, sun_y)
+        if not some(lit):
+            store(work.candidate, j, nothing)
+            continue
         pz = load(points, (sample, 2, j), POINTS)
         along = px * rx + py * ry + pz * rz
         towards = (px * bx + py * by + pz * bz) - along_boresight
-        lit = is_unseen & is_lit(sight, px, py, sun_x, sun_y)
         seen = lit & is_facing(sight, along) & is_in_cone(sight, towards, squares - 2.0 * along)
         left = lit ^ seen
         store(work.unseen, (lane, j), select(seen, nothing, before))
