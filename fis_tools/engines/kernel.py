@@ -196,7 +196,7 @@ def neighbours(
 
 @compiled(error_model="numpy", forceinline=True)
 def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -> int:
-    """Write in which segment each flank is cut, -1 for none, flank by flank; return how many are cut at all."""
+    """Write in which segment each flank is cut, -1 for none; return how many flanks are cut at all."""
     terms, points = system.output_terms, system.output_points
     found = 0
     for term in range(terms):

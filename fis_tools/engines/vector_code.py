@@ -386,9 +386,7 @@ def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -
 _typed(vectors.gather_rows, _gather_rows_type)
 
 
-@lower_builtin(
-    vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array
-)
+@lower_builtin(vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array)
 def _lower_gather_rows(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     array, at, offsets, count, out = args
     lanes, size = offsets.type.count, vectors.ROW
@@ -435,7 +433,9 @@ def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
         parts = [builder.shuffle_vector(*pair, chosen) for pair in zip(parts[::2], parts[1::2], strict=True)]
     if parts[0].type.count == lanes:
         return parts[0]
-    return builder.shuffle_vector(parts[0], parts[0], ir.Constant(ir.VectorType(I32, lanes), list(range(lanes))))
+    return builder.shuffle_vector(
+        parts[0], parts[0], ir.Constant(ir.VectorType(I32, lanes), list(range(lanes)))
+    )
 
 
 def _of_vector(operation: Any, kind: type, result: Any) -> Callable[[Any], Any]:

@@ -82,7 +82,7 @@ def gather(array: Floats, at: int, offsets: Vector) -> Vector:
 
 
 def gather_rows(array: Floats, at: int, offsets: Vector, count: int, out: Floats) -> None:
-    """Write up to `ROW` consecutive elements from each of the offsets on: the k-th of each lane to ``out[k]``.
+    """Write up to `ROW` consecutive elements from each offset on: the k-th of each lane to ``out[k]``.
 
     It equals `gather` from `at`, from ``at + 1`` and so on, and takes about as long as two of them. `out` has
     the shape (n, width), n not less than `count`. Compiled code reads `ROW` elements from each offset on,

@@ -7,7 +7,6 @@ from sklearn.cluster import KMeans
 from threadpoolctl import ThreadpoolController
 
 from fis_tools.engines.vectors import padded
-from pipeline.flight.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.guidance import (
     CENTRE_SHIFT_M,
     cluster_centres,
@@ -15,6 +14,7 @@ from pipeline.flight.guidance import (
     num_clusters,
     start_centres,
 )
+from pipeline.flight.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.reference.guidance import (
     choose_centroid,
     choose_cluster,
