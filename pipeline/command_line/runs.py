@@ -26,7 +26,7 @@ from pipeline.settings.schema import experiment_from
 OK, FAULT, MISTAKE = 0, 1, 2
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
-OWN_GROUPS = {"record": ("telemetry",), "assure": ("assurance",), "report": ("report",)}
+OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
 
 
 def sentence(error: Exception) -> str:

@@ -25,8 +25,9 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: place in the spawn key of what is drawn for the first of `IN_TIME`, after the case
-FIRST = 3
+#: place in the spawn key of what is drawn for the first of `IN_TIME`, after the case; fixes, thrusters and
+#: the start's velocity have the places before
+FIRST = 4
 
 
 def varies(mission: Mission, *keys: str) -> bool:

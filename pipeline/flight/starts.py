@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Deputy, MonteCarlo, Starts, Sun
+from pipeline.settings.experiment import Deputy, Experiment, MonteCarlo, Starts, Sun
 from pipeline.settings.start_table import numbers
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
@@ -105,6 +105,14 @@ def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
         position_m=np.array(deputy.initial_position_m),
         velocity_m_s=np.array(deputy.initial_velocity_m_s),
     )
+
+
+def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
+    """Return the start that is flown alone and its name: the given one, or a case of the evaluation."""
+    sun, seed, case = experiment.sun, experiment.seed, experiment.case
+    if case is None:
+        return "start", given_start(experiment.mission.deputy, sun, seed)
+    return f"case-{case}", evaluation_scenarios(experiment.monte_carlo, sun, seed, [case])[0]
 
 
 def evaluation_scenarios(

@@ -18,7 +18,7 @@ from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios, given_start, training_scenarios
+from pipeline.flight.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.report.beside_optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.comparison_tables import read_comparison
 from pipeline.report.dispersed import Spread, spread_of
@@ -64,6 +64,11 @@ class ShownFlight:
     title: str
     scenario: Scenario
     log: FlightLog
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether it is from the given start, or of the case that is asked for, and not one of a crowd."""
+        return self.name == "start" or self.name.startswith("case-")
 
 
 @dataclass(frozen=True)
@@ -298,8 +303,9 @@ def fly_shown(
         title = f"Training case {case}" + (f" of round {training_round}" if training_round else "")
         chosen.append((f"training-{case}", title, starts[case]))
     if experiment.telemetry.record_start:
-        start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
-        chosen.append(("start", "Flight from the given start", start))
+        name, start = start_shown(experiment)
+        title = "Flight from the given start" if experiment.case is None else f"Case {experiment.case}"
+        chosen.append((name, title, start))
     if not chosen and evaluation is not None and evaluation.episodes is not None:
         episodes = evaluation.episodes
         order = rank(episodes)

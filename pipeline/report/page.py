@@ -88,6 +88,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         confidence=f"{experiment.monte_carlo.confidence_percent:g}",
         limits=_limits(experiment.mission),
         threshold=f"{experiment.mission.inspection_threshold_percent:g}",
+        start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
         spread=contents.spread,
         varying=sorted(processes(experiment.mission.dispersions)),
