@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.dispersions import IN_TIME, Distribution, processes
+from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ FIRST = 4
 
 def varies(mission: Mission, *keys: str) -> bool:
     """Tell whether one of some settings varies within the flights of a mission."""
-    return not processes(mission.dispersions).keys().isdisjoint(keys)
+    return not mission.varying.keys().isdisjoint(keys)
 
 
 def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | float) -> Floats:
@@ -50,7 +50,7 @@ def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | f
     (K+1, 3), (K+1, 1) or (1, ...) array
         Of an error one for each axis; rad where the key is in degrees. One row where it does not vary.
     """
-    law = processes(mission.dispersions).get(key)
+    law = mission.varying.get(key)
     if law is None or law.correlation_s is None:
         return np.asarray(constant, dtype=np.float64)[np.newaxis]
     from scipy.signal import lfilter  # noqa: PLC0415 - takes long, and only here

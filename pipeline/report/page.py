@@ -22,7 +22,6 @@ from pipeline.report.figures.style import MOST_POINTS
 from pipeline.report.pictures import Illustration
 from pipeline.report.without_safety import safety_words
 from pipeline.run import artifacts
-from pipeline.settings.dispersions import processes
 from pipeline.settings.experiment import Mission
 
 #: metric of a summary: decimals on the page
@@ -91,7 +90,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
         spread=contents.spread,
-        varying=sorted(processes(experiment.mission.dispersions)),
+        varying=sorted(experiment.mission.varying),
         sees_less=_sees_less(contents),
         cases=case_rows(contents.training),
         comparison=tables_of(contents.comparison),

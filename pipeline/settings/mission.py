@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict
@@ -23,7 +24,7 @@ from pipeline.settings.checks import (
     UnitVector,
     Vector,
 )
-from pipeline.settings.dispersions import distributions, processes
+from pipeline.settings.dispersions import Distribution, distributions, processes
 from pipeline.settings.groups import settings
 
 #: by which specific impulse is a speed of exhaust
@@ -423,7 +424,7 @@ class Mission:
                     "of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
                 )
-        for key in processes(self.dispersions):
+        for key in self.varying:
             group = key.partition(".")[0]
             switch, wanted = COUNTS_WITH[group]
             if getattr(getattr(self, group), switch) != wanted:
@@ -539,6 +540,11 @@ class Mission:
             horizon = getattr(safety, name)
             most = MOST_HORIZONS * self.control_period_s
             checks.within(f"safety.{name}", horizon, 0.0, most, "s")
+
+    @cached_property
+    def varying(self) -> dict[str, Distribution]:
+        """What varies within a flight, by its key."""
+        return processes(self.dispersions)
 
     @property
     def rate_at_start_rad_s(self) -> tuple[float, ...]:

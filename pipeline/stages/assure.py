@@ -38,7 +38,7 @@ from pipeline.flight.starts import evaluation_scenarios
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import page
 from pipeline.run import artifacts, maker, tables
-from pipeline.settings.dispersions import distributions, processes
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.places import requirements_path
 from telemetry.file import reader
@@ -268,7 +268,7 @@ def _provenance(
             "thrusters": mission.actuators.kind,
             "dynamics": mission.dynamics.model,
             "dispersed": sorted(
-                [one.key for one in distributions(mission.dispersions)] + [*processes(mission.dispersions)]
+                [one.key for one in distributions(mission.dispersions)] + [*mission.varying]
             ),
             "duration_s": mission.duration_s,
         },
