@@ -19,9 +19,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: inspection points that are looked at together
-POINTS = 8
-
 #: columns of a track: position, or these
 NUM_PLACED, NUM_TRACKED = 3, 15
 #: of a track, after position and velocity: delta-v spent, points not yet inspected, where the force that is
@@ -200,11 +197,11 @@ class Workspace(NamedTuple):
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
-    candidates: Floats  # (3, P) those of this sample, packed
+    candidates: Floats  # (3, P padded) those of this sample, packed
     centres: Floats  # (LANES, C, 3)
     num_centres: Integers  # (LANES,)
     clustered: Floats  # (LANES, P padded) the candidates that the centres are of, as in `candidate`
-    labels: Integers  # (2, P)
-    distances: Floats  # (P,)
+    labels: Floats  # (2, P padded)
+    distances: Floats  # (P padded,)
     sums: Floats  # (C, 4)
     cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Mask, Vector, borrowed, count, load, select, some, store
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.reflection import is_bright
 from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, is_sunlit, sunlight

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, store
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.flight.kernel.optics import beam_at, strike_out_seen
 from pipeline.flight.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, splat, store, total
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Law, Workspace, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.kernel.optics import beam_at, eye_on_chief, lit_through, seen_through
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2

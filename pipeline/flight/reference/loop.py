@@ -236,7 +236,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     quaternion_c = np.array([0.0, 0.0, 0.0, 1.0])
     rate_c = world.chief_rate
     is_inspected = np.zeros(num_points, dtype=np.bool_)
-    candidates = np.zeros((3, num_points))
+    candidates = np.zeros((3, memory.distances.size))
     delta_v = 0.0
     navigator = Navigator(mission, scenario) if mission.navigation.mode == "fixes" else None
     thrusters = PlainThrusters(mission, scenario) if mission.actuators.kind == "real" else None
