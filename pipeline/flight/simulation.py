@@ -26,7 +26,6 @@ from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import (
     CARRIED,
     NUM_OUTCOMES,
-    Beyond,
     Guard,
     Law,
     Plans,
@@ -193,23 +192,19 @@ def fly_population(
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def optics_in_use(world: World, starts: Starts) -> Beyond | None:
-    """Return in what light or camera are not the paper's; None where they are."""
+def optics_in_use(world: World, starts: Starts) -> bool | None:
+    """Return True where light or camera are not the paper's, and None, which is known to numba, elsewhere."""
     return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
 
 
-def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
+def beyond_of(world: World, *, is_tilted: bool) -> bool | None:
     """Return the same where the Sun of some start is out of the orbit plane, or of none."""
-    if not (world.has_optics or is_tilted):
-        return None
-    return Beyond(
-        hides=True if world.num_edge_cells else None, glitters=True if world.reflection.is_on else None
-    )
+    return world.has_optics or is_tilted or None
 
 
 def _parts_in_use(
     world: World, law: Law, cases: Cases
-) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
+) -> tuple[bool | None, Guard | None, bool | None, bool | None, Departures | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
     Light and camera beyond the paper's, the safety layer, clusters, pushes that show what sets, and what

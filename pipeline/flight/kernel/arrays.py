@@ -45,21 +45,6 @@ class Guard(NamedTuple):
     num_kept_in: int  # and in the outer one
 
 
-class Beyond(NamedTuple):
-    """That light or camera are not the paper's.
-
-    Attributes
-    ----------
-    hides : bool or None
-        True where parts of the chief hide one another; None is known to the compiler.
-    glitters : bool or None
-        True where a point must be bright enough to be seen.
-    """
-
-    hides: bool | None
-    glitters: bool | None
-
-
 class World(NamedTuple):
     """What all flights of a mission share, as numbers and arrays in SI."""
 
