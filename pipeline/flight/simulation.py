@@ -26,6 +26,7 @@ from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import (
     CARRIED,
     NUM_OUTCOMES,
+    Beyond,
     Guard,
     Law,
     Plans,
@@ -192,19 +193,21 @@ def fly_population(
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 
 
-def optics_in_use(world: World, starts: Starts) -> bool | None:
-    """Return True where light or camera are not the paper's, and None, which is known to numba, elsewhere."""
+def optics_in_use(world: World, starts: Starts) -> Beyond | None:
+    """Return in what light or camera are not the paper's; None where they are."""
     return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
 
 
-def beyond_of(world: World, *, is_tilted: bool) -> bool | None:
+def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
     """Return the same where the Sun of some start is out of the orbit plane, or of none."""
-    return world.has_optics or is_tilted or None
+    if not (world.has_optics or is_tilted):
+        return None
+    return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
 
 def _parts_in_use(
     world: World, law: Law, cases: Cases
-) -> tuple[bool | None, Guard | None, bool | None, bool | None, Departures | None]:
+) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
     Light and camera beyond the paper's, the safety layer, clusters, pushes that show what sets, and what

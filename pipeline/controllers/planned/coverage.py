@@ -34,8 +34,11 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
     """
     starts = starts_of([scenario])
     counts = np.zeros(len(paths), dtype=np.int64)
-    if optics_in_use(world, starts):
-        note_seen_along(world, make_workspace(world), starts, np.ascontiguousarray(paths), stride, counts)
+    optics = optics_in_use(world, starts)
+    if optics is not None:
+        note_seen_along(
+            world, optics, make_workspace(world), starts, np.ascontiguousarray(paths), stride, counts
+        )
         return counts
     times = np.arange(paths.shape[1]) * (stride * world.control_period)
     angles = scenario.sun_angle_rad - world.mean_motion * times

@@ -45,6 +45,19 @@ class Guard(NamedTuple):
     num_kept_in: int  # and in the outer one
 
 
+class Beyond(NamedTuple):
+    """That light or camera are not the paper's.
+
+    Attributes
+    ----------
+    closely : bool or None
+        True where parts of the chief may hide one another, or a point must be bright enough to be seen; None
+        is known to the compiler.
+    """
+
+    closely: bool | None
+
+
 class World(NamedTuple):
     """What all flights of a mission share, as numbers and arrays in SI."""
 

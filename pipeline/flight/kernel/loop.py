@@ -33,6 +33,7 @@ from pipeline.flight.kernel.arrays import (
     TRACK_LEFT,
     TRACK_SPENT,
     TRACK_TURN_RATE,
+    Beyond,
     Guard,
     Law,
     Workspace,
@@ -241,7 +242,7 @@ def write_fired(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
 @compiled(error_model="numpy", inline="always")
 def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
@@ -352,7 +353,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
 @compiled(nogil=True, error_model="numpy")
 def fly_many(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,

@@ -1,7 +1,9 @@
 """What is lit and what is seen where light or camera are not the paper's: shadow, incidence, range, a mesh.
 
-Where they are the paper's, `pipeline.physics.sight` says it in a line, and nothing of this is compiled: what
-is told of `optics` is then None. Written out plainly in `pipeline.flight.reference.sight`.
+Where they are the paper's, `pipeline.physics.sight` says it in a line, and nothing of this is compiled.
+`closely` is None where no part of the chief hides another and it does not matter how bright a point is, as in
+most worlds: asking that at run time slows flights by a sixth. Written out plainly in
+`pipeline.flight.reference.sight`.
 """
 
 from math import cos, sin, sqrt
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.flight.guidance import POINTS
-from pipeline.flight.kernel.arrays import Workspace, World
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.reflection import is_bright
 from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, is_sunlit, sunlight
@@ -65,6 +67,7 @@ def cell_towards(world: World, sample: int, x: float, y: float, z: float) -> int
 @compiled(error_model="numpy", forceinline=True)
 def beam_from(
     world: World,
+    closely: bool | None,
     k: int,
     sun_x: float,
     sun_y: float,
@@ -74,16 +77,18 @@ def beam_from(
     """Return the sunlight at sample k from the Sun's direction in the plane and its elevation."""
     x, y, z = sunlight(world.optics, sun_x, sun_y, cos_elevation, sin_elevation)
     cell = 0
-    if world.num_edge_cells > 0:
+    if closely is not None and world.num_edge_cells > 0:
         cell = cell_towards(world, k if len(world.points) > 1 else 0, x, y, z)
     return Beam(x, y, z, cell, x * x + y * y + z * z > 0.0)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_at(world: World, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float) -> Beam:
+def beam_at(
+    world: World, closely: bool | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
+) -> Beam:
     """Return the sunlight of a lane at sample k from the Sun's direction in the plane."""
     lanes = work.lanes
-    return beam_from(world, k, sun_x, sun_y, lanes.sun_height[0, lane], lanes.sun_height[1, lane])
+    return beam_from(world, closely, k, sun_x, sun_y, lanes.sun_height[0, lane], lanes.sun_height[1, lane])
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -101,7 +106,9 @@ def eye_on_chief(world: World, beam: Beam, x: float, y: float, z: float) -> Eye:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def lit_through(world: World, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam) -> Mask:
+def lit_through(
+    world: World, closely: bool | None, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam
+) -> Mask:
     """Tell which of the wanted points from j on are lit."""
     surface = world.surface
     along = beam.x * load(surface, (sample, NORMAL, j), POINTS)
@@ -109,7 +116,7 @@ def lit_through(world: World, work: Workspace, sample: int, j: int, wanted: Mask
     along += beam.z * load(surface, (sample, NORMAL + 2, j), POINTS)
     along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(surface, (sample, HEIGHT, j), POINTS))
-    if world.num_edge_cells > 0:
+    if closely is not None and world.num_edge_cells > 0:
         store(work.lit, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
             work.lit[i] *= world.is_free[beam.cell, i]
@@ -150,6 +157,7 @@ def leave_out_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) 
 @compiled(error_model="numpy", forceinline=True)
 def seen_through(
     world: World,
+    closely: bool | None,
     work: Workspace,
     sample: int,
     j: int,
@@ -169,7 +177,7 @@ def seen_through(
     squared = load(surface, (sample, SQUARE, j), POINTS) + (x * x + y * y + z * z)
     squared -= 2.0 * (px * x + py * y + pz * z)
     seen = lit & is_resolved(optics, above, towards, squared)
-    if world.num_edge_cells > 0 or world.reflection.is_on:
+    if closely is not None:
         store(work.seen, j, select(seen, 1.0, 0.0))
         if world.num_edge_cells > 0:
             leave_out_hidden(world, work, sample, j, eye)
@@ -180,7 +188,9 @@ def seen_through(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def strike_out_seen(world: World, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float) -> int:
+def strike_out_seen(
+    world: World, optics: Beyond, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float
+) -> int:
     """Strike what is lit and seen by a camera on the chief's centre out of `work.ahead`; return how many."""
     sample, num_seen, eye = (k if len(world.points) > 1 else 0), 0, eye_on_chief(world, beam, x, y, z)
     if beam.shines and not eye.is_blind:
@@ -188,9 +198,9 @@ def strike_out_seen(world: World, work: Workspace, k: int, beam: Beam, x: float,
             before = load(work.ahead, j, POINTS)
             wanted = before > 0.0
             if some(wanted):
-                lit = lit_through(world, work, sample, j, wanted, beam)
+                lit = lit_through(world, optics.closely, work, sample, j, wanted, beam)
                 if some(lit):
-                    seen = seen_through(world, work, sample, j, lit, eye)
+                    seen = seen_through(world, optics.closely, work, sample, j, lit, eye)
                     store(work.ahead, j, select(seen, 0.0, before))
                     num_seen += count(seen)
     return num_seen
@@ -199,7 +209,7 @@ def strike_out_seen(world: World, work: Workspace, k: int, beam: Beam, x: float,
 @compiled(error_model="numpy", forceinline=True)
 def lit_points(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     work: Workspace,
     sample: int,
     j: int,
@@ -213,17 +223,17 @@ def lit_points(
     """Tell which of the wanted points from j on are lit, in the paper's world or in another."""
     if optics is None:
         return wanted & is_lit(world.sight, px, py, sun_x, sun_y)
-    return lit_through(world, work, sample, j, wanted, beam)
+    return lit_through(world, optics.closely, work, sample, j, wanted, beam)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def any_beam(
-    world: World, optics: bool | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
+    world: World, optics: Beyond | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
 ) -> Beam:
     """Return the sunlight as `lit_points` asks for it; in the paper's world it takes nothing of it."""
     if optics is None:
         return Beam(0.0, 0.0, 0.0, 0, True)
-    return beam_at(world, work, lane, k, sun_x, sun_y)
+    return beam_at(world, optics.closely, work, lane, k, sun_x, sun_y)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -243,7 +253,7 @@ def want_all(world: World, work: Workspace) -> None:
 
 @compiled(error_model="numpy", forceinline=True)
 def note_lit(
-    world: World, optics: bool | None, work: Workspace, case: Any, start_x: float, start_y: float, k: int
+    world: World, optics: Beyond | None, work: Workspace, case: Any, start_x: float, start_y: float, k: int
 ) -> int:
     """Mark in `work.lit` what of `work.ahead` is lit at a sample of a case, and strike it out there.
 
@@ -254,7 +264,9 @@ def note_lit(
     sun_x, sun_y = sun_after(world, start_x, start_y, k)
     beam = Beam(0.0, 0.0, 0.0, 0, True)
     if optics is not None:
-        beam = beam_from(world, k, sun_x, sun_y, cos(case.sun_elevation), sin(case.sun_elevation))
+        beam = beam_from(
+            world, optics.closely, k, sun_x, sun_y, cos(case.sun_elevation), sin(case.sun_elevation)
+        )
     for j in range(0, len(work.ahead), POINTS):
         wanted = load(work.ahead, j, POINTS) > 0.0
         px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
@@ -267,7 +279,7 @@ def note_lit(
 
 
 @compiled(nogil=True, error_model="numpy")
-def note_inspectable(world: World, optics: bool | None, work: Workspace, cases: Any, found: Bytes) -> None:
+def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes) -> None:
     """Write which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     world, work, cases, found = borrowed((world, work, cases, found))
     for row in range(len(cases)):
@@ -284,7 +296,9 @@ def note_inspectable(world: World, optics: bool | None, work: Workspace, cases: 
 
 
 @compiled(nogil=True, error_model="numpy")
-def note_lit_at_samples(world: World, optics: bool | None, work: Workspace, cases: Any, found: Bytes) -> None:
+def note_lit_at_samples(
+    world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes
+) -> None:
     """Write which points are lit at each sample of the first case's flight, shape (K+1, P padded), 0 or 1."""
     case = cases[0]
     start_x, start_y = cos(case.sun_angle), sin(case.sun_angle)
@@ -298,6 +312,7 @@ def note_lit_at_samples(world: World, optics: bool | None, work: Workspace, case
 @compiled(nogil=True, error_model="numpy")
 def note_seen_along(
     world: World,
+    optics: Beyond,
     work: Workspace,
     cases: Any,
     paths: Floats,
@@ -317,6 +332,6 @@ def note_seen_along(
         for place in range(paths.shape[1]):
             k = place * stride
             sun_x, sun_y = sun_after(world, start_x, start_y, k)
-            beam = beam_from(world, k, sun_x, sun_y, high, low)
+            beam = beam_from(world, optics.closely, k, sun_x, sun_y, high, low)
             x, y, z = paths[path, place, 0], paths[path, place, 1], paths[path, place, 2]
-            counts[path] += strike_out_seen(world, work, k, beam, x, y, z)
+            counts[path] += strike_out_seen(world, optics, work, k, beam, x, y, z)

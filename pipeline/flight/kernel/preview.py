@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, store
 from pipeline.flight.guidance import POINTS
-from pipeline.flight.kernel.arrays import Workspace, World
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.flight.kernel.optics import beam_at, strike_out_seen
 from pipeline.flight.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
@@ -61,7 +61,7 @@ def strike_out(
 
 
 @compiled(error_model="numpy")
-def preview(world: World, optics: bool | None, work: Workspace, num_lanes: int, k: int) -> None:
+def preview(world: World, optics: Beyond | None, work: Workspace, num_lanes: int, k: int) -> None:
     """Write how many points every lane would miss by coasting, and between which distances it would be."""
     lanes, signals, ahead = work.lanes, work.signals, work.ahead
     stride = world.preview_stride
@@ -96,8 +96,8 @@ def preview(world: World, optics: bool | None, work: Workspace, num_lanes: int, 
                 continue
             row = sample if len(world.points) > 1 else 0
             if optics is not None:
-                beam = beam_at(world, work, lane, sample, sun_x, sun_y)
-                num_left -= strike_out_seen(world, work, sample, beam, rx, ry, rz)
+                beam = beam_at(world, optics.closely, work, lane, sample, sun_x, sun_y)
+                num_left -= strike_out_seen(world, optics, work, sample, beam, rx, ry, rz)
             elif squared >= fits:
                 num_left = strike_out(world, ahead, row, rx, ry, rz, sun_x, sun_y, False)
             else:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Vector, count, least, load, most, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M, POINTS, cluster_centres, nearest_centre
-from pipeline.flight.kernel.arrays import Workspace, World
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent
 from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
 from pipeline.flight.kernel.optics import beam_at, eye_at, lit_through, seen_through
@@ -83,11 +83,11 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def look_through(world: World, work: Workspace, lane: int, k: int) -> None:
+def look_through(world: World, optics: Beyond, work: Workspace, lane: int, k: int) -> None:
     """Do what `look` does where light or camera are not the paper's."""
     lanes, points = work.lanes, world.points
     sample = k if len(points) > 1 else 0
-    beam = beam_at(world, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
+    beam = beam_at(world, optics.closely, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
     eye = eye_at(
         world,
         beam,
@@ -107,9 +107,9 @@ def look_through(world: World, work: Workspace, lane: int, k: int) -> None:
         if not (beam.shines and some(wanted)):
             store(work.candidate, j, nothing)
             continue
-        left = lit_through(world, work, sample, j, wanted, beam)
+        left = lit_through(world, optics.closely, work, sample, j, wanted, beam)
         if not eye.is_blind:
-            seen = seen_through(world, work, sample, j, left, eye)
+            seen = seen_through(world, optics.closely, work, sample, j, left, eye)
             left = left ^ seen
             store(work.unseen, (lane, j), select(seen, nothing, before))
             num_seen += count(seen)
@@ -263,7 +263,7 @@ def sense_again(work: Workspace, needs_angles: bool) -> None:
 @compiled(error_model="numpy", forceinline=True)
 def sense(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     clusters: bool | None,
     work: Workspace,
     num_lanes: int,
@@ -299,7 +299,7 @@ def sense(
         if optics is None:
             look(world, work, lane, sample)
         else:
-            look_through(world, work, lane, k)
+            look_through(world, optics, work, lane, k)
         if clusters is not None:
             choose_cluster(world, work, lane, sample)
     write_signals(work, (rx, ry, rz), (vx, vy, vz), distance, dcm, needs_angles)

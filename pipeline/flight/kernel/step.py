@@ -14,7 +14,7 @@ from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
 from pipeline.flight.kernel.actuators import Firing, burn, fire
-from pipeline.flight.kernel.arrays import Guard, Workspace, World
+from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
 from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, clip, turn_deputies
 from pipeline.flight.kernel.lanes import write_three
 from pipeline.flight.kernel.loop import move, spend, start_lanes
@@ -177,7 +177,7 @@ def act(
 @compiled(error_model="numpy", forceinline=True)
 def look_about(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     clusters: bool | None,
     departures: Departures | None,
     work: Workspace,
@@ -225,7 +225,7 @@ def write_observed(world: World, work: Workspace, k: int, row: Floats) -> None:
 @compiled(nogil=True, error_model="numpy")
 def step_many(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
     departures: Departures | None,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import load, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M, POINTS
-from pipeline.flight.kernel.arrays import Law, Workspace, World
+from pipeline.flight.kernel.arrays import Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.kernel.optics import any_beam, lit_points
 from pipeline.flight.signals import constant, slot
@@ -24,7 +24,7 @@ URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_dista
 
 
 @compiled(error_model="numpy")
-def note_deadlines(world: World, optics: bool | None, work: Workspace, num_lanes: int) -> None:
+def note_deadlines(world: World, optics: Beyond | None, work: Workspace, num_lanes: int) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
     At the start, when nothing is inspected.
@@ -60,7 +60,7 @@ def note_deadlines(world: World, optics: bool | None, work: Workspace, num_lanes
 @compiled(error_model="numpy")
 def sense_urgency(
     world: World,
-    optics: bool | None,
+    optics: Beyond | None,
     law: Law,
     values: Floats,
     work: Workspace,
