@@ -203,9 +203,7 @@ def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
     """Return the same where the Sun of some start is out of the orbit plane, or of none."""
     if not (world.has_optics or is_tilted):
         return None
-    return Beyond(
-        hides=True if world.num_edge_cells else None, glitters=True if world.reflection.is_on else None
-    )
+    return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
 
 def _parts_in_use(
