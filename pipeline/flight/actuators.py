@@ -79,6 +79,11 @@ class ThrustErrors(NamedTuple):
     arms: Floats
 
 
+#: of those that fire what they are told
+NO_THRUSTERS = Thrusters(0, 0.0, 0.0, np.inf, -1.0, np.zeros((0, 6)), np.zeros((0, 7)))
+NO_ERRORS = ThrustErrors(np.zeros((0, 3, 3)), np.zeros((0, 3)))
+
+
 def thrusters_of(mission: Mission) -> Thrusters:
     """Turn settings into forces held over a control period."""
     actuators, period = mission.actuators, mission.control_period_s

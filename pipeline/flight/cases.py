@@ -7,12 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.actuators import ThrustErrors, Thrusters, thrust_errors, thrusters_of
+from pipeline.flight.actuators import (
+    NO_ERRORS,
+    NO_THRUSTERS,
+    ThrustErrors,
+    Thrusters,
+    thrust_errors,
+    thrusters_of,
+)
 from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CASE
-from pipeline.flight.kernel.navigation import Fixes
+from pipeline.flight.kernel.navigation import Departures, Fixes
 from pipeline.flight.log import Scenario
-from pipeline.flight.navigation import Errors, Filter, errors_of, filter_of
+from pipeline.flight.navigation import ALWAYS_RIGHT, NO_FILTER, Errors, Filter, errors_of, filter_of
+from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -58,12 +66,16 @@ class Cases:
             thrusters=thrusters and (thrusters[0], ThrustErrors(*map(each, thrusters[1]))),
         )
 
-    def fixes(self) -> Fixes | None:
-        """Return navigation as one thread flies it."""
-        if self.navigation is None:
+    def departures(self, course: Course) -> Departures | None:
+        """Return what one thread flies that the deputies do not know; None where there is nothing."""
+        if self.navigation is None and self.thrusters is None and not course.is_on:
             return None
-        law, errors = self.navigation
+        return Departures(self._fixes(), self._firing(), course)
+
+    def _fixes(self) -> Fixes:
+        law, errors = self.navigation or (NO_FILTER, ALWAYS_RIGHT)
         return Fixes(
+            self.navigation is not None,
             *law,
             *errors,
             filtered=np.zeros((6, LANES)),
@@ -79,13 +91,11 @@ class Cases:
             acting=np.zeros((self.num_controls, 3, LANES)),
         )
 
-    def firing(self) -> Firing | None:
-        """Return the thrusters as one thread flies them."""
-        if self.thrusters is None:
-            return None
-        law, errors = self.thrusters
+    def _firing(self) -> Firing:
+        law, errors = self.thrusters or (NO_THRUSTERS, NO_ERRORS)
         commands = np.zeros((self.num_controls, 3, LANES))
         return Firing(
+            self.thrusters is not None,
             *law,
             *errors,
             commands,

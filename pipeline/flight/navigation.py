@@ -120,6 +120,11 @@ class Errors(NamedTuple):
     of_attitude: Floats
 
 
+#: of a deputy that knows its place
+NO_FILTER = Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0)
+ALWAYS_RIGHT = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
+
+
 def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Floats) -> Floats:
     """Return a fix, m, Hill axes, shape (3,).
 

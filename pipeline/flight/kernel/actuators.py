@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 class Firing(NamedTuple):
     """Thrusters of some flights: see `pipeline.flight.actuators.Thrusters` and `thrust_errors`."""
 
+    is_on: bool  # False where they fire what they are told
     delay: int
     step: float
     least: float

@@ -18,7 +18,7 @@ from numba import njit
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
-from fis_tools.engines import vector_code
+from fis_tools.engines import borrowed_code, vector_code  # noqa: F401 - teaches numba what is borrowed
 from fis_tools.engines.vectors import (
     CACHE_LINE,
     ROW,
