@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import Bounds, LinearConstraint, milp
 
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
@@ -184,12 +184,11 @@ class RecedingHorizonPlanner:
         num_rows, num_forces = rows.shape
         cost = np.r_[np.full(2 * num_forces, self.delta_v_per_force), np.full(num_rows, PRICE_OF_SLACK)]
         upper = np.r_[np.full(2 * num_forces, self.max_force), np.full(num_rows, np.inf)]
-        solved = linprog(
+        # without whole numbers, `milp` is the shorter way to the solver that `linprog` calls
+        solved = milp(
             cost,
-            A_ub=np.hstack([rows, -rows, -np.eye(num_rows)]),
-            b_ub=most,
-            bounds=[(0.0, limit) for limit in upper.tolist()],
-            method="highs-ds",
+            constraints=LinearConstraint(np.hstack([rows, -rows, -np.eye(num_rows)]), -np.inf, most),
+            bounds=Bounds(0.0, upper),
         )
         # slacks make it feasible and costs bounded, so that only a numerical failure leaves no solution
         if solved.x is None:
