@@ -297,8 +297,8 @@ def constants_of(controller: Controller) -> Floats:
             )
     if values[constant("rehearsal_tours")] not in (0.0, 2.0, 4.0):
         raise ControllerError(
-            f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 for "
-            "the tour and its mirror image through the orbit plane, 4 for both also flown the other way round"
+            f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
+            "for the tour and its mirror image through the orbit plane, 4 for both the other way round too"
         )
     if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
         raise ControllerError(

@@ -41,7 +41,7 @@ from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
 from pipeline.flight.navigation import as_believed
 from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
-from pipeline.flight.tours import tour_images
+from pipeline.flight.tours import IMAGES, tour_images
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission
@@ -342,7 +342,7 @@ def rehearsed_openings(
 def rehearsed_tours(
     mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
 ) -> NDArray[np.int64]:
-    """Return which image of its tour a controller follows from each start: the one whose flight ends cheapest.
+    """Return which image of its tour a controller follows from each start: that whose flight ends cheapest.
 
     All are flown to the end, as first pushes are, see `rehearsed_openings`.
 
@@ -357,7 +357,14 @@ def rehearsed_tours(
         _rehearsed_costs(controller, fly_population(world, law, packed(image), cases, workers))[0]
         for image in tour_images(controller)
     ]
-    return np.argmin(costs, axis=0)
+    return np.asarray(np.argmin(costs, axis=0))
+
+
+def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) -> str | None:
+    """Say which image of its tour a controller follows from a start; None where it has flown none ahead."""
+    if not tour_images(controller):
+        return None
+    return IMAGES[rehearsed_tours(mission_of_case(mission, scenario), controller, [scenario], 1)[0]]
 
 
 def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
@@ -411,8 +418,8 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
 
     if len(rehearsed_pushes(controller)) or tour_images(controller):
         raise ControllerError(
-            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; choose "
-            "guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
+            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
+            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
         )
     channels = channels_of(
         controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
