@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import (
     Controller,
@@ -22,6 +23,8 @@ from pipeline.flight.reference.tour import tour_place
 from pipeline.flight.simulation import fly_all, fly_logged, fly_population, rehearsed_openings
 from pipeline.flight.tours import IMAGES, tour_images
 from pipeline.flight.world import pack_world
+from pipeline.training.genome import genome_of
+from pipeline.training.judging import fitness_from
 from tests.pipeline.flight.cases import SEEING, STARTS, TOURING, assert_same, mission, random_starts, touring
 
 pytestmark = pytest.mark.slow
@@ -137,3 +140,18 @@ def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
 def test_a_tour_has_two_or_four_images() -> None:
     with pytest.raises(ControllerError, match="rehearsal_tours '3'; give 2"):
         touring(rehearsal_tours=3)
+
+
+def test_training_flies_the_images_ahead_as_well() -> None:
+    overrides = ["+experiment=train_readable", "optimizer=tour", "attitude=ideal", "optimizer.workers=1"]
+    experiment = compose_experiment(overrides).experiment
+    genome = genome_of(touring(rehearsal_tours=4), experiment.optimizer.encoding)
+    starts = random_starts(4, seed=1)
+    genomes = np.array([genome.encode(), 0.9 * genome.encode() + 0.05])
+    judged = fitness_from(experiment, genome, starts, 0)(genomes)["delta_v_m_s"]
+    flown = [
+        fly_all(experiment.mission, from_fuzzy(genome.decode(one)), starts).delta_v_m_s.mean()
+        for one in genomes
+    ]
+    np.testing.assert_array_equal(judged, flown)
+    assert judged[0] != judged[1]
