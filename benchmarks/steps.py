@@ -23,8 +23,8 @@ from pipeline.flight.world import pack_world
 STORED = Path(__file__).with_name("ratios.json")
 #: a ratio that falls by more than this share of the stored one is named
 TOLERANCE = 0.05
-#: flights of the readable loop, which takes longer; it is timed anew beside each controller, for how much others
-#: who use the machine slow it down changes within seconds
+#: flights of the readable loop, which takes longer; it is timed beside each controller, for others who use
+#: the machine slow it down within seconds
 PLAIN_FLIGHTS = 2
 #: what ships, each under the Sun or in the world that it was trained for
 CONTROLLERS = (

@@ -90,7 +90,6 @@ class RecedingHorizonPlanner:
     """Solves for the forces of a flight again and again."""
 
     def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
-        check_within_limits(settings, mission)
         self.settings, self.world, deputy = settings, pack_world(mission), mission.deputy
         self.max_force = deputy.max_force_n
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
@@ -114,7 +113,9 @@ class RecedingHorizonPlanner:
             settings.height_tolerance_m,
         )
         self.tolerances = np.array([centre, centre, ring, ring, height, height])
-        self.routes = Routes(mission, first)
+        self.routes = Routes(mission, first) if settings.follows == "route" else None
+        if self.routes is None:
+            check_within_limits(settings, mission)
         self.elements = elements_matrix(self.world.mean_motion)
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
@@ -129,7 +130,7 @@ class RecedingHorizonPlanner:
 
     def wanted(self, scenario: Scenario, sample: int) -> Floats:
         """Return the elements of ring or route at a sample, shape (6,)."""
-        if self.settings.follows == "route":
+        if self.routes is not None:
             return np.asarray(self.elements @ self.routes(scenario).states[sample])
         return np.asarray(ring_elements(self.settings, scenario, np.array([sample * self.turn]))[0])
 
