@@ -208,7 +208,9 @@ def check_before(experiment: Experiment) -> None:
         _check_requirements(experiment.assurance.requirements)
     if "optimum" in experiment.stages:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
+        from pipeline.optimum.problem import check_light  # noqa: PLC0415 - the same
 
+        check_light(experiment.mission)
         check_points(experiment.mission, experiment.optimum.points)
     if "evaluate" in experiment.stages:
         from pipeline.optimum.solved import IncomparableError, solved_for  # noqa: PLC0415 - the same

@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from pipeline.flight.log import Scenario
 from pipeline.flight.processes import in_time, varies
@@ -111,6 +110,8 @@ def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]
 
 def _division(layout: Floats, direction: Floats) -> Floats:
     """Return the forces of least sum that push by a newton along a direction, turning as little as can be."""
+    from scipy.optimize import linprog  # noqa: PLC0415 - takes longer to import than a flight takes
+
     count = len(layout)
     # the torque that is left has two parts not below zero about each axis, at a price above any thrust's
     forces = np.hstack([layout[:, :3].T, np.zeros((3, 6))])

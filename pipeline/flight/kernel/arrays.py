@@ -50,14 +50,12 @@ class Beyond(NamedTuple):
 
     Attributes
     ----------
-    hides : bool or None
-        True where parts of the chief hide one another; None is known to the compiler.
-    glitters : bool or None
-        True where a point must be bright enough to be seen.
+    closely : bool or None
+        True where parts of the chief may hide one another, or a point must be bright enough to be seen; None
+        is known to the compiler.
     """
 
-    hides: bool | None
-    glitters: bool | None
+    closely: bool | None
 
 
 class World(NamedTuple):

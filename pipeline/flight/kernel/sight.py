@@ -87,7 +87,7 @@ def look_through(world: World, optics: Beyond, work: Workspace, lane: int, k: in
     """Do what `look` does where light or camera are not the paper's."""
     lanes, points = work.lanes, world.points
     sample = k if len(points) > 1 else 0
-    beam = beam_at(world, optics.hides, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
+    beam = beam_at(world, optics.closely, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
     eye = eye_at(
         world,
         beam,
@@ -107,9 +107,9 @@ def look_through(world: World, optics: Beyond, work: Workspace, lane: int, k: in
         if not (beam.shines and some(wanted)):
             store(work.candidate, j, nothing)
             continue
-        left = lit_through(world, optics.hides, work, sample, j, wanted, beam)
+        left = lit_through(world, optics.closely, work, sample, j, wanted, beam)
         if not eye.is_blind:
-            seen = seen_through(world, optics.hides, optics.glitters, work, sample, j, left, eye)
+            seen = seen_through(world, optics.closely, work, sample, j, left, eye)
             left = left ^ seen
             store(work.unseen, (lane, j), select(seen, nothing, before))
             num_seen += count(seen)
