@@ -22,7 +22,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import cost, fmu, source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.exchange.carried import Written
+from fis_tools.formats.exchange.files import Written
 from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic

@@ -15,6 +15,7 @@ from pipeline.flight.actuators import (
     thrust_errors,
     thrusters_of,
 )
+from pipeline.flight.drag import drag_in_time
 from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CASE
 from pipeline.flight.kernel.navigation import Departures, Fixes
@@ -41,12 +42,15 @@ class Cases:
         None where the deputy knows its place.
     thrusters : (Thrusters, ThrustErrors), optional
         None where they fire what they are told.
+    drag : (m, K, 3) array
+        As in `pipeline.flight.drag.drag_in_time`.
     """
 
     starts: Starts
     num_controls: int
     navigation: tuple[Filter, Errors] | None
     thrusters: tuple[Thrusters, ThrustErrors] | None
+    drag: Floats
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -64,13 +68,14 @@ class Cases:
             starts=each(self.starts).view(np.recarray),
             navigation=navigation and (navigation[0], Errors(*map(each, navigation[1]))),
             thrusters=thrusters and (thrusters[0], ThrustErrors(*map(each, thrusters[1]))),
+            drag=each(self.drag),
         )
 
     def departures(self, course: Course) -> Departures | None:
         """Return what one thread flies that the deputies do not know; None where there is nothing."""
         if self.navigation is None and self.thrusters is None and not course.is_on:
             return None
-        return Departures(self._fixes(), self._firing(), course)
+        return Departures(self._fixes(), self._firing(), course._replace(varying=self.drag))
 
     def _fixes(self) -> Fixes:
         law, errors = self.navigation or (NO_FILTER, ALWAYS_RIGHT)
@@ -121,5 +126,6 @@ def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
         law = filter_of(mission)
         navigation = law, errors_of(mission, scenarios)
     if mission.actuators.kind == "real":
-        thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
-    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters)
+        thrusters = thrusters_of(mission), thrust_errors(mission, scenarios)
+    drag = drag_in_time(mission, scenarios)
+    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters, drag)

@@ -295,6 +295,11 @@ def constants_of(controller: Controller) -> Floats:
                 f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
                 f"attribute, {meaning}"
             )
+    if values[constant("rehearsal_tours")] not in (0.0, 2.0, 4.0):
+        raise ControllerError(
+            f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
+            "for the tour and its mirror image through the orbit plane, 4 for both the other way round too"
+        )
     if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
         raise ControllerError(
             f"controller {controller.name!r} rehearses its first push with force_axes "

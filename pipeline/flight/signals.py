@@ -205,6 +205,10 @@ CONSTANTS = {
     ),
     "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
     **TOUR_PLACES,
+    "rehearsal_tours": Constant(
+        "of the tour's images, so many are flown ahead, and the one that ends cheapest is followed",
+        is_tuned=False,
+    ),
 }
 
 

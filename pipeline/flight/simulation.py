@@ -42,8 +42,10 @@ from pipeline.flight.log import FlightLog, Outcomes, Scenario, empty_log, no_log
 from pipeline.flight.navigation import as_believed
 from pipeline.flight.plans import planned, regulated
 from pipeline.flight.signals import SETTING, SIGNALS, constant
+from pipeline.flight.tours import IMAGES, tour_images
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -263,12 +265,20 @@ def fly_all(
 ) -> Outcomes:
     """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest.
 
-    Where settings are dispersed, cases that share all of theirs fly side by side.
+    Where settings are dispersed, cases that share all of theirs fly side by side; so do those that follow the
+    same image of a tour.
     """
-    if mission.dispersions:
-        return _fly_dispersed(mission, controller, scenarios, workers, tracks)
+    if distributions(mission.dispersions):
+        groups = [(own, controller, places) for own, places in groups_of(mission, scenarios)]
+        return _fly_groups(groups, scenarios, workers, tracks)
     if is_by_the_reference(mission, controller):
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
+    images = tour_images(controller)
+    if images:
+        followed = rehearsed_tours(mission, controller, scenarios, workers)
+        chosen = np.unique(followed).tolist()
+        groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
+        return _fly_groups(groups, scenarios, workers, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
     openings = rehearsed_openings(mission, controller, scenarios, workers)
@@ -276,17 +286,16 @@ def fly_all(
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
 
-def _fly_dispersed(
-    mission: Mission,
-    controller: Controller,
+def _fly_groups(
+    groups: list[tuple[Mission, Controller, list[int]]],
     scenarios: list[Scenario],
     workers: int | None,
     tracks: NDArray[np.float32] | None,
 ) -> Outcomes:
-    """Fly every case in the mission that is its own."""
+    """Fly cases in the missions and with the controllers that are their own, given with their places."""
 
-    def fly_group(group: tuple[Mission, list[int]]) -> tuple[list[int], Outcomes]:
-        own, places = group
+    def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
+        own, controller, places = group
         found = None if tracks is None else tracks[places]
         outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found)
         if tracks is not None and found is not None:
@@ -295,7 +304,7 @@ def _fly_dispersed(
 
     pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
     try:
-        flown = list(pool.map(fly_group, groups_of(mission, scenarios)))
+        flown = list(pool.map(fly_group, groups))
     finally:
         pool.shutdown(cancel_futures=True)
     order = np.argsort([place for places, _ in flown for place in places])
@@ -335,11 +344,45 @@ def rehearsed_openings(
         workers,
         openings=np.tile(forces, (len(cases), 1)),
     )
+    cost = _rehearsed_costs(controller, ends)
+    return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
+
+
+def rehearsed_tours(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+) -> NDArray[np.int64]:
+    """Return which image of its tour a controller follows from each start: that whose flight ends cheapest.
+
+    All are flown to the end, as first pushes are, see `rehearsed_openings`.
+
+    Returns
+    -------
+    (m,) array
+        Places in `pipeline.flight.tours.IMAGES`.
+    """
+    known, starts = as_believed(mission, scenarios)
+    world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
+    costs = [
+        _rehearsed_costs(controller, fly_population(world, law, packed(image), cases, workers))[0]
+        for image in tour_images(controller)
+    ]
+    return np.asarray(np.argmin(costs, axis=0))
+
+
+def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) -> str | None:
+    """Say which image of its tour a controller follows from a start; None where it has flown none ahead."""
+    if not tour_images(controller):
+        return None
+    return IMAGES[rehearsed_tours(mission_of_case(mission, scenario), controller, [scenario], 1)[0]]
+
+
+def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
+    """Return by what flights ahead are compared, m/s, of the shape of the outcomes."""
     # as many as the controller puts up with cost nothing
     least = max(1.0, constants_of(controller)[constant("coast_below_points")])
     missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
     cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
-    return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
+    return np.asarray(cost)
 
 
 def law_for(
@@ -382,10 +425,10 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
         return float(evaluate(numbers, row, system)[0])
 
-    if len(rehearsed_pushes(controller)):
+    if len(rehearsed_pushes(controller)) or tour_images(controller):
         raise ControllerError(
-            f"controller {controller.name!r} rehearses its first push, which guidance.engine=sklearn is too "
-            "slow for; choose guidance.engine=compiled, or leave rehearsal_reach_m_s out"
+            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
+            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
         )
     channels = channels_of(
         controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
@@ -435,6 +478,9 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     mission = mission_of_case(mission, scenario)
     if is_by_the_reference(mission, controller):
         return _fly_reference(mission, controller, scenario)
+    images = tour_images(controller)
+    if images:
+        controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
     world = pack_world(mission)
     law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))

@@ -113,7 +113,15 @@ class Flights:
         return self.observed[:, :NUM_SEEN].astype(np.float32)
 
     def start(self, flight: int, scenario: Scenario) -> None:
-        """Put a flight at a start; the next step brings it to its first sample."""
+        """Put a flight at a start; the next step brings it to its first sample.
+
+        Raises
+        ------
+        ValueError
+            If its Sun is out of the orbit plane, which no start was said to have.
+        """
+        if self._optics is None and scenario.sun_elevation_rad != 0.0:
+            raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
         world, cases = self._world, cases_of(self._mission, [scenario])
         found = np.empty((1, self._counted.shape[1]), dtype=np.uint8)
         note_inspectable(world, optics_in_use(world, cases.starts), self._work, cases.starts, found)

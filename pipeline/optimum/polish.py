@@ -111,6 +111,8 @@ def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int
         b_ub=-least,
         bounds=[(0.0, most) for most in upper.tolist()],
         method="highs-ds",
+        # a handful of forces is all that moves: preparing the program takes longer than solving it
+        options={"presolve": False},
     )
     forces = np.zeros((problem.num_controls, 3))
     # slacks make it feasible and costs bounded, so that only a numerical failure leaves no solution

@@ -49,6 +49,7 @@ def events(
     near_limit_m: float,
     logic: ThrustLogic | None = None,
     num_rehearsed: int = 0,
+    tour: str | None = None,
 ) -> list[Event]:
     """Tell a flight's events, in the order of time.
 
@@ -63,6 +64,8 @@ def events(
         Of the controller, which tells why it coasts.
     num_rehearsed : int
         How many first pushes the controller has flown ahead.
+    tour : str, optional
+        Which image of its tour it has chosen by flying them ahead.
 
     Returns
     -------
@@ -70,6 +73,11 @@ def events(
         The last one sums the flight up.
     """
     found = [*_rehearsal(mission, log, num_rehearsed)]
+    if tour is not None:
+        told = (
+            f"rehearsed: of the tour's images, each flown to the end by the rules, one ends cheapest: {tour}"
+        )
+        found.append(Event(0, "info", told))
     found += [*_progress(mission, log), *_limits(mission, log, near_limit_m), *_safety(mission, log)]
     found += _coasting(mission, log, logic) if logic is not None else ()
     found.append(_summary(mission, log))

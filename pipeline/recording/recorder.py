@@ -28,6 +28,7 @@ from pipeline.flight.navigation import errors_of, filter_of, measured
 from pipeline.flight.reference.sight import lit_and_seen_points
 from pipeline.flight.reference.world import world_of
 from pipeline.flight.signals import CONSTANTS
+from pipeline.flight.simulation import tour_followed
 from pipeline.flight.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import Event, events
@@ -174,7 +175,8 @@ class FlightRecorder:
         inferences = self._inferences(log)
         fixes = self._fixes(scenario, log)
         words: dict[int, list[Event]] = {}
-        for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed):
+        tour = tour_followed(self._mission, self._controller, scenario)
+        for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
             words.setdefault(event.sample, []).append(event)
         for k in range(len(log.position_m)):
             time_s = k * period

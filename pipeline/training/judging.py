@@ -1,6 +1,6 @@
 """What a training judges by: flights from a round's starts, and those that its champion is chosen by."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import law_of
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_population
+from pipeline.flight.controller import from_fuzzy, law_of
+from pipeline.flight.log import Outcomes, Scenario
+from pipeline.flight.simulation import fly_all, fly_population
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.tours import tour_images
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Evolution, evolve_rounds
@@ -54,12 +55,11 @@ def fitness_from(
     """Return the function that flies genomes from some starts and judges them by the weights of a round."""
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
-    world, law = pack_world(mission), law_of(genome.template, mission)
-    cases = cases_of(mission, scenarios)
+    fly = _flights_from(mission, genome, scenarios, optimizer.workers)
     weighed = (penalty, _limits(mission), mission.inspection_threshold_percent)
 
     def evaluate(genomes: Floats) -> Mapping[str, Floats]:
-        outcomes = fly_population(world, law, genome.pack(genomes), cases, optimizer.workers)
+        outcomes = fly(genomes)
         parts = fitness_parts(outcomes, *weighed)
         if optimizer.algorithm == "nsga2":
             parts |= {OBJECTIVE + name: values for name, values in objectives(outcomes, *weighed).items()}
@@ -75,12 +75,31 @@ def costs_of(
 ) -> Floats:
     """Return what each flight of a champion costs by the weights of a round, shape (scenarios,)."""
     mission, optimizer = experiment.mission, experiment.optimizer
-    world, law = pack_world(mission), law_of(genome.template, mission)
-    numbers = genome.pack(champion[np.newaxis])
-    outcomes = fly_population(world, law, numbers, cases_of(mission, scenarios), optimizer.workers)
+    outcomes = _flights_from(mission, genome, scenarios, optimizer.workers)(champion[np.newaxis])
     penalty = optimizer.penalty.of_round(round_index)
     limits, threshold = _limits(mission), mission.inspection_threshold_percent
     return costs(outcomes, penalty, limits, threshold).reshape(-1)
+
+
+def _flights_from(
+    mission: Mission, genome: Genome, scenarios: list[Scenario], workers: int | None
+) -> Callable[[Floats], Outcomes]:
+    """Return the function that flies genomes of shape (n, num_genes) from some starts; outcomes of (n, m).
+
+    Those that fly images of a tour ahead do so in training too, one genome after the other; first pushes are
+    left to the rules.
+    """
+    if tour_images(genome.template):
+
+        def fly_ahead(genomes: Floats) -> Outcomes:
+            flown = [
+                vars(fly_all(mission, from_fuzzy(genome.decode(one)), scenarios, workers)) for one in genomes
+            ]
+            return Outcomes(**{name: np.stack([outcomes[name] for outcomes in flown]) for name in flown[0]})
+
+        return fly_ahead
+    world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
+    return lambda genomes: fly_population(world, law, genome.pack(genomes), cases, workers)
 
 
 def _limits(mission: Mission) -> tuple[float, float]:

@@ -157,6 +157,7 @@ CARRIED = np.dtype(
         ("sun", np.float64, (2, LANES)),  # the same now
         ("sun_height", np.float64, (2, LANES)),  # cosine and sine of its elevation
         ("shine", np.float64, (3, LANES)),  # what of its disc is visible at the instants of a step
+        ("drag", np.float64, (3, LANES)),  # what it adds where it varies, m/s^2
         ("boresight", np.float64, (3, LANES)),
         ("target", np.float64, (3, LANES)),  # zero where there are no candidates
         ("num_counted", np.float64, LANES),  # points that the flight is about

@@ -343,7 +343,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             burn(world, departures.firing, work, k, log)
         spend(world, work)
         if departures is not None and departures.course.is_on:
-            move_about_earth(world, departures.course, work, k)
+            move_about_earth(world, departures.course, work, first, num_lanes, k)
         else:
             move(world, work)
 

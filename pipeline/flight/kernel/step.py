@@ -169,7 +169,7 @@ def act(
         burn(world, firing_of(departures.firing, flight), work, k, silent)
     spend(world, work)
     if departures is not None and departures.course.is_on:
-        move_about_earth(world, departures.course, work, k)
+        move_about_earth(world, departures.course, work, flight, 1, k)
     else:
         move(world, work)
 

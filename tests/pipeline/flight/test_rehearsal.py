@@ -1,10 +1,11 @@
-"""A first push chosen by flying the rules ahead, against flights that begin with it."""
+"""First pushes and images of tours chosen by flying the rules ahead, against flights with each of them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import (
     Controller,
@@ -18,9 +19,13 @@ from pipeline.flight.controller import (
 from pipeline.flight.navigation import FIXES
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
+from pipeline.flight.reference.tour import tour_place
 from pipeline.flight.simulation import fly_all, fly_logged, fly_population, rehearsed_openings
+from pipeline.flight.tours import IMAGES, tour_images
 from pipeline.flight.world import pack_world
-from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
+from pipeline.training.genome import genome_of
+from pipeline.training.judging import fitness_from
+from tests.pipeline.flight.cases import SEEING, STARTS, TOURING, assert_same, mission, random_starts, touring
 
 pytestmark = pytest.mark.slow
 
@@ -93,3 +98,60 @@ def test_it_is_rehearsed_without_the_errors_to_come() -> None:
 def test_it_is_along_hills_axes() -> None:
     with pytest.raises(ControllerError, match="set the attribute force_axes to hill"):
         rehearsing(0.1, force_axes="body")
+
+
+@pytest.mark.parametrize("image", range(4))
+def test_an_image_of_a_tour_is_its_mirror_image(image: int) -> None:
+    tour, reflected = (constants_of(tour_images(touring(rehearsal_tours=4))[i]) for i in (0, image))
+    mirror = np.array([1.0, -1.0 if image >= 2 else 1.0, -1.0 if image % 2 else 1.0])
+    # the other way round, the Sun comes to every angle from the other side; below the plane it was above it
+    round_way, up = (-1.0 if image >= 2 else 1.0), (-1.0 if image % 2 else 1.0)
+    for angle in np.linspace(-3.0, 3.0, 7):
+        there = mirror * tour_place(tour, round_way * angle, up * 0.4)
+        np.testing.assert_allclose(tour_place(reflected, angle, 0.4), there, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
+    controller, starts = touring(rehearsal_tours=count), random_starts(6, seed=1)
+    images = tour_images(controller)
+    assert len(images) == count <= len(IMAGES)
+    assert constants_of(images[0]).tolist() == constants_of(TOURING).tolist()
+    ends = [fly_all(MISSION, image, starts) for image in images]
+    # all but one point are asked for
+    cost = [
+        end.delta_v_m_s
+        + 0.15 * np.maximum(0, 98 - end.inspected_count)
+        + 1e4 * end.is_violated.astype(np.float64)
+        for end in ends
+    ]
+    best = np.argmin(cost, axis=0)
+    tracks = np.empty((len(starts), MISSION.num_controls + 1, 3), dtype=np.float32)
+    flown = fly_all(MISSION, controller, starts, tracks=tracks)
+    np.testing.assert_array_equal(
+        flown.delta_v_m_s, [ends[image].delta_v_m_s[case] for case, image in enumerate(best)]
+    )
+    assert len(set(best.tolist())) > 1
+    log = fly_logged(MISSION, controller, starts[-1])
+    assert log.delta_v_m_s[-1] == flown.delta_v_m_s[-1]
+    np.testing.assert_array_equal(tracks[-1], log.position_m.astype(np.float32))
+
+
+def test_a_tour_has_two_or_four_images() -> None:
+    with pytest.raises(ControllerError, match="rehearsal_tours '3'; give 2"):
+        touring(rehearsal_tours=3)
+
+
+def test_training_flies_the_images_ahead_as_well() -> None:
+    overrides = ["+experiment=train_readable", "optimizer=tour", "attitude=ideal", "optimizer.workers=1"]
+    experiment = compose_experiment(overrides).experiment
+    genome = genome_of(touring(rehearsal_tours=4), experiment.optimizer.encoding)
+    starts = random_starts(4, seed=1)
+    genomes = np.array([genome.encode(), 0.9 * genome.encode() + 0.05])
+    judged = fitness_from(experiment, genome, starts, 0)(genomes)["delta_v_m_s"]
+    flown = [
+        fly_all(experiment.mission, from_fuzzy(genome.decode(one)), starts).delta_v_m_s.mean()
+        for one in genomes
+    ]
+    np.testing.assert_array_equal(judged, flown)
+    assert judged[0] != judged[1]

@@ -1,0 +1,53 @@
+"""The images of a tour: closed paths around the chief that show as much, for as little, as the tour itself.
+
+Motion about a circular orbit, light and shadow stay the same when mirrored through the orbit plane, the Sun
+with them. They also stay the same when time and track are turned round: where a tour leads from one place to
+the next, its image leads back, past places mirrored along the track, while the Sun goes as it always does. So
+a tour has four images, itself among them, and from each start another one is nearest.
+"""
+
+from dataclasses import replace
+
+from fis_tools.model import FuzzyController
+from pipeline.flight.controller import Controller, constants_of, from_fuzzy
+from pipeline.flight.signals import TOUR_PLACES, constant
+
+#: what the images are called, in the order in which they are tried
+IMAGES = (
+    "as it is",
+    "mirrored through the orbit plane",
+    "the other way round",
+    "the other way round and mirrored through the orbit plane",
+)
+
+
+def sign(name: str, image: int) -> float:
+    """Return what a constant of a tour is multiplied by in an image.
+
+    The lift keeps its sign in the mirror: it is multiplied by the Sun's height, which changes its own. The
+    other way round the tour's place at an angle is the one that it had at minus that, where sines change
+    sign, and mirrored along the track.
+    """
+    is_mirrored, is_turned_round = image % 2 == 1, image >= 2
+    flips = is_mirrored and name.startswith("tour_cross_track")
+    if is_turned_round:
+        flips ^= ("_sin_" in name) ^ name.startswith("tour_along_track")
+    return -1.0 if flips else 1.0
+
+
+def tour_images(controller: Controller) -> list[Controller]:
+    """Return a controller for each image of the tour that one flies ahead; none by default.
+
+    Each follows its image without any rehearsal of tours. The first is that of the tour as it is.
+    """
+    values = constants_of(controller)
+    images = range(round(values[constant("rehearsal_tours")]))
+    return [_following(controller.fuzzy, image) for image in images if controller.fuzzy is not None]
+
+
+def _following(fuzzy: FuzzyController, image: int) -> Controller:
+    attributes = dict(fuzzy.attributes)
+    del attributes["rehearsal_tours"]
+    for name in attributes.keys() & TOUR_PLACES.keys():
+        attributes[name] = repr(sign(name, image) * float(attributes[name]))
+    return from_fuzzy(replace(fuzzy, attributes=tuple(attributes.items())))
