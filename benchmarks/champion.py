@@ -60,6 +60,8 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="with --case or --flights: where to, a PNG")
     parser.add_argument("--flights", type=int, choices=range(1, 9), help="draw so many, and nothing else")
     options = parser.parse_args()
+    if options.flights is not None and options.picture is None:
+        parser.error("--flights draws a picture; add --picture FILE.png")
     overrides = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", f"world={options.world}"]
     overrides += [f"sun={options.sun}"] if options.world == "paper" else []
     experiment, guarded = (

@@ -63,7 +63,8 @@ def asked_along(
     policy: Policy, mission: Mission, starts: list[Scenario], forces: Floats
 ) -> tuple[Floats, Floats]:
     """Return what is seen in flights under some forces, (m, K, 3), and what the policy does: a row each."""
-    flights = Flights(mission, len(starts), is_tilted=False)
+    is_tilted = any(start.sun_elevation_rad != 0.0 for start in starts)
+    flights = Flights(mission, len(starts), is_tilted=is_tilted)
     for place, start in enumerate(starts):
         flights.start(place, start)
     work, found = np.zeros((2, policy.network.widths.max())), np.zeros((len(starts), 3))
@@ -129,9 +130,9 @@ def main(arguments: Sequence[str]) -> int:
     mission, controller = experiment.mission, named(options.policy, experiment.mission)
     policy: Any = controller.pilot
     judged = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    flown = controller
+    flown, threshold = controller, mission.inspection_threshold_percent
     rows, answers = np.zeros((0, NUM_SEEN)), np.zeros((0, 3))
-    lines = [row("the policy", [fly_all(mission, controller, judged)], 95.0)]
+    lines = [row("the policy", [fly_all(mission, controller, judged)], threshold)]
     starts = validation_scenarios(
         experiment.starts, experiment.sun, experiment.seed, options.starts * (options.rounds + 1)
     )
@@ -147,7 +148,7 @@ def main(arguments: Sequence[str]) -> int:
         )
         rules = sum(len(system.rules) for system in fuzzy.systems)
         told = f"{rules} rules, round {number}, variance explained {share:.2f}"
-        lines.append(row(told, [fly_all(mission, flown, judged)], 95.0))
+        lines.append(row(told, [fly_all(mission, flown, judged)], threshold))
         for system in fuzzy.systems:
             senses = ", ".join(variable.name for variable in system.inputs)
             print(f"  {system.outputs[0].name}: {senses}", file=sys.stderr, flush=True)

@@ -145,6 +145,7 @@ def _requirements(content: bytes, _folder: Path) -> object:
     return requirements.read(content.decode("utf-8", "replace"), "requirements.yaml")
 
 
+@cache
 def _champion() -> Any:
     return serialize.load(conf_folder() / "controller" / "paper_champion.yaml")
 

@@ -1,12 +1,15 @@
 """Recordings of inspection flights: write, read, compare, rescue and replay them."""
 
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from telemetry.file.errors import RecordingError
-from telemetry.file.reader import read
-from telemetry.file.tables import flat_table
 from telemetry.file.writer import EpisodeWriter
+
+if TYPE_CHECKING:
+    from telemetry.file.reader import read
+    from telemetry.file.tables import flat_table
 
 __all__ = ["EpisodeWriter", "RecordingError", "flat_table", "read", "show"]
 
@@ -17,3 +20,12 @@ def show(*paths: str | Path) -> Any:
     from telemetry.scene import notebook  # noqa: PLC0415
 
     return notebook.show(*paths)
+
+
+def __getattr__(name: str) -> Any:
+    """Import what reads recordings when it is asked for: a flight is recorded without it."""
+    if name not in {"flat_table", "read"}:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(
+        import_module("telemetry.file.reader" if name == "read" else "telemetry.file.tables"), name
+    )

@@ -12,6 +12,9 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 #: Each imports everything, so more of them would spend their time on that.
 MOST_PROCESSES = 8
 
+# numba colours the errors by which it finds out which overload fits, also where nobody sees them
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     share = max(1, (os.cpu_count() or 1) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))
     os.environ.update(dict.fromkeys(THREADS, str(share)))

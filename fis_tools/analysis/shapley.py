@@ -9,26 +9,24 @@ Source: L. S. Shapley, A value for n-person games, 1953; as an integral over coa
 independently: G. Owen, Multilinear extensions of games, Management Science 18 (1972) 64-79.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from functools import cache, lru_cache
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED
+from fis_tools.analysis.coalitions import Cuts, Leads, blocks, by_level, weighted_coalitions
 from fis_tools.analysis.weighing import weighed_shares
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
-from fis_tools.model.operators import ACCUMULATIONS, Operator
+from fis_tools.model.operators import ACCUMULATIONS
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 #: What coalitions are worth, (n,), from which rules are in them, (n, num_players).
 Worth = Callable[[NDArray[np.bool_]], Floats]
-
-#: Places of terms, and how high a rule cuts each, or with what weight.
-_Cuts = list[tuple[int, float]]
 
 #: More distinct coalitions than this are sampled.
 MOST_COALITIONS = 4096
@@ -39,6 +37,8 @@ SEED = 12
 FEW_ORDERS = 10
 #: The most samples over which shares are averaged; they are picked evenly.
 MOST_SAMPLES = 1000
+#: So many firing strengths of coalitions are concluded from at a time.
+MOST_NUMBERS = 2_000_000
 
 
 class Shares(NamedTuple):
@@ -74,6 +74,42 @@ class _Block(NamedTuple):
     after: _Leads
 
 
+class _Match(NamedTuple):
+    """Samples of one output: on what terms rules conclude with what weights, how they fire, and who plays.
+
+    Attributes
+    ----------
+    compiled : CompiledSystem
+    place : int
+        Of the output.
+    conclusions : list of Cuts
+    firing, plays : (n, num_rules)
+    """
+
+    compiled: CompiledSystem
+    place: int
+    conclusions: list[Cuts]
+    firing: Floats
+    plays: NDArray[np.bool_]
+
+
+class _Game(NamedTuple):
+    """Samples whose players cut terms in the same ways.
+
+    Attributes
+    ----------
+    structure : tuple of Leads, or None
+        Of the blocks; None if there are too many ways.
+    samples : (g,)
+    rules : (g, num_players)
+        The players, block by block.
+    """
+
+    structure: tuple[Leads, ...] | None
+    samples: Integers
+    rules: Integers
+
+
 def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDERS) -> Shares:
     """Compute the share of each rule in each output.
 
@@ -91,24 +127,26 @@ def shares(compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDER
         How many orders are drawn where coalitions are too many; an even number.
     """
     firing = compiled.firing_strengths(inputs)
-    outputs = compiled.system.outputs
-    values = np.zeros((*firing.shape, len(outputs)))
-    error = np.zeros((len(firing), len(outputs)))
+    values = np.zeros((*firing.shape, len(compiled.system.outputs)))
+    error = np.zeros((len(firing), values.shape[2]))
     for place, conclusion in enumerate(compiled.program.conclusions):
         if isinstance(conclusion, Weighing):
             values[:, :, place] = weighed_shares(compiled.program, conclusion, firing, np.asarray(inputs))
             continue
-        conclusions = _conclusions(compiled, place)
-        for sample, strengths in enumerate(firing):
-            found = _of_one(compiled, place, conclusions, strengths, num_orders)
-            values[sample, :, place], error[sample, place] = found
+        match = _match(compiled, place, firing)
+        for game in _games(match):
+            if game.structure is None:
+                worth = partial(_one_worth, match, game)
+                found, error[game.samples, place] = sampled(game.rules.shape[1], worth, num_orders)
+            else:
+                found = _exact(match, game)
+            values[game.samples[:, np.newaxis], game.rules, place] = found
     return Shares(values, error)
 
 
-def _conclusions(compiled: CompiledSystem, place: int) -> list[_Cuts]:
-    """Return for each rule with what weights it concludes on the terms of an output."""
+def _match(compiled: CompiledSystem, place: int, firing: Floats) -> _Match:
     output = compiled.system.outputs[place]
-    return [
+    conclusions = [
         [
             (output.term_index(c.term), c.weight)
             for c in rule.consequents
@@ -116,172 +154,93 @@ def _conclusions(compiled: CompiledSystem, place: int) -> list[_Cuts]:
         ]
         for rule in compiled.system.rules
     ]
-
-
-def _of_one(
-    compiled: CompiledSystem, place: int, conclusions: list[_Cuts], strengths: Floats, num_orders: int
-) -> tuple[Floats, float]:
-    output = compiled.system.outputs[place]
     concludes = np.array([bool(weights) for weights in conclusions])
-    strongest = strengths[concludes].max(initial=0.0)
-    plays = concludes & (strengths >= min(FIRED, strongest)) & (strengths > 0.0)
-    rules = np.flatnonzero(plays)
-    values = np.zeros(len(strengths))
-    if not len(rules):
-        return values, 0.0
+    strongest = firing.max(axis=1, keepdims=True, initial=0.0, where=concludes)
+    plays = concludes & (firing >= np.minimum(FIRED, strongest)) & (firing > 0.0)
+    return _Match(compiled, place, conclusions, firing, plays)
 
-    def worth(members: NDArray[np.bool_]) -> Floats:
-        rows = np.tile(np.where(plays, 0.0, strengths), (len(members), 1))
-        rows[:, rules] = members * strengths[rules]
-        return np.where(members.any(axis=1), compiled.conclude(rows)[:, place], output.default or 0.0)
 
-    activations = [[(term, weight * strengths[rule]) for term, weight in conclusions[rule]] for rule in rules]
+def _games(match: _Match) -> Iterator[_Game]:
+    """Yield the games of all samples at which a rule plays."""
+    output = match.compiled.system.outputs[match.place]
     # a silent rule makes a product zero, and where rules add up each counts: there it matters who is silent,
     # and not only how the others cut
     by_player = output.accumulation == "product" or output.aggregation != "max"
     accumulate = None if by_player else ACCUMULATIONS[output.accumulation]
-    blocks = _blocks(activations, accumulate)
-    if blocks is None:
-        values[rules], error = sampled(len(rules), worth, num_orders)
-        return values, error
-    blocks.sort(key=lambda block: block.after)  # so that those of other samples are often met again
-    order = [player for block in blocks for player in block.players]
-    members, weights = _weights(tuple(block.after for block in blocks))
-    values[rules[order]] = weights @ worth(members[:, np.argsort(order)])
-    return values, 0.0
+    left = match.plays.any(axis=1)
+    if accumulate is ACCUMULATIONS["max"] and all(len(cuts) <= 1 for cuts in match.conclusions):
+        for game in _games_by_level(match):
+            left[game.samples] = False
+            yield game
+    for sample in np.flatnonzero(left):
+        rules, strengths = np.flatnonzero(match.plays[sample]), match.firing[sample]
+        cuts = [
+            [(term, weight * strengths[rule]) for term, weight in match.conclusions[rule]] for rule in rules
+        ]
+        found = blocks(cuts, accumulate, MOST_COALITIONS)
+        if found is None:
+            yield _Game(None, np.array([sample]), rules[np.newaxis])
+            continue
+        found.sort(key=lambda block: block.after)  # so that those of other samples are often met again
+        order = [player for block in found for player in block.players]
+        yield _Game(tuple(block.after for block in found), np.array([sample]), rules[order][np.newaxis])
 
 
-def _blocks(activations: Sequence[_Cuts], accumulate: Operator | None) -> list[_Block] | None:
-    """Return how the players cut the terms; None if there are too many ways."""
-    joined: list[tuple[set[int], list[int]]] = []
-    for player, cuts in enumerate(activations):
-        terms, players = {term for term, _ in cuts}, [player]
-        for others in [others for others in joined if others[0] & terms]:
-            joined.remove(others)
-            terms, players = terms | others[0], players + others[1]
-        joined.append((terms, players))
-    found: list[_Block] = []
-    room = MOST_COALITIONS
-    for _, players in joined:
-        # where the highest cut counts, such blocks differ in nothing but their number of players
-        players.sort(key=lambda player: -max(height for _, height in activations[player]))
-        after = _after(players, activations, accumulate, room)
-        if after is None:
-            return None
-        found.append(_Block(players, after))
-        room //= _num_states(after)
-    return found
+def _games_by_level(match: _Match) -> Iterator[_Game]:
+    """Yield, all samples of a structure at once, the games in which each rule cuts one term.
 
-
-def _after(
-    players: list[int], activations: Sequence[_Cuts], accumulate: Operator | None, most: int
-) -> _Leads | None:
-    """Return where the players of a block lead; None if they can cut its terms in more ways than `most`."""
-    heights = [activations[player][0][1] for player in players if len(activations[player]) == 1]
-    is_of_one_term = accumulate is ACCUMULATIONS["max"] and len(heights) == len(players) < most
-    if is_of_one_term and all(higher > lower for higher, lower in pairwise(heights)):
-        return _after_one_another(len(players))
-    places: dict[Hashable, int] = {frozenset(): 0}
-    states: list[tuple[dict[int, float], list[int]]] = [({}, [])]
-    after: list[tuple[int, ...]] = []
-    for player in players:
-        leads = []
-        for cuts, members in list(states):
-            joined, joint = dict(cuts), [*members, player]
-            for term, height in activations[player]:
-                before = np.array(joined.get(term, 0.0))
-                joined[term] = float(accumulate(np.array(height), before)) if accumulate else height
-            key = frozenset(joined.items() if accumulate else joint)
-            if key not in places:
-                places[key] = len(states)
-                states.append((joined, joint))
-            leads.append(places[key])
-        if len(states) > most:
-            return None
-        after.append(tuple(leads))
-    return tuple(after)
-
-
-@cache
-def _after_one_another(num_players: int) -> _Leads:
-    """Return where players lead that cut one term, each lower than those before: the highest counts."""
-    return tuple((player + 1, *range(1, player + 1)) for player in range(num_players))
-
-
-def _num_states(after: _Leads) -> int:
-    return 1 + max(map(max, after))
-
-
-def _members(after: _Leads) -> NDArray[np.bool_]:
-    """Return players of a block that bring about each of its states, (num_states, num_players)."""
-    states: list[list[int]] = [[]]
-    for player, leads in enumerate(after):
-        for before, state in enumerate(leads):
-            if state == len(states):
-                states.append([*states[before], player])
-    table = np.zeros((len(states), len(after)), dtype=np.bool_)
-    for state, players in enumerate(states):
-        table[state, players] = True
-    return table
-
-
-@lru_cache(maxsize=256)
-def _weights(structure: tuple[_Leads, ...]) -> tuple[NDArray[np.bool_], Floats]:
-    """Return coalitions that cut the terms in all ways, and how much each counts in the players' shares.
-
-    The share of a player is the integral over p of what it adds to a coalition that each other joins with
-    probability p: a polynomial in p of a degree below the number of players.
-
-    Returns
-    -------
-    members : (n, num_players)
-        Players block by block.
-    weights : (num_players, n)
-        Shares are these times what the coalitions are worth.
+    What `blocks` finds for them is known: of each term the highest cut counts, and rules that cut it at the
+    same height, as those that share their weakest statement do, bring about the same.
     """
-    tables = [_members(after) for after in structure]
-    shape, num_players = [len(table) for table in tables], sum(map(len, structure))
-    chances, integral = quadrature(num_players)
-    spread = [_spread(after, chances) for after in structure]
-    members, weights = np.zeros((*shape, num_players), np.bool_), np.zeros((num_players, *shape))
-    first = 0
-    for axis, (after, table) in enumerate(zip(structure, tables, strict=True)):
-        along = [len(table) if other == axis else 1 for other in range(len(shape))]
-        members[..., first : first + len(after)] = table.reshape(*along, len(after))
-        others: Floats = integral
-        for other, probable in enumerate(spread):
-            chosen = np.ones((1, len(chances))) if other == axis else probable
-            others = others[..., np.newaxis, :] * chosen
-        for player, gain in enumerate(_gains(after, chances), first):
-            weights[player] = (others * gain.reshape(*along, -1)).sum(axis=-1)
-        first += len(after)
-    return members.reshape(-1, num_players), weights.reshape(num_players, -1)
+    terms, weights = np.array([cuts[0] if cuts else (0, 0.0) for cuts in match.conclusions]).T
+    num_terms = len(match.compiled.system.outputs[match.place].terms)
+    of_term = terms == np.arange(num_terms)[:, np.newaxis]
+    counts = match.plays.astype(np.int64) @ of_term.T.astype(np.int64)
+    # blocks with fewer players first, so that structures are met again
+    rank = np.argsort(np.argsort(counts, axis=1, kind="stable"), axis=1)
+    block = np.where(match.plays, rank[:, terms.astype(np.int64)], num_terms)
+    heights = np.where(match.plays, match.firing * weights, 0.0)
+    order = np.lexsort((-heights, block))
+    block, heights = (np.take_along_axis(each, order, axis=1) for each in (block, heights))
+    is_next = np.diff(block, axis=1, prepend=-1) != 0
+    is_lower = is_next | (np.diff(heights, axis=1, prepend=-1.0) != 0.0)
+    patterns, numbers = np.unique(2 * block + is_lower, axis=0, return_inverse=True)
+    for number, pattern in enumerate(patterns):
+        num_players = int((pattern < 2 * num_terms).sum())
+        of_block, lower = pattern[:num_players] // 2, pattern[:num_players] % 2
+        levels = [np.cumsum(lower[of_block == place]) for place in np.unique(of_block)]
+        if num_players and np.prod([1.0 + each[-1] for each in levels]) <= MOST_COALITIONS:
+            structure = tuple(by_level(tuple(each.tolist())) for each in levels)
+            samples = np.flatnonzero(numbers == number)
+            yield _Game(structure, samples, order[samples, :num_players])
 
 
-def quadrature(num_players: int) -> tuple[Floats, Floats]:
-    """Return the chances and weights that integrate the shares of so many players, or fewer, exactly."""
-    nodes, weights = np.polynomial.legendre.leggauss((num_players + 1) // 2)
-    return 0.5 * (nodes + 1.0), 0.5 * weights
+def _exact(match: _Match, game: _Game) -> Floats:
+    """Return the shares of the players of a game, (g, num_players)."""
+    assert game.structure is not None  # noqa: S101 - any other is sampled
+    members, weights = weighted_coalitions(game.structure)
+    at_once = max(1, MOST_NUMBERS // (len(members) * match.firing.shape[1]))
+    found = [
+        _worth(match, game.samples[first : first + at_once], game.rules[first : first + at_once], members)
+        for first in range(0, len(game.samples), at_once)
+    ]
+    shared: Floats = np.concatenate(found) @ weights.T
+    return shared
 
 
-def _spread(after: _Leads, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
-    """Return how probable each state is, (num_states, num_chances), if each player joins with a chance.
-
-    The player at the place `sure` joins with the probability `joins` instead.
-    """
-    found = np.zeros((_num_states(after), len(chances)))
-    found[0] = 1.0
-    for place, leads in enumerate(after):
-        joined = (joins if place == sure else chances) * found[: len(leads)]
-        found[: len(leads)] -= joined
-        np.add.at(found, np.array(leads), joined)
-    return found
+def _one_worth(match: _Match, game: _Game, members: NDArray[np.bool_]) -> Floats:
+    return _worth(match, game.samples, game.rules, members)[0]
 
 
-def _gains(after: _Leads, chances: Floats) -> Iterator[Floats]:
-    """Yield for each player by how much it makes each state more probable."""
-    for place in range(len(after)):
-        yield _spread(after, chances, place, 1.0) - _spread(after, chances, place, 0.0)
+def _worth(match: _Match, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:
+    """Return what coalitions, (c, num_players) of the rules, (g, num_players), are worth: (g, c)."""
+    compiled, place = match.compiled, match.place
+    firing = match.firing[samples]
+    rows = np.repeat(np.where(match.plays[samples], 0.0, firing)[:, np.newaxis], len(members), axis=1)
+    strengths = np.take_along_axis(firing, rules, axis=1)
+    np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
+    found = compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
+    return np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

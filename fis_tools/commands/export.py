@@ -22,7 +22,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import cost, fmu, source
 from fis_tools.formats.exchange import fcl, fis, fll, fml
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.exchange.carried import Written
+from fis_tools.formats.exchange.files import Written
 from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
@@ -171,7 +171,10 @@ def _write_fmus(controller: FuzzyController, output: str | None) -> None:
         raise UserMistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
     place = Path(output)
     for name, alone in _files(controller, FORMS["fmu"].ending, place).items():
-        packed = fmu.pack(alone.systems[0], serialize.fingerprint(alone))
+        try:
+            packed = fmu.pack(alone.systems[0], serialize.fingerprint(alone))
+        except ValueError as error:
+            raise UserMistake(str(error)) from error
         path = place_for(place / name if _is_folder(controller, place) else place)
         path.write_bytes(packed.content)
         holds = f"a library for {packed.library}, by gcc on this machine, and its source"

@@ -134,7 +134,7 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
 
     # as above; the vectors teach numba what `fis_tools.engines.vectors` means in compiled code
-    from fis_tools.engines import notice, vector_code  # noqa: F401, PLC0415
+    from fis_tools.engines import borrowed_code, notice  # noqa: F401, PLC0415
 
     place = cache.place_for(function)
     if isinstance(place, Path):

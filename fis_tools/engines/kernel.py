@@ -31,9 +31,10 @@ from fis_tools.engines.packing import (
     Packed,
 )
 from fis_tools.engines.vectors import (
+    ROW,
     Vector,
     aligned,
-    gather,
+    gather_rows,
     least,
     load,
     most,
@@ -53,21 +54,32 @@ SMALLEST_AREA = float(np.finfo(np.float64).eps)
 #: samples that are inferred side by side: a constant, so that the compiler knows it
 LANES = 16
 
-#: points of a flank that are looked at together
-BLOCK = 8
-
 #: What one inference works with: memberships in the terms of all inputs; where each output term is cut; and
 #: where cuts cross flanks: right of which point, how much of a step, and at which aggregated height.
 SCRATCH = np.dtype(
     [
         ("memberships", np.float64, (ANY + 1, LANES)),
+        ("here", np.float64, (MAX_TERMS, LANES)),
+        ("there", np.float64, (MAX_TERMS, LANES)),
         ("cuts", np.float64, (MAX_TERMS, LANES)),
         ("segments", np.float64, (2 * MAX_TERMS, LANES)),
         ("fractions", np.float64, (2 * MAX_TERMS, LANES)),
         ("heights", np.float64, (2 * MAX_TERMS, LANES)),
+        ("lefts", np.float64, (2 * MAX_TERMS, LANES)),
+        ("rights", np.float64, (2 * MAX_TERMS, LANES)),
+        ("cut_terms", np.int64, 2 * MAX_TERMS),
     ],
     align=True,
 )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def gather_terms(values: Floats, by_point: int, segment: Vector, terms: int, scratch: Any) -> None:
+    """Write the memberships in all terms at the left and at the right end of a segment of a universe."""
+    for first in range(0, terms, ROW):
+        at, count = by_point + first, min(ROW, terms - first)
+        gather_rows(values, at, segment * terms, count, scratch.here[first:])
+        gather_rows(values, at + terms, segment * terms, count, scratch.there[first:])
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -81,9 +93,9 @@ def fuzzify(values: Floats, system: Any, inputs: Floats, scratch: Any) -> None:
         left = np.floor((x - minimum) * values[at + STEPS_A_UNIT])
         left = least(left, system.input_points[place] - 2)
         fraction = (x - (minimum + left * values[at + STEP])) * values[at + STEPS_A_UNIT]
+        gather_terms(values, at + HEADER, left, terms, scratch)
         for term in range(terms):
-            here = gather(values, at + HEADER + term, left * terms)
-            there = gather(values, at + HEADER + terms + term, left * terms)
+            here, there = load(scratch.here, term, LANES), load(scratch.there, term, LANES)
             store(scratch.memberships, slot, here + fraction * (there - here))
             slot += 1
 
@@ -107,10 +119,10 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def grid_sums(values: Floats, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
+def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the sum of the aggregated heights on the grid, and area and moment below the lines between them.
 
-    The moment is about the centre of the universe.
+    The moment is about the centre of the universe. Terms that are zero at a point are left out there.
     """
     terms, points = system.output_terms, system.output_points
     by_point = system.output_values + HEADER + terms * points
@@ -119,9 +131,9 @@ def grid_sums(values: Floats, system: Any, scratch: Any) -> tuple[Vector, Vector
     first, last = total, total
     for point in range(points):
         height = splat(0.0, LANES)
-        for term in range(terms):
-            height = most(least(spread(values, by_point, LANES), load(scratch.cuts, term, LANES)), height)
-            by_point += 1
+        for term in range(rules[system.reach + 2 * point], rules[system.reach + 2 * point + 1]):
+            membership = spread(values, by_point + terms * point + term, LANES)
+            height = most(least(membership, load(scratch.cuts, term, LANES)), height)
         first = height if point == 0 else first
         last = height
         total += height
@@ -131,36 +143,31 @@ def grid_sums(values: Floats, system: Any, scratch: Any) -> tuple[Vector, Vector
 
 
 @compiled(error_model="numpy", forceinline=True)
-def points_below(values: Floats, foot: int, direction: int, num_points: int, cut: Vector) -> Vector:
+def points_below(
+    values: Floats, foot: int, direction: int, num_points: int, cut: Vector, scratch: Any
+) -> Vector:
     """Return how many points of a flank lie below the cut, counted from its foot in a direction.
 
-    Whole blocks first, then by bisection of the next one. Of a flank without points the value before its foot
-    is read and not used.
+    Whole rows first, then one by one. Where the cut is above the peak of the flank, the number means nothing.
     """
     below = splat(0.0, LANES)
-    for point in range(BLOCK - 1, num_points, BLOCK):
+    for point in range(ROW - 1, num_points, ROW):
         below = select(spread(values, foot + direction * point, LANES) < cut, point + 1.0, below)
-    step = BLOCK // 2
-    while step > 0:
-        upper = below + step
-        height = gather(values, foot, direction * (least(upper, num_points) - 1.0))
-        below = select((upper <= num_points) & (height < cut), upper, below)
-        step //= 2
+    gather_rows(values, foot if direction > 0 else foot - ROW + 1, direction * below, ROW, scratch.here)
+    is_below = below >= 0.0
+    for point in range(ROW):
+        is_below &= load(scratch.here, point if direction > 0 else ROW - 1 - point, LANES) < cut
+        below += select(is_below, 1.0, 0.0)
     return below
 
 
 @compiled(error_model="numpy", forceinline=True)
-def heights_in(
-    values: Floats, system: Any, segment: Vector, fraction: Vector, scratch: Any
-) -> tuple[Vector, Vector, Vector]:
+def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the aggregated heights at the left end of a segment of the grid, inside it, and at the right."""
-    terms = system.output_terms
-    by_point = system.output_values + HEADER + terms * system.output_points
     left, inside, right = splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES)
     for term in range(terms):
         cut = load(scratch.cuts, term, LANES)
-        here = gather(values, by_point + term, segment * terms)
-        there = gather(values, by_point + terms + term, segment * terms)
+        here, there = load(scratch.here, term, LANES), load(scratch.there, term, LANES)
         left = most(least(here, cut), left)
         inside = most(least(here + fraction * (there - here), cut), inside)
         right = most(least(there, cut), right)
@@ -177,7 +184,7 @@ def neighbours(
     """
     start, end = splat(0.0, LANES), splat(1.0, LANES)
     for other in range(found):
-        is_here = load(scratch.segments, other, LANES) == segment
+        is_here = (load(scratch.segments, other, LANES) == segment) & (segment >= 0.0)
         if some(is_here):
             x, y = load(scratch.fractions, other, LANES), load(scratch.heights, other, LANES)
             is_left = is_here & (start < x) & (x <= fraction)
@@ -188,11 +195,9 @@ def neighbours(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
-    """Return the area and moment that the points inserted at cut crossings add to the grid's."""
+def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -> int:
+    """Write in which segment each flank is cut, -1 for none; return how many flanks are cut at all."""
     terms, points = system.output_terms, system.output_points
-    middle = 0.5 * (points - 1)
-    area, moment = splat(0.0, LANES), splat(0.0, LANES)
     found = 0
     for term in range(terms):
         cut = load(scratch.cuts, term, LANES)
@@ -200,23 +205,47 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
         peak = rules[system.rules + term]
         for side, direction in enumerate((1, -1)):  # the rising flank, then the falling one
             climb = peak if side == 0 else points - 1 - peak
-            below = points_below(values, row + side * (points - 1), direction, climb, cut)
+            below = points_below(values, row + side * (points - 1), direction, climb, cut, scratch)
             segment = side * (points - 2) + direction * (below - 1.0)
             crosses = (below > 0.0) & (cut <= values[row + peak])
             if some(crosses):
-                segment = select(crosses, segment, 0.0)
-                own = gather(values, row, segment)
-                rise = select(crosses, gather(values, row + 1, segment) - own, 1.0)
-                fraction = select(crosses, (cut - own) / rise, 0.0)
-                left, height, right = heights_in(values, system, segment, fraction, scratch)
-                start, left, end, right = neighbours(segment, fraction, left, right, found, scratch)
                 store(scratch.segments, found, select(crosses, segment, -1.0))
-                store(scratch.fractions, found, fraction)
-                store(scratch.heights, found, height)
+                scratch.cut_terms[found] = term
                 found += 1
-                triangle = 0.5 * ((end - start) * (height - left) - (fraction - start) * (right - left))
-                area += triangle
-                moment += triangle * (segment - middle + (start + fraction + end) / 3.0)
+    return found
+
+
+@compiled(error_model="numpy", forceinline=True)
+def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
+    """Return the area and moment that the points inserted at cut crossings add to the grid's."""
+    terms, points = system.output_terms, system.output_points
+    by_point = system.output_values + HEADER + terms * points
+    middle = 0.5 * (points - 1)
+    area, moment = splat(0.0, LANES), splat(0.0, LANES)
+    found = find_crossings(values, rules, system, scratch)
+    for flank in range(found):
+        term = scratch.cut_terms[flank]
+        segment = load(scratch.segments, flank, LANES)
+        crosses = segment >= 0.0
+        segment = most(segment, 0.0)
+        gather_terms(values, by_point, segment, terms, scratch)
+        own = load(scratch.here, term, LANES)
+        rise = select(crosses, load(scratch.there, term, LANES) - own, 1.0)
+        fraction = select(crosses, (load(scratch.cuts, term, LANES) - own) / rise, 0.0)
+        left, height, right = heights_in(terms, fraction, scratch)
+        store(scratch.fractions, flank, fraction)
+        store(scratch.lefts, flank, left)
+        store(scratch.heights, flank, height)
+        store(scratch.rights, flank, right)
+    for flank in range(found):
+        segment = load(scratch.segments, flank, LANES)
+        fraction = load(scratch.fractions, flank, LANES)
+        height = load(scratch.heights, flank, LANES)
+        left, right = load(scratch.lefts, flank, LANES), load(scratch.rights, flank, LANES)
+        start, left, end, right = neighbours(segment, fraction, left, right, flank, scratch)
+        triangle = 0.5 * ((end - start) * (height - left) - (fraction - start) * (right - left))
+        area += triangle
+        moment += triangle * (most(segment, 0.0) - middle + (start + fraction + end) / 3.0)
     return area, moment
 
 
@@ -240,7 +269,7 @@ def infer(
     system, room = layout[index], scratch[0]
     fuzzify(values, system, inputs, room)
     cut_terms(rules, system, room)
-    total, area, moment = grid_sums(values, system, room)
+    total, area, moment = grid_sums(values, rules, system, room)
     more_area, more_moment = crossing_triangles(values, rules, system, room)
     at = system.output_values
     centre, step = values[at + CENTRE], values[at + WIDTH_OF_STEP]

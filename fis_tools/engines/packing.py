@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.engines.vectors import ROW
 from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.model.membership import is_unimodal, sample_terms
 from fis_tools.model.validate import validate
@@ -25,7 +26,8 @@ MAX_TERMS = 16
 ANY = MAX_INPUTS * MAX_TERMS
 
 #: Where the numbers of one system lie. Of each input and of the output: how many terms and points, and where
-#: in a row of values its numbers begin; where in a row of rules the system's begin.
+#: in a row of values its numbers begin. Where in a row of rules the reach of the output's terms is told (for
+#: each point the first term above zero, and the one after the last), and where the rules begin.
 LAYOUT = np.dtype(
     [
         ("num_inputs", np.int64),
@@ -35,6 +37,7 @@ LAYOUT = np.dtype(
         ("output_terms", np.int64),
         ("output_points", np.int64),
         ("output_values", np.int64),
+        ("reach", np.int64),
         ("rules", np.int64),
     ],
     align=True,
@@ -58,7 +61,8 @@ class Packed:
     values : (n, V) float
         A row a controller: universes and sampled memberships.
     rules : (n, R) int
-        A row a controller: for each system the peak of each output term as an index of the universe, the
+        A row a controller: for each system, for each point of its output, the first term above zero and the
+        one after the last; the peak of each output term as an index of the universe, the
         bounds of each output term's rules, then the rules sorted by output term, each as the positions of
         its memberships in the concatenated input terms.
     cells : tuple of (rules, inputs) int arrays
@@ -102,9 +106,9 @@ def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
         terms, points = len(output.terms), output.num_points
         row.output_terms, row.output_points, row.output_values = terms, points, value
         value += HEADER + 2 * terms * points
-        row.rules = entry
-        entry += 2 * terms + 1 + len(system.rules) * len(system.inputs)
-    return layout, value, entry
+        row.reach, row.rules = entry, entry + 2 * points
+        entry = int(row.rules) + 2 * terms + 1 + len(system.rules) * len(system.inputs)
+    return layout, value + ROW, entry
 
 
 def _require_compilable(system: FuzzySystem) -> None:
@@ -185,6 +189,10 @@ def fill_output(
     """Write the output of n controllers: ends and default of shape (n,), memberships (n, terms, points)."""
     num_terms, num_points = int(row.output_terms), int(row.output_points)
     rules[:, row.rules : row.rules + num_terms] = terms.argmax(axis=2)
+    is_reached = terms > 0.0
+    first, last = is_reached.argmax(axis=1), num_terms - is_reached[:, ::-1].argmax(axis=1)
+    reach = np.stack([first, np.where(is_reached.any(axis=1), last, first)], axis=2)
+    _write(rules, int(row.reach), reach)
     at = int(row.output_values)
     values[:, at + CENTRE] = 0.5 * (low + high)
     values[:, at + WIDTH_OF_STEP] = (high - low) / (num_points - 1)
@@ -193,8 +201,8 @@ def fill_output(
     _write(values, at + HEADER + num_terms * num_points, terms.transpose(0, 2, 1))
 
 
-def _write(values: Floats, at: int, table: Floats) -> None:
-    """Write a table of each controller, shape (n, ...), into its row of values."""
+def _write(values: NDArray[Any], at: int, table: NDArray[Any]) -> None:
+    """Write a table of each controller, shape (n, ...), into its row."""
     flat = table.reshape(len(table), -1)
     values[:, at : at + flat.shape[1]] = flat
 

@@ -1,36 +1,43 @@
 """The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.engines.vectors`.
 
-Importing this module registers all of it with numba; `fis_tools.engines.compiled` does so before it compiles
-anything. LLVM has vectors of any width as values and maps them to the registers that a processor has.
+Importing this module registers all of it with numba. `fis_tools.engines.borrowed_code` adds what is borrowed,
+and `fis_tools.engines.compiled` imports both before it compiles anything. LLVM has vectors of any width as
+values and maps them to the registers that a processor has.
 """
 
 import operator
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numba
 import numpy as np
 
-try:
+from fis_tools.engines import vectors
+
+
+@contextmanager
+def needed_of_numba() -> Iterator[None]:
+    """Say which numba has what is imported inside, where the one at hand lacks it."""
+    try:
+        yield
+    except ImportError as error:
+        raise ImportError(
+            f"numba {numba.__version__} lacks what compiled vectors are made with ({error}); "
+            "they are tested with numba 0.68; install it: pip install 'numba>=0.62,<0.69'"
+        ) from error
+
+
+with needed_of_numba():
     from llvmlite import ir
     from numba import types
     from numba.core import cgutils
     from numba.core.errors import TypingError
-    from numba.core.imputils import lower_getattr_generic
-    from numba.core.typing.templates import AttributeTemplate, infer_getattr
     from numba.extending import lower_builtin, models, register_model, type_callable
-except ImportError as error:
-    raise ImportError(
-        f"numba {numba.__version__} lacks what compiled vectors are made with ({error}); "
-        "they are tested with numba 0.68; install it: pip install 'numba>=0.62,<0.69'"
-    ) from error
-
-from fis_tools.engines import vectors
 
 MOST_LANES = 64
 
-I1, I8, I32, I64, F64 = (*map(ir.IntType, (1, 8, 32, 64)), ir.DoubleType())
+I1, I32, I64, F64 = (*map(ir.IntType, (1, 32, 64)), ir.DoubleType())
 
 
 class VectorType(types.Type):
@@ -80,7 +87,7 @@ def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
     return found.pop() if found else types.float64
 
 
-def _typed(operation: Any, typer: Callable[..., Any]) -> None:
+def typed(operation: Any, typer: Callable[..., Any]) -> None:
     """Tell numba the type of an operation's result; a typer returns None for what does not concern it."""
     type_callable(operation)(lambda context: typer)
 
@@ -116,7 +123,7 @@ def _binary(
         one, other = (_as(context, builder, *pair, joint) for pair in zip(args, signature.args, strict=True))
         return emit(builder, one, other)
 
-    _typed(operation, typer)
+    typed(operation, typer)
     for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
         lower_builtin(operation, *kinds)(lower)
 
@@ -156,7 +163,7 @@ def _logic(operations: tuple[Any, ...], emit: Callable[[Any, Any, Any], Any]) ->
         return one if isinstance(one, MaskType) and one == other else None
 
     for operation in operations:
-        _typed(operation, typer)
+        typed(operation, typer)
         lower_builtin(operation, MaskType, MaskType)(
             lambda context, builder, signature, args: emit(builder, *args)
         )
@@ -168,7 +175,7 @@ _logic((operator.xor, operator.ixor), lambda builder, one, other: builder.xor(on
 
 
 def _unary(operation: Any, kind: type, emit: Callable[[Any, Any], Any]) -> None:
-    _typed(operation, lambda x: x if isinstance(x, kind) else None)
+    typed(operation, lambda x: x if isinstance(x, kind) else None)
     lower_builtin(operation, kind)(lambda context, builder, signature, args: emit(builder, args[0]))
 
 
@@ -211,7 +218,7 @@ def _lower_select(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.select(args[0], one, other)
 
 
-_typed(vectors.select, _select_type)
+typed(vectors.select, _select_type)
 lower_builtin(vectors.select, types.Any, types.Any, types.Any)(_lower_select)
 
 
@@ -226,7 +233,7 @@ def _extreme(operation: Any, symbol: str) -> None:
         one, other = (_as(context, builder, *pair, signature.return_type) for pair in pairs)
         return _chosen_by(symbol)(builder, one, other)
 
-    _typed(operation, _joint)
+    typed(operation, _joint)
     lower_builtin(operation, types.Any, types.Any)(lower)
 
 
@@ -250,7 +257,7 @@ def _vector_in(operation: Any, *kinds: Any) -> Callable[[Any], Any]:
     return register
 
 
-_typed(vectors.splat, lambda value, width: VectorType(_width_of(width)))
+typed(vectors.splat, lambda value, width: VectorType(_width_of(width)))
 
 
 @_vector_in(vectors.splat, types.Number)
@@ -270,7 +277,7 @@ def _is_of_floats(array: Any, most_dimensions: int) -> bool:
     return True
 
 
-def _members(kind: Any) -> tuple[Any, ...] | None:
+def members(kind: Any) -> tuple[Any, ...] | None:
     """Return the types of what a tuple holds; None of what is none."""
     held: tuple[Any, ...] = getattr(kind, "types", ())
     return held if isinstance(kind, types.BaseTuple) else None
@@ -278,7 +285,7 @@ def _members(kind: Any) -> tuple[Any, ...] | None:
 
 def _is_place(array: Any, at: Any) -> bool:
     """Tell whether an index is one of whole numbers; others than lead to an element or a row are refused."""
-    kinds = _members(at) or (at,)
+    kinds = members(at) or (at,)
     if not all(isinstance(kind, types.Integer) for kind in kinds):
         return False
     if len(kinds) != array.ndim and not (at is kinds[0] and array.ndim == 2):
@@ -289,7 +296,7 @@ def _is_place(array: Any, at: Any) -> bool:
 def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
     """Return the pointer to the element of an array that an index leads to."""
     whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
-    kinds = _members(index)
+    kinds = members(index)
     pairs = [(at, index)]
     if kinds is not None:
         pairs = list(zip(cgutils.unpack_tuple(builder, at, len(kinds)), kinds, strict=True))
@@ -308,7 +315,7 @@ def _load_type(array: Any, at: Any, width: Any) -> Any:
     return VectorType(_width_of(width))
 
 
-_typed(vectors.load, _load_type)
+typed(vectors.load, _load_type)
 
 
 @_vector_in(vectors.load, types.Array, types.Any)
@@ -323,7 +330,7 @@ def _spread_type(array: Any, at: Any, width: Any) -> Any:
     return VectorType(_width_of(width))
 
 
-_typed(vectors.spread, _spread_type)
+typed(vectors.spread, _spread_type)
 
 
 @_vector_in(vectors.spread, types.Array, types.Integer)
@@ -337,7 +344,7 @@ def _store_type(array: Any, at: Any, vector: Any) -> Any:
     return types.none if is_possible else None
 
 
-_typed(vectors.store, _store_type)
+typed(vectors.store, _store_type)
 
 
 @lower_builtin(vectors.store, types.Array, types.Any, VectorType)
@@ -355,7 +362,7 @@ def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
     return offsets if is_possible else None
 
 
-_typed(vectors.gather, _gather_type)
+typed(vectors.gather, _gather_type)
 
 
 @lower_builtin(vectors.gather, types.Array, types.Integer, VectorType)
@@ -372,11 +379,77 @@ def _lower_gather(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return found
 
 
+def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -> Any:
+    is_possible = (
+        _is_of_floats(array, 1)
+        and _is_of_floats(out, 2)
+        and isinstance(at, types.Integer)
+        and isinstance(offsets, VectorType)
+        and isinstance(count, types.Integer)
+    )
+    return types.none if is_possible else None
+
+
+typed(vectors.gather_rows, _gather_rows_type)
+
+
+@lower_builtin(vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array)
+def _lower_gather_rows(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    array, at, offsets, count, out = args
+    lanes, size = offsets.type.count, vectors.ROW
+    row = ir.VectorType(F64, size)
+    first = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    whole = builder.fptosi(offsets, ir.VectorType(I64, lanes))
+    groups = []
+    for group in range(0, lanes, size):
+        places = [
+            builder.gep(first, [builder.extract_element(whole, I32(lane % lanes))])
+            for lane in range(group, group + size)
+        ]
+        loaded = [builder.load(builder.bitcast(place, row.as_pointer()), align=8) for place in places]
+        groups.append(_transposed(builder, loaded))
+    wanted = context.cast(builder, count, signature.args[3], types.intp)
+    for place in range(size):
+        with builder.if_then(builder.icmp_signed("<", I64(place), wanted)):
+            vector = _beside(builder, [group[place] for group in groups], lanes)
+            to = _place(context, builder, signature.args[4], out, I64(place), types.intp)
+            builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
+    return context.get_dummy_value()
+
+
+def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """Return the columns of a square, by exchanging blocks off the diagonal: of one, of two, of four."""
+    size, stride = len(rows), 1
+    while stride < size:
+        upper = [k if k & stride == 0 else size + k - stride for k in range(size)]
+        lower = [k + stride if k & stride == 0 else size + k for k in range(size)]
+        for k in range(size):
+            if k & stride == 0:
+                pair = rows[k], rows[k + stride]
+                for place, chosen in ((k, upper), (k + stride, lower)):
+                    rows[place] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(I32, size), chosen))
+        stride *= 2
+    return rows
+
+
+def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
+    """Return vectors of one width one after another as one, or the first lanes of a single one."""
+    while len(parts) > 1:
+        both = 2 * parts[0].type.count
+        chosen = ir.Constant(ir.VectorType(I32, both), list(range(both)))
+        parts = [builder.shuffle_vector(*pair, chosen) for pair in zip(parts[::2], parts[1::2], strict=True)]
+    if parts[0].type.count == lanes:
+        return parts[0]
+    return builder.shuffle_vector(
+        parts[0], parts[0], ir.Constant(ir.VectorType(I32, lanes), list(range(lanes)))
+    )
+
+
 def _of_vector(operation: Any, kind: type, result: Any) -> Callable[[Any], Any]:
     """Register an operation that makes a scalar of a vector or a mask."""
 
     def register(emit: Any) -> Any:
-        _typed(operation, lambda x: result if isinstance(x, kind) else None)
+        typed(operation, lambda x: result if isinstance(x, kind) else None)
         lower_builtin(operation, kind)(lambda context, builder, signature, args: emit(builder, args[0]))
         return emit
 
@@ -435,91 +508,3 @@ def _power_of_two(builder: Any, exponent: Any) -> Any:
 
 
 _unary(vectors.power_of_two, VectorType, _power_of_two)
-
-
-# What is borrowed: arrays whose references are not counted, tuples of them as one pointer
-
-
-class BorrowedType(types.Type):
-    """A named tuple that somebody further up holds, as a pointer to its values."""
-
-    def __init__(self, held: Any) -> None:
-        self.held = held
-        super().__init__(name=f"Borrowed({held.name})")
-
-
-@register_model(BorrowedType)
-class _BorrowedModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: BorrowedType) -> None:
-        super().__init__(manager, kind, I8.as_pointer())
-
-
-def _borrowed_type(kind: Any) -> Any:
-    if isinstance(kind, types.BaseNamedTuple):
-        return BorrowedType(kind)
-    held = _members(kind)
-    return kind if held is None else types.Tuple([_borrowed_type(member) for member in held])
-
-
-def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, types.Array):
-        array = cgutils.create_struct_proxy(kind)(context, builder, value=value)
-        for owner in ("meminfo", "parent"):
-            setattr(array, owner, ir.Constant(getattr(array, owner).type, None))
-        return array._getvalue()
-    for place, member in enumerate(_members(kind) or ()):
-        part = _uncounted(context, builder, member, builder.extract_value(value, place))
-        value = builder.insert_value(value, part, place)
-    return value
-
-
-def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """Return a value as `_borrowed_type` says; what is in a named tuple is put where a pointer leads."""
-    if isinstance(kind, types.BaseNamedTuple):
-        place = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
-        return builder.bitcast(place, I8.as_pointer())
-    if _members(kind) is None:
-        return _uncounted(context, builder, kind, value)
-    parts = [
-        _lent(context, builder, member, builder.extract_value(value, place))
-        for place, member in enumerate(_members(kind) or ())
-    ]
-    return context.make_tuple(builder, _borrowed_type(kind), parts)
-
-
-def _lower_borrowed(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    return _lent(context, builder, signature.args[0], args[0])
-
-
-_typed(vectors.borrowed, _borrowed_type)
-lower_builtin(vectors.borrowed, types.Any)(_lower_borrowed)
-
-
-@infer_getattr
-class _BorrowedAttributes(AttributeTemplate):
-    key = BorrowedType
-
-    def generic_resolve(self, kind: BorrowedType, name: str) -> Any:  # type: ignore[override]
-        if name in kind.held.fields:
-            return _borrowed_type(kind.held.types[kind.held.fields.index(name)])
-        return None
-
-
-@cache
-def _offset(context: Any, held: Any, place: int) -> int:
-    """Return how many bytes into a tuple's values one of them lies."""
-    values, data = context.get_value_type(held), context.target_data
-    if isinstance(values, ir.ArrayType):  # all are of one type
-        return place * int(values.element.get_abi_size(data))
-    return int(values.get_element_offset(data, place))
-
-
-@lower_getattr_generic(BorrowedType)
-def _lower_borrowed_attribute(context: Any, builder: Any, kind: BorrowedType, value: Any, name: str) -> Any:
-    place = kind.held.fields.index(name)
-    member = kind.held.types[place]
-    there = builder.gep(value, [I64(_offset(context, kind.held, place))])
-    if isinstance(member, types.BaseNamedTuple):
-        return there
-    found = builder.load(builder.bitcast(there, context.get_value_type(member).as_pointer()))
-    return _lent(context, builder, member, found)

@@ -23,6 +23,9 @@ Mask = Any
 #: Where in an array a vector begins.
 Place = int | tuple[int, ...]
 
+#: elements that `gather_rows` reads from each offset on
+ROW = 8
+
 #: bytes that processors fetch at once, most of them
 CACHE_LINE = 64
 
@@ -76,6 +79,17 @@ def gather(array: Floats, at: int, offsets: Vector) -> Vector:
     """
     whole: NDArray[np.int64] = np.trunc(offsets).astype(np.int64)
     return array[at + whole].view(Lanes)
+
+
+def gather_rows(array: Floats, at: int, offsets: Vector, count: int, out: Floats) -> None:
+    """Write up to `ROW` consecutive elements from each offset on: the k-th of each lane to ``out[k]``.
+
+    It equals `gather` from `at`, from ``at + 1`` and so on, and takes about as long as two of them. `out` has
+    the shape (n, width), n not less than `count`. Compiled code reads `ROW` elements from each offset on,
+    whatever the count, and does not check that they lie inside the array.
+    """
+    for row in range(count):
+        out[row] = gather(array, at + row, offsets)
 
 
 def select(mask: Mask, one: Vector, other: Vector) -> Vector:

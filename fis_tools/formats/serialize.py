@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from fis_tools.formats.error import ControllerFileError
-from fis_tools.formats.exchange import fcl_reading, fis, fll, fml
-from fis_tools.formats.exchange.carried import Reading
+from fis_tools.formats.exchange.files import Reading
 from fis_tools.formats.own import json, yaml
 from fis_tools.formats.own.mapping import SCHEMA, SCHEMA_VERSION, from_mapping, to_mapping
 from fis_tools.formats.own.plain import MAX_FILE_BYTES, MAX_JSON_BYTES, Unreadable
@@ -51,12 +50,6 @@ ENDINGS = tuple(_KINDS)
 _PLAIN_READERS: dict[Kind, Callable[[str], Any]] = {"json": json.read, "yaml": yaml.read}
 #: Kinds that say nothing of the letters they are written in.
 _LATIN = ("fis", "fll", "fcl")
-_FOREIGN_READERS: dict[Kind, Callable[[str], Reading]] = {
-    "fis": fis.read,
-    "fll": fll.read,
-    "fml": fml.read,
-    "fcl": fcl_reading.read,
-}
 
 
 def dump_json(controller: FuzzyController) -> str:
@@ -163,10 +156,17 @@ def loads(text: str, kind: Kind) -> FuzzyController:
 
 def reads(text: str, kind: Kind) -> Reading:
     """Read a controller from text, and tell what the text does not state; parameters as for `loads`."""
-    if kind in _FOREIGN_READERS:
-        return _FOREIGN_READERS[kind](text)
+    if kind not in _PLAIN_READERS:
+        return _read_foreign(text, kind)
     try:
         mapping = _PLAIN_READERS[kind](text)
     except Unreadable as error:
         raise ControllerFileError(str(error)) from error
     return Reading(from_mapping(mapping), ())
+
+
+def _read_foreign(text: str, kind: Kind) -> Reading:
+    from fis_tools.formats.exchange import fcl_reading, fis, fll, fml  # noqa: PLC0415 - few files need them
+
+    readers = {"fis": fis.read, "fll": fll.read, "fml": fml.read, "fcl": fcl_reading.read}
+    return readers[kind](text)

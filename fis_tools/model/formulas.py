@@ -15,8 +15,8 @@ import numpy as np
 from fis_tools.model.numbers import Number
 from fis_tools.model.shape import Floats, shape
 
-#: Characters of a formula, and how deep its parts may be nested.
-MOST_CHARACTERS = 1000
+#: Numbers, names and signs of a formula, and how deep its parts may be nested.
+MOST_WORDS = 300
 DEEPEST = 50
 
 FUNCTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
@@ -146,14 +146,14 @@ def parse(text: str) -> Part:
     NotAFormula
         If it is none.
     """
-    if len(text) > MOST_CHARACTERS:
-        raise NotAFormula(f"the formula has {len(text)} characters; at most {MOST_CHARACTERS} are read")
     tokens, place = [], 0
     while text[place:].strip():
         found = _TOKEN.match(text, place)
         if found is None:
             raise NotAFormula(f"the formula {text[:40]!r} has {text[place:].strip()[0]!r}, which is not read")
         tokens.append((str(found.lastgroup), found[found.lastgroup or 0]))
+        if len(tokens) > MOST_WORDS:
+            raise NotAFormula(f"the formula has more than {MOST_WORDS} numbers, names and signs")
         place = found.end()
     parser = _Parser(text, tokens)
     whole = parser.sum(0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays, shapley
+from fis_tools.analysis import arrays, coalitions
 from fis_tools.analysis.flights import FlownSystem
 from fis_tools.engines.inference import Floats
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable
@@ -59,7 +59,7 @@ def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int
 
 def quadrature_data(systems: Sequence[FuzzySystem]) -> list[str]:
     """Return chances and weights with which the shares of so many rules are integrated exactly."""
-    nodes, weights = shapley.quadrature(max(len(system.rules) for system in systems))
+    nodes, weights = coalitions.quadrature(max(len(system.rules) for system in systems))
     return [_doubles(nodes), _doubles(weights)]
 
 

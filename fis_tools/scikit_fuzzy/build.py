@@ -123,6 +123,20 @@ def _build_expression(expression: Expression, inputs: dict[str, Any]) -> Any:
             return reduce(or_, [_build_expression(operand, inputs) for operand in operands])
 
 
+class _Sorted(control.ControlSystem):  # type: ignore[misc]
+    """A control system that has sorted its rules; scikit-fuzzy's sorts them anew for every sample."""
+
+    def __init__(self, plain: control.ControlSystem) -> None:
+        super().__init__()
+        self.graph = plain.graph
+        self._rules = list(plain.rules)
+
+    @property
+    def rules(self) -> list[control.Rule]:
+        """Rules in the order of calculation."""
+        return self._rules
+
+
 class ReferenceEngine:
     """Inference by scikit-fuzzy's own ``compute()``: slow, and the definition of what is right.
 
@@ -136,7 +150,7 @@ class ReferenceEngine:
         self.system = system
         # Flushing inside `compute` would take the cuts away before `_fires` can look at them.
         self._simulation = control.ControlSystemSimulation(
-            build_control_system(system), flush_after_run=2 * RUNS_KEPT
+            _Sorted(build_control_system(system)), flush_after_run=2 * RUNS_KEPT
         )
         self._runs = 0
         self._outputs = {variable.label: variable for variable in self._simulation.ctrl.consequents}

@@ -26,7 +26,7 @@ from pipeline.settings.schema import experiment_from
 OK, FAULT, MISTAKE = 0, 1, 2
 
 #: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
-OWN_GROUPS = {"record": ("telemetry",), "assure": ("assurance",), "report": ("report",)}
+OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
 
 
 def sentence(error: Exception) -> str:
@@ -208,7 +208,9 @@ def check_before(experiment: Experiment) -> None:
         _check_requirements(experiment.assurance.requirements)
     if "optimum" in experiment.stages:
         from pipeline.optimum.account import check_points  # noqa: PLC0415 - compiled code, like the controller's
+        from pipeline.optimum.problem import check_light  # noqa: PLC0415 - the same
 
+        check_light(experiment.mission)
         check_points(experiment.mission, experiment.optimum.points)
     if "evaluate" in experiment.stages:
         from pipeline.optimum.solved import IncomparableError, solved_for  # noqa: PLC0415 - the same

@@ -20,9 +20,9 @@ from pipeline.flight.stepping import NUM_SEEN
 Floats = NDArray[np.float64]
 
 MOST_BYTES = 16 << 20
-#: of which the constants change what is added and multiplied
-ARITHMETIC = ("Add", "Sub", "Mul", "Div")
-OPERATORS = (*ARITHMETIC, "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
+OPERATORS = ("Add", "Sub", "Mul", "Div", "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
+#: attributes that are read; operators of early versions of the format have others
+ATTRIBUTES = {"Flatten": {"axis"}, "Gemm": {"alpha", "beta", "transA", "transB"}}
 #: in the words of the format
 FLOAT, DOUBLE, EXTERNAL = 1, 11, 1
 
@@ -105,8 +105,9 @@ class _Chain:
     def scale(self, factor: Floats, added: Floats) -> None:
         """Go on number by number."""
         width = len(self.added)
-        if not all(values.size in (1, width) for values in (factor, added)):
-            raise _UnreadableError(f"{max(factor.size, added.size)} constants follow {width} numbers")
+        for values in (factor, added):
+            if values.size not in (1, width) or values.shape[-1:] not in ((), (values.size,)):
+                raise _UnreadableError(f"constants of shape {values.shape} follow {width} numbers")
         factor, added = factor.reshape(-1), added.reshape(-1)
         self.weights, self.added = self.weights * factor, self.added * factor + added
 
@@ -124,7 +125,13 @@ def _network(graph: Any) -> Network:
             raise _UnreadableError(
                 f"it has the operator {node.op_type}; only a chain of {', '.join(OPERATORS)} is flown"
             )
-        if now not in node.input or not all(name == now or name in constants for name in node.input if name):
+        told = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
+        if told:
+            raise _UnreadableError(
+                f"its operator {node.op_type} has the attribute {min(told)!r}; use opset 13 or later"
+            )
+        is_chain = list(node.input).count(now) == 1 and len(node.output) == 1
+        if not is_chain or not all(name == now or name in constants for name in node.input if name):
             raise _UnreadableError(f"its operator {node.op_type} does not take the numbers of the one before")
         values = [None if name == now or not name else constants[name] for name in node.input]
         _follow(chain, node, values)
@@ -169,17 +176,15 @@ def _follow(chain: _Chain, node: Any, values: Sequence[Floats | None]) -> None:
     """Go on by a node; None stands for the numbers of the one before."""
     one = np.ones(1)
     match node.op_type, values:
-        case "Identity" | "Flatten", _:
+        case "Identity" | "Flatten", _ if all(axis.i == 1 for axis in node.attribute):
             pass
         case "Tanh", _:
             chain.close(TANH)
         case "Relu", _:
             chain.close(CLIPPED, 0.0, np.inf)
-        case "Clip", [None, *limits]:
-            low, high = (*limits, None, None)[:2]
-            chain.close(
-                CLIPPED, -np.inf if low is None else low.item(), np.inf if high is None else high.item()
-            )
+        case "Clip", [None, *limits] if all(limit is None or limit.size == 1 for limit in limits):
+            low, high = (None if limit is None else limit.item() for limit in (*limits, None, None)[:2])
+            chain.close(CLIPPED, -np.inf if low is None else low, np.inf if high is None else high)
         case "MatMul", [None, np.ndarray() as matrix]:
             chain.multiply(matrix)
         case "Gemm", [None, np.ndarray() as matrix, *bias]:

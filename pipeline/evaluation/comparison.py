@@ -175,7 +175,7 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
         row.controller + mark,
         "-" if row.rules is None else str(row.rules),
         mean(row, "delta_v_m_s", 3),
-        mean(row, "inspection_rate_percent", 2),
+        rate(row),
         share(row, "success"),
         share(row, "violated"),
         f"{row.times['times_optimum']['mean']:.1f}" if row.times else "",
@@ -187,6 +187,15 @@ def mean(row: ComparisonRow, name: str, places: int) -> str:
     """Return a mean with its standard deviation."""
     told = row.summary[name]
     return f"{told['mean']:.{places}f} ± {told['standard_deviation']:.{places}f}"
+
+
+def rate(row: ComparisonRow) -> str:
+    """Return the inspection rate, and that of the points that are ever lit where some are not."""
+    told, of_lit = row.summary["inspection_rate_percent"], row.summary.get("inspectable_rate_percent")
+    words = mean(row, "inspection_rate_percent", 2)
+    if of_lit is None or of_lit["mean"] == told["mean"]:
+        return words
+    return f"{words}, of lit {of_lit['mean']:.2f}"
 
 
 def share(row: ComparisonRow, name: str) -> str:

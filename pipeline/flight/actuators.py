@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Actuators, Mission
+from pipeline.flight.processes import in_time, varies
+from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
@@ -69,14 +69,19 @@ class ThrustErrors(NamedTuple):
 
     Attributes
     ----------
-    matrices : (m, 3, 3)
-        That turn a command into what is fired, but for impulses and limits.
+    matrices : (m, K or 1, 3, 3)
+        That turn a command into what is fired, but for impulses and limits, in each control period or in all.
     arms : (m, 3)
         Where the thrust acts, from the centre of mass, m, body axes.
     """
 
     matrices: Floats
     arms: Floats
+
+
+#: of those that fire what they are told
+NO_THRUSTERS = Thrusters(0, 0.0, 0.0, np.inf, -1.0, np.zeros((0, 6)), np.zeros((0, 7)))
+NO_ERRORS = ThrustErrors(np.zeros((0, 1, 3, 3)), np.zeros((0, 3)))
 
 
 def thrusters_of(mission: Mission) -> Thrusters:
@@ -105,6 +110,8 @@ def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]
 
 def _division(layout: Floats, direction: Floats) -> Floats:
     """Return the forces of least sum that push by a newton along a direction, turning as little as can be."""
+    from scipy.optimize import linprog  # noqa: PLC0415 - takes longer to import than a flight takes
+
     count = len(layout)
     # the torque that is left has two parts not below zero about each axis, at a price above any thrust's
     forces = np.hstack([layout[:, :3].T, np.zeros((3, 6))])
@@ -126,13 +133,28 @@ def turns_by_thrust(mission: Mission) -> bool:
     return actuators.kind == "real" and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None)
 
 
-def thrust_errors(actuators: Actuators, scenarios: list[Scenario]) -> ThrustErrors:
+def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
     """Draw the errors of some flights; the turn of a matrix is linear in the angle, which is small."""
-    matrices, arms = np.empty((len(scenarios), 3, 3)), np.empty((len(scenarios), 3))
+    actuators, keys = mission.actuators, ("actuators.scale_error", "actuators.misalignment_deg")
+    num_matrices = mission.num_controls if varies(mission, *keys) else 1
+    matrices, arms = np.empty((len(scenarios), num_matrices, 3, 3)), np.empty((len(scenarios), 3))
     for case, scenario in enumerate(scenarios):
         generator = scenario.generator(THRUSTERS)
-        scale = 1.0 + actuators.scale_error * generator.standard_normal(3)
-        a, b, c = np.radians(actuators.misalignment_deg) * generator.standard_normal(3)
-        matrices[case] = np.array([[1.0, -c, b], [c, 1.0, -a], [-b, a, 1.0]]) * scale[:, np.newaxis]
+        scale = actuators.scale_error * generator.standard_normal(3)
+        turn = np.radians(actuators.misalignment_deg) * generator.standard_normal(3)
         arms[case] = actuators.thrust_arm_m * generator.standard_normal(3)
+        scales, turns = (
+            in_time(mission, key, scenario, constant)[:num_matrices]
+            for key, constant in zip(keys, (scale, turn), strict=True)
+        )
+        matrices[case] = _turned(turns) * (1.0 + scales)[:, :, np.newaxis]
     return ThrustErrors(matrices, arms)
+
+
+def _turned(turns: Floats) -> Floats:
+    """Return matrices, shape (N, 3, 3), that turn by small angles about each axis, shape (N, 3), rad."""
+    found = np.tile(np.eye(3), (len(turns), 1, 1))
+    for axis in range(3):
+        after, last = (axis + 1) % 3, (axis + 2) % 3
+        found[:, last, after], found[:, after, last] = turns[:, axis], -turns[:, axis]
+    return found

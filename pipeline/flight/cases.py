@@ -7,12 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.actuators import ThrustErrors, Thrusters, thrust_errors, thrusters_of
+from pipeline.flight.actuators import (
+    NO_ERRORS,
+    NO_THRUSTERS,
+    ThrustErrors,
+    Thrusters,
+    thrust_errors,
+    thrusters_of,
+)
+from pipeline.flight.drag import drag_in_time
 from pipeline.flight.kernel.actuators import Firing
 from pipeline.flight.kernel.arrays import CASE
-from pipeline.flight.kernel.navigation import Fixes
+from pipeline.flight.kernel.navigation import Departures, Fixes
 from pipeline.flight.log import Scenario
-from pipeline.flight.navigation import Errors, Filter, errors_of, filter_of
+from pipeline.flight.navigation import ALWAYS_RIGHT, NO_FILTER, Errors, Filter, errors_of, filter_of
+from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -33,12 +42,15 @@ class Cases:
         None where the deputy knows its place.
     thrusters : (Thrusters, ThrustErrors), optional
         None where they fire what they are told.
+    drag : (m, K, 3) array
+        As in `pipeline.flight.drag.drag_in_time`.
     """
 
     starts: Starts
     num_controls: int
     navigation: tuple[Filter, Errors] | None
     thrusters: tuple[Thrusters, ThrustErrors] | None
+    drag: Floats
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -56,14 +68,19 @@ class Cases:
             starts=each(self.starts).view(np.recarray),
             navigation=navigation and (navigation[0], Errors(*map(each, navigation[1]))),
             thrusters=thrusters and (thrusters[0], ThrustErrors(*map(each, thrusters[1]))),
+            drag=each(self.drag),
         )
 
-    def fixes(self) -> Fixes | None:
-        """Return navigation as one thread flies it."""
-        if self.navigation is None:
+    def departures(self, course: Course) -> Departures | None:
+        """Return what one thread flies that the deputies do not know; None where there is nothing."""
+        if self.navigation is None and self.thrusters is None and not course.is_on:
             return None
-        law, errors = self.navigation
+        return Departures(self._fixes(), self._firing(), course._replace(varying=self.drag))
+
+    def _fixes(self) -> Fixes:
+        law, errors = self.navigation or (NO_FILTER, ALWAYS_RIGHT)
         return Fixes(
+            self.navigation is not None,
             *law,
             *errors,
             filtered=np.zeros((6, LANES)),
@@ -79,13 +96,11 @@ class Cases:
             acting=np.zeros((self.num_controls, 3, LANES)),
         )
 
-    def firing(self) -> Firing | None:
-        """Return the thrusters as one thread flies them."""
-        if self.thrusters is None:
-            return None
-        law, errors = self.thrusters
+    def _firing(self) -> Firing:
+        law, errors = self.thrusters or (NO_THRUSTERS, NO_ERRORS)
         commands = np.zeros((self.num_controls, 3, LANES))
         return Firing(
+            self.thrusters is not None,
             *law,
             *errors,
             commands,
@@ -111,5 +126,6 @@ def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
         law = filter_of(mission)
         navigation = law, errors_of(mission, scenarios)
     if mission.actuators.kind == "real":
-        thrusters = thrusters_of(mission), thrust_errors(mission.actuators, scenarios)
-    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters)
+        thrusters = thrusters_of(mission), thrust_errors(mission, scenarios)
+    drag = drag_in_time(mission, scenarios)
+    return Cases(starts_of(scenarios), mission.num_controls, navigation, thrusters, drag)

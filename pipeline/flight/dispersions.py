@@ -2,6 +2,7 @@
 
 A case draws from its own seed, ``SeedSequence(seed, spawn_key=(stage, case))``, after its direction, distance
 and Sun and in the order of the sorted keys, so that whoever knows the case finds the same settings again.
+What varies within a flight is drawn where it is flown, see `pipeline.flight.processes`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 
 from pipeline.flight.log import Scenario
 from pipeline.settings.checks import SettingError
-from pipeline.settings.dispersions import distributions
+from pipeline.settings.dispersions import distributions, in_time_alone
 from pipeline.settings.experiment import Mission
 
 #: keys with the values of one case, sorted
@@ -46,7 +47,7 @@ def drawn(mission: Mission, scenario: Scenario) -> Drawn:
 
 
 def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
-    """Return the mission that a case flies, without dispersions.
+    """Return the mission that a case flies, with no dispersions but what varies within the flight.
 
     Raises
     ------
@@ -65,7 +66,9 @@ def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mis
 
 
 def _with(mission: Mission, values: Drawn) -> Mission:
-    changes: dict[str, Any] = {"dispersions": {}}
+    if not values:
+        return mission
+    changes: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
     for key, value in values:
         group, _, name = key.rpartition(".")
         if group:

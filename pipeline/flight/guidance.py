@@ -11,7 +11,7 @@ two agree to rounding unless two distances tie. Clusters are warm: each step sta
 step before.
 
 Compiled functions take candidates as an array of shape (3, P), one row an axis, of which the first
-`num_candidates` columns count; they allocate nothing but what they return.
+`num_candidates` columns count and P is a multiple of `POINTS`; they allocate nothing but what they return.
 """
 
 from math import sqrt
@@ -20,10 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.vectors import load, select, store
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
+#: inspection points that are looked at together
+POINTS = 8
 #: candidates a cluster, at most, on average
 CLUSTER_SIZE = 10
 MAX_ITERATIONS = 50
@@ -48,20 +50,22 @@ def _assign(
     centres: Floats,
     first: int,
     last: int,
-    labels: Integers,
+    labels: Floats,
     distances: Floats,
 ) -> None:
     """Give candidates to the centres `first` to `last - 1` where these are nearer than `distances` say."""
-    for j in range(first, last):
-        x, y, z = centres[j, 0], centres[j, 1], centres[j, 2]
-        for i in range(num_candidates):
-            dx = candidates[0, i] - x
-            dy = candidates[1, i] - y
-            dz = candidates[2, i] - z
+    for i in range(0, num_candidates, POINTS):
+        px = load(candidates, (0, i), POINTS)
+        py = load(candidates, (1, i), POINTS)
+        pz = load(candidates, (2, i), POINTS)
+        nearest, label = load(distances, i, POINTS), load(labels, i, POINTS)
+        for j in range(first, last):
+            dx, dy, dz = px - centres[j, 0], py - centres[j, 1], pz - centres[j, 2]
             distance = dx * dx + dy * dy + dz * dz
-            if distance < distances[i]:
-                distances[i] = distance
-                labels[i] = j
+            is_nearer = distance < nearest
+            nearest, label = select(is_nearer, distance, nearest), select(is_nearer, float(j), label)
+        store(distances, i, nearest)
+        store(labels, i, label)
 
 
 @compiled
@@ -71,7 +75,7 @@ def start_centres(
     position_h: Floats,
     centres: Floats,
     num_centres: int,
-    labels: Integers,
+    labels: Floats,
     distances: Floats,
 ) -> int:
     """Fill up the centres that clustering starts from, in place.
@@ -103,7 +107,7 @@ def start_centres(
     wanted = num_clusters(num_candidates)
     ready = min(num_centres, wanted)
     if ready < wanted:
-        distances[:num_candidates] = np.inf
+        distances[:] = np.inf
         _assign(candidates, num_candidates, centres, 0, ready, labels, distances)
     for j in range(ready, wanted):
         chosen = 0
@@ -133,7 +137,7 @@ def start_centres(
 
 
 @compiled
-def _is_same(labels: Integers, labels_before: Integers, num_candidates: int) -> bool:
+def _is_same(labels: Floats, labels_before: Floats, num_candidates: int) -> bool:
     """Tell whether the assignments of two passes agree."""
     num_different = 0
     for i in range(num_candidates):
@@ -142,11 +146,11 @@ def _is_same(labels: Integers, labels_before: Integers, num_candidates: int) -> 
 
 
 @compiled
-def _sum_up(candidates: Floats, num_candidates: int, labels: Integers, sums: Floats, wanted: int) -> bool:
+def _sum_up(candidates: Floats, num_candidates: int, labels: Floats, sums: Floats, wanted: int) -> bool:
     """Sum the coordinates of each cluster and count it, in place, and tell whether one is empty."""
     sums[:wanted] = 0.0
     for i in range(num_candidates):
-        j = labels[i]
+        j = int(labels[i])
         sums[j, 0] += candidates[0, i]
         sums[j, 1] += candidates[1, i]
         sums[j, 2] += candidates[2, i]
@@ -159,7 +163,7 @@ def _sum_up(candidates: Floats, num_candidates: int, labels: Integers, sums: Flo
 
 @compiled
 def _relocate_empty_clusters(
-    candidates: Floats, num_candidates: int, labels: Integers, distances: Floats, sums: Floats, wanted: int
+    candidates: Floats, num_candidates: int, labels: Floats, distances: Floats, sums: Floats, wanted: int
 ) -> None:
     """Move every empty cluster to the candidate farthest from its centre that is not yet taken, in place."""
     if distances[:num_candidates].max() == 0.0:
@@ -175,7 +179,7 @@ def _relocate_empty_clusters(
             if distances[i] > distances[farthest]:
                 farthest = i
         distances[farthest] = -1.0
-        donor = labels[farthest]
+        donor = int(labels[farthest])
         for axis in range(3):
             sums[donor, axis] -= candidates[axis, farthest]
             sums[j, axis] = candidates[axis, farthest]
@@ -221,7 +225,7 @@ def cluster_centres(
     position_h: Floats,
     centres: Floats,
     num_centres: int,
-    labels: Integers,
+    labels: Floats,
     distances: Floats,
     sums: Floats,
 ) -> int:
@@ -242,7 +246,7 @@ def cluster_centres(
         In and out, m, Hill axes, ``C >= ceil(P/10)``.
     num_centres : int
         How many the last step had.
-    labels : array of int, shape (2, P)
+    labels : array, shape (2, P)
         Overwritten.
     distances : array, shape (P,)
         Overwritten.
@@ -265,7 +269,7 @@ def cluster_centres(
     start_centres(candidates, num_candidates, position_h, centres, num_centres, labels[0], distances)
     for iteration in range(MAX_ITERATIONS):
         now = labels[iteration % 2]
-        distances[:num_candidates] = np.inf
+        distances[:] = np.inf
         _assign(candidates, num_candidates, centres, 0, wanted, now, distances)
         if iteration > 0 and _is_same(now, labels[1 - iteration % 2], num_candidates):
             break

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
+from pipeline.flight.processes import in_time, varies
 from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import IDEAL, LINEAR, PERFECT
@@ -120,6 +121,11 @@ class Errors(NamedTuple):
     of_attitude: Floats
 
 
+#: of a deputy that knows its place
+NO_FILTER = Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0)
+ALWAYS_RIGHT = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
+
+
 def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Floats) -> Floats:
     """Return a fix, m, Hill axes, shape (3,).
 
@@ -141,9 +147,11 @@ def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Flo
 def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
     """Draw the errors of some flights, each from the noise seed of its start."""
     navigation, num_samples = mission.navigation, mission.num_controls + 1
-    num_fixes = mission.num_controls // round(navigation.fix_period_s / mission.control_period_s) + 1
+    stride = round(navigation.fix_period_s / mission.control_period_s)
+    num_fixes = mission.num_controls // stride + 1
     is_seen = navigation.measures == "range_bearing"
     has_tilt = navigation.attitude_bias_deg > 0.0 or navigation.attitude_noise_deg > 0.0
+    has_tilt = has_tilt or varies(mission, "navigation.attitude_bias_deg", "navigation.attitude_noise_deg")
     found = Errors(
         np.empty((len(scenarios), 6)),
         np.empty((len(scenarios), num_fixes, 3)),
@@ -152,21 +160,29 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
     )
     for case, scenario in enumerate(scenarios):
         generator = scenario.generator(FIXES)
+
+        def what(name: str, constant: Floats | float, of: Scenario = scenario) -> Floats:
+            return in_time(mission, f"navigation.{name}", of, constant)
+
         found.at_start[case, :3] = navigation.initial_position_m * generator.standard_normal(3)
         found.at_start[case, 3:] = navigation.initial_velocity_m_s * generator.standard_normal(3)
-        bias = navigation.bias_m * generator.standard_normal(3)
-        noise = (0.0 if is_seen else navigation.noise_m) * generator.standard_normal((num_fixes, 3))
+        bias = what("bias_m", navigation.bias_m * generator.standard_normal(3))[::stride]
+        noise = generator.standard_normal((num_fixes, 3))
+        noise *= 0.0 if is_seen else what("noise_m", navigation.noise_m)[::stride]
         is_outlier = generator.uniform(size=(num_fixes, 1)) < navigation.outlier_share
         outliers = navigation.outlier_m * generator.standard_normal((num_fixes, 3))
         found.of_fixes[case] = bias + noise + is_outlier * outliers
         if is_seen:
-            turn = np.radians(navigation.bearing_noise_deg)
-            spread = np.array([navigation.range_noise_m, turn, turn, turn])
-            found.of_sight[case] = spread * generator.standard_normal((num_fixes, 4))
+            sight = generator.standard_normal((num_fixes, 4))
+            turn = what("bearing_noise_deg", np.radians(navigation.bearing_noise_deg))
+            sight[:, :1] *= what("range_noise_m", navigation.range_noise_m)[::stride]
+            sight[:, 1:] *= turn[::stride]
+            found.of_sight[case] = sight
         if has_tilt:
-            tilt = np.radians(navigation.attitude_bias_deg) * generator.standard_normal(3)
-            shaken = np.radians(navigation.attitude_noise_deg) * generator.standard_normal((num_samples, 3))
-            found.of_attitude[case] = tilt + shaken
+            bias = np.radians(navigation.attitude_bias_deg) * generator.standard_normal(3)
+            shaken = generator.standard_normal((num_samples, 3))
+            shaken *= what("attitude_noise_deg", np.radians(navigation.attitude_noise_deg))
+            found.of_attitude[case] = what("attitude_bias_deg", bias) + shaken
     return found
 
 
@@ -176,7 +192,7 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
     Motion is linear and thrusters fire what they are told. A deputy that navigates by fixes is where it first
     estimates itself to be, and will know its place; errors to come are drawn, but nobody knows them yet.
     """
-    known = replace(mission, navigation=PERFECT, actuators=IDEAL, dynamics=LINEAR)
+    known = replace(mission, navigation=PERFECT, actuators=IDEAL, dynamics=LINEAR, dispersions={})
     if mission.navigation.mode == "perfect":
         return known, scenarios
     first = errors_of(mission, scenarios).at_start

@@ -34,6 +34,7 @@ from pipeline.flight.kernel.arrays import (
     World,
 )
 from pipeline.flight.kernel.loop import fly_many
+from pipeline.flight.kernel.navigation import Departures
 from pipeline.flight.kernel.optics import note_inspectable, note_lit_at_samples
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.light import sun_shares
@@ -44,12 +45,16 @@ from pipeline.flight.signals import SETTING, SIGNALS, constant
 from pipeline.flight.tours import IMAGES, tour_images
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
 #: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
+
+#: where the rules decide on the first control period, too
+NO_OPENINGS = np.zeros((0, 3))
 
 
 def make_workspace(world: World) -> Workspace:
@@ -71,12 +76,12 @@ def make_workspace(world: World) -> Workspace:
         inputs=np.zeros(3 * LANES),
         outputs=np.zeros(LANES),
         scratch=make_scratch(),
-        candidates=np.zeros((3, points)),
+        candidates=np.zeros((3, width)),
         centres=np.zeros((LANES, clusters, 3)),
         num_centres=np.zeros(LANES, dtype=np.int64),
         clustered=np.zeros((LANES, width)),
-        labels=np.zeros((2, points), dtype=np.int64),
-        distances=np.zeros(points),
+        labels=np.zeros((2, width)),
+        distances=np.zeros(width),
         sums=np.zeros((clusters, 4)),
         cuts=np.zeros((MOST_CUTS, 4)),
     )
@@ -164,16 +169,13 @@ def fly_population(
         work = make_workspace(world)
         fly_many(
             world,
-            *_parts_in_use(world, law, cases.starts),
-            cases.fixes(),
-            cases.firing(),
-            world.course if world.course.is_on else None,
+            *_parts_in_use(world, law, cases),
             law,
             numbers.values,
             numbers.rules,
             cases.starts,
             counted,
-            openings,
+            NO_OPENINGS if openings is None else openings,
             work,
             silent,
             tracks,
@@ -202,20 +204,27 @@ def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
     """Return the same where the Sun of some start is out of the orbit plane, or of none."""
     if not (world.has_optics or is_tilted):
         return None
-    return Beyond(
-        hides=True if world.num_edge_cells else None, glitters=True if world.reflection.is_on else None
-    )
+    return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
 
 def _parts_in_use(
-    world: World, law: Law, starts: Starts
-) -> tuple[Beyond | None, Guard | None, bool | None, bool | None]:
+    world: World, law: Law, cases: Cases
+) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
-    Light and camera beyond the paper's, the safety layer, clusters, and pushes that show what sets.
+    Light and camera beyond the paper's, the safety layer, clusters, pushes that show what sets, and what
+    departs from what the deputy takes to be. In worlds other than the paper's the safety layer and pushes are
+    compiled in any case, so that few kinds of flight serve many worlds.
     """
-    guard = world.guard if world.guard.is_on else None
-    return optics_in_use(world, starts), guard, world.has_clusters or None, bool(law.needs & SETTING) or None
+    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course)
+    is_elsewhere = optics is not None or departures is not None
+    return (
+        optics,
+        world.guard if world.guard.is_on or is_elsewhere else None,
+        world.has_clusters or None,
+        bool(law.needs & SETTING) or is_elsewhere or None,
+        departures,
+    )
 
 
 class FlightError(ValueError):
@@ -259,7 +268,7 @@ def fly_all(
     Where settings are dispersed, cases that share all of theirs fly side by side; so do those that follow the
     same image of a tour.
     """
-    if mission.dispersions:
+    if distributions(mission.dispersions):
         groups = [(own, controller, places) for own, places in groups_of(mission, scenarios)]
         return _fly_groups(groups, scenarios, workers, tracks)
     if is_by_the_reference(mission, controller):
@@ -480,16 +489,13 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     inspectable = inspectable_points(world, cases.starts)
     sparingly(fly_many)(
         world,
-        *_parts_in_use(world, law, cases.starts),
-        cases.fixes(),
-        cases.firing(),
-        world.course if world.course.is_on else None,
+        *_parts_in_use(world, law, cases),
         law,
         numbers.values,
         numbers.rules,
         cases.starts,
         counted_points(world, cases.starts, inspectable),
-        openings,
+        NO_OPENINGS if openings is None else openings,
         make_workspace(world),
         log,
         np.empty((0, 0, 3), dtype=np.float32),

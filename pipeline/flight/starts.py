@@ -5,7 +5,7 @@ Sun's angle, then its elevation, whether or not they are used. The same seed the
 positions whatever the Sun does.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.log import Scenario
-from pipeline.settings.experiment import Deputy, MonteCarlo, Starts, Sun
+from pipeline.settings.experiment import Deputy, Experiment, MonteCarlo, Starts, Sun
 from pipeline.settings.start_table import numbers
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
@@ -107,14 +107,23 @@ def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
     )
 
 
+def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
+    """Return the start that is flown alone and its name: the given one, or a case of the evaluation."""
+    sun, seed, case = experiment.sun, experiment.seed, experiment.case
+    if case is None:
+        return "start", given_start(experiment.mission.deputy, sun, seed)
+    return f"case-{case}", evaluation_scenarios(experiment.monte_carlo, sun, seed, [case])[0]
+
+
 def evaluation_scenarios(
-    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice = slice(None)
+    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice | Sequence[int] = slice(None)
 ) -> list[Scenario]:
     """Return the starts of an evaluation, or of some of its cases."""
     if monte_carlo.table is not None:
-        return _given(monte_carlo.table, seed, EVALUATION)[cases]
+        given = _given(monte_carlo.table, seed, EVALUATION)
+        return given[cases] if isinstance(cases, slice) else [given[case] for case in cases]
     shell, speed = (monte_carlo.min_distance_m, monte_carlo.max_distance_m), monte_carlo.max_speed_m_s
-    drawn = range(monte_carlo.num_cases)[cases]
+    drawn = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
     return [draw(seed, EVALUATION, case, shell, sun, speed) for case in drawn]
 
 

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import aligned
-from pipeline.flight.cases import Cases, cases_of
-from pipeline.flight.kernel.actuators import Firing
+from pipeline.flight.cases import cases_of
 from pipeline.flight.kernel.arrays import CARRIED, CASE
-from pipeline.flight.kernel.navigation import Fixes
+from pipeline.flight.kernel.navigation import Departures
 from pipeline.flight.kernel.optics import note_inspectable
 from pipeline.flight.kernel.step import LEFT, NOT_STARTED, NUM_OBSERVED, Carried, step_many
 from pipeline.flight.log import Scenario, no_log
@@ -85,7 +84,7 @@ class Flights:
         self._counted = np.zeros((num_flights, width), dtype=np.uint8)
         anywhere = Scenario(np.array([mission.deputy.max_distance_m, 0.0, 0.0]), np.zeros(3), 0.0)
         cases = cases_of(mission, [anywhere] * num_flights)
-        self._fixes, self._firing = _stacked(cases, num_flights)
+        self._departures = _stacked(cases.departures(world.course), num_flights)
         self.observed = np.zeros((num_flights, NUM_OBSERVED))
         self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
@@ -94,11 +93,9 @@ class Flights:
         self._arguments = (
             world,
             self._optics,
-            world.guard if world.guard.is_on else None,
+            world.guard if world.guard.is_on or self._departures is not None else None,
             world.has_clusters or None,
-            self._fixes,
-            self._firing,
-            world.course if world.course.is_on else None,
+            self._departures,
             self._starts,
             self._counted,
             self._work,
@@ -116,7 +113,15 @@ class Flights:
         return self.observed[:, :NUM_SEEN].astype(np.float32)
 
     def start(self, flight: int, scenario: Scenario) -> None:
-        """Put a flight at a start; the next step brings it to its first sample."""
+        """Put a flight at a start; the next step brings it to its first sample.
+
+        Raises
+        ------
+        ValueError
+            If its Sun is out of the orbit plane, which no start was said to have.
+        """
+        if self._optics is None and scenario.sun_elevation_rad != 0.0:
+            raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
         world, cases = self._world, cases_of(self._mission, [scenario])
         found = np.empty((1, self._counted.shape[1]), dtype=np.uint8)
         note_inspectable(world, optics_in_use(world, cases.starts), self._work, cases.starts, found)
@@ -124,14 +129,16 @@ class Flights:
         counted = counted_points(world, cases.starts, found)
         self._counted[flight] = counted[0] if self._optics is not None else 1
         self.inspectable[flight] = found[0, : world.num_points].sum()
-        if self._fixes is not None and cases.navigation is not None:
-            self._fixes.at_start[flight] = cases.navigation[1].at_start[0]
-            self._fixes.of_fixes[flight] = cases.navigation[1].of_fixes[0]
-            self._fixes.of_sight[flight] = cases.navigation[1].of_sight[0]
-            self._fixes.of_attitude[flight] = cases.navigation[1].of_attitude[0]
-        if self._firing is not None and cases.thrusters is not None:
-            self._firing.matrices[flight] = cases.thrusters[1].matrices[0]
-            self._firing.arms[flight] = cases.thrusters[1].arms[0]
+        if self._departures is not None and cases.navigation is not None:
+            fixes, errors = self._departures.fixes, cases.navigation[1]
+            fixes.at_start[flight] = errors.at_start[0]
+            fixes.of_fixes[flight] = errors.of_fixes[0]
+            fixes.of_sight[flight] = errors.of_sight[0]
+            fixes.of_attitude[flight] = errors.of_attitude[0]
+        if self._departures is not None and cases.thrusters is not None:
+            firing, of_thrust = self._departures.firing, cases.thrusters[1]
+            firing.matrices[flight] = of_thrust.matrices[0]
+            firing.arms[flight] = of_thrust.arms[0]
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:
@@ -140,15 +147,17 @@ class Flights:
         self._step(*self._arguments)
 
 
-def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | None]:
+def _stacked(departures: Departures | None, num_flights: int) -> Departures | None:
     """Return navigation and thrusters with a row of what is carried for each flight."""
+    if departures is None:
+        return None
 
     def stack(values: Floats) -> Floats:
         return np.zeros((num_flights, *values.shape))
 
-    fixes, firing = cases.fixes(), cases.firing()
-    if fixes is not None:
-        fixes = fixes._replace(
+    fixes, firing = departures.fixes, departures.firing
+    return departures._replace(
+        fixes=fixes._replace(
             filtered=stack(fixes.filtered),
             covariance=stack(fixes.covariance),
             known=stack(fixes.known),
@@ -160,12 +169,11 @@ def _stacked(cases: Cases, num_flights: int) -> tuple[Fixes | None, Firing | Non
             attitude=stack(fixes.attitude),
             fixes=stack(fixes.fixes),
             acting=stack(fixes.acting),
-        )
-    if firing is not None:
-        firing = firing._replace(
+        ),
+        firing=firing._replace(
             commands=stack(firing.commands),
             errors=stack(firing.errors),
             mass=stack(firing.mass),
             thrust=stack(firing.thrust),
-        )
-    return fixes, firing
+        ),
+    )

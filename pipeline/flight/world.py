@@ -7,7 +7,8 @@ from fis_tools.engines.vectors import padded
 from pipeline.flight.actuators import turns_by_thrust
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course
-from pipeline.flight.kernel.arrays import POINTS, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.safety import guard_of
 from pipeline.flight.light import (
     RIGHT_ANGLE_DEG,

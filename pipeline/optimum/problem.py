@@ -100,19 +100,29 @@ class Problem:
         return self.cos_incidence == 0.0 and self.max_range == np.inf
 
 
-def problem_of(mission: Mission, scenario: Scenario) -> Problem:
-    """Set up a case; the camera is supposed to point as it does in a flight without force.
+def check_light(mission: Mission) -> None:
+    """Refuse a mission in which a point must be bright enough to be seen.
 
     Raises
     ------
     SettingError
-        If a point must be bright enough to be seen.
     """
     if mission.light.reflection != "none":
         raise SettingError(
             f"light.reflection is {mission.light.reflection}, which plans of least fuel do not know of; set "
             "light.reflection=none for them"
         )
+
+
+def problem_of(mission: Mission, scenario: Scenario) -> Problem:
+    """Set up a case; the camera is supposed to point as it does in a flight without force.
+
+    Raises
+    ------
+    SettingError
+        See `check_light`.
+    """
+    check_light(mission)
     world = pack_world(mission)
     num_controls, radius = world.num_controls, mission.chief.inspection_radius_m
     start = np.r_[scenario.position_m, scenario.velocity_m_s]

@@ -87,6 +87,9 @@ class Course(NamedTuple):
     common : (N, 3)
         Acceleration relative to the chief of a deputy anywhere near it, m/s^2: what drag adds, less what
         oblateness adds to the chief's.
+    varying : (m, K, 3)
+        What drag adds besides in each control period of each flight, m/s^2, Hill axes; no flights where it
+        does not vary.
     """
 
     is_on: bool
@@ -101,6 +104,7 @@ class Course(NamedTuple):
     axes: Floats
     turning: Floats
     common: Floats
+    varying: Floats = np.zeros((0, 0, 3))
 
 
 #: of a chief that nothing moves by

@@ -112,6 +112,7 @@ class FlightRecorder:
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
         self._numbers = packed(controller)
+        self._compiled = [compile(system) for system in controller.systems]
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))
 
@@ -228,12 +229,13 @@ class FlightRecorder:
         """Return the inferences of each sample at which they decided the force."""
         decided = np.flatnonzero(log.is_decided)
         found: dict[int, list[Inference]] = {int(k): [] for k in decided}
-        for place, system in enumerate(self._controller.systems):
+        for place, compiled in enumerate(self._compiled):
+            system = compiled.system
             inputs = log.fis_input[decided, place, : len(system.inputs)]
             strengths = firing_strengths(self._numbers, inputs, place)
             shares = np.zeros_like(strengths)
             burns = np.any(log.force_hill_n[decided] != 0.0, axis=1)
-            shares[burns] = shapley.shares(compile(system), inputs[burns]).values[:, :, 0]
+            shares[burns] = shapley.shares(compiled, inputs[burns]).values[:, :, 0]
             for row, k in enumerate(decided.tolist()):
                 output = float(log.fis_output_n[k, place])
                 found[k].append((system.name, inputs[row], strengths[row], output, shares[row]))

@@ -18,9 +18,10 @@ from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import given_start, starts_in, training_scenarios
+from pipeline.flight.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.report.beside_optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.comparison_tables import read_comparison
+from pipeline.report.dispersed import Spread, spread_of
 from pipeline.report.without_safety import Without, fly_without
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Experiment
@@ -64,6 +65,11 @@ class ShownFlight:
     scenario: Scenario
     log: FlightLog
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether it is from the given start, or of the case that is asked for, and not one of a crowd."""
+        return self.name == "start" or self.name.startswith("case-")
+
 
 @dataclass(frozen=True)
 class Contents:
@@ -76,6 +82,8 @@ class Contents:
         Of the run.
     controller : Controller, optional
     training, evaluation : FlightSet, optional
+    spread : Spread
+        Of the evaluation.
     training_round : int, optional
         Whose starts the training flights have, from 1, where each round has its own.
     comparison : sequence of ComparisonRow
@@ -104,6 +112,7 @@ class Contents:
     controller: Controller | None
     training: FlightSet | None
     evaluation: FlightSet | None
+    spread: Spread
     training_round: int | None
     comparison: Sequence[ComparisonRow]
     beside: BesideOptimum
@@ -151,6 +160,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         training=fly_training(experiment, controller, starts) if controller and starts else None,
         training_round=training_round,
         evaluation=evaluation,
+        spread=read_spread(folder, evaluation),
         comparison=read_comparison(folder),
         beside=beside,
         pairs=fly_pairs(experiment, controller, beside) if controller else (),
@@ -234,6 +244,23 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return told
 
 
+def read_spread(folder: Path, evaluation: FlightSet | None) -> Spread:
+    """Return what the summary of an evaluation tells of its spread.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If it tells something else.
+    """
+    try:
+        return spread_of(evaluation.summary) if evaluation else Spread()
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise artifacts.ArtifactError(
+            f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should "
+            f"({type(error).__name__}: {error}); repeat the stage {artifacts.WRITTEN_BY[artifacts.SUMMARY]}"
+        ) from error
+
+
 def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
     """Return the positions of some cases, shape (cases, samples, 3), from a table of a row a sample.
 
@@ -276,14 +303,15 @@ def fly_shown(
         title = f"Training case {case}" + (f" of round {training_round}" if training_round else "")
         chosen.append((f"training-{case}", title, starts[case]))
     if experiment.telemetry.record_start:
-        start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
-        chosen.append(("start", "Flight from the given start", start))
+        name, start = start_shown(experiment)
+        title = "Flight from the given start" if experiment.case is None else f"Case {experiment.case}"
+        chosen.append((name, title, start))
     if not chosen and evaluation is not None and evaluation.episodes is not None:
         episodes = evaluation.episodes
         order = rank(episodes)
         row = int(order[len(order) // 2])
         case = int(episodes["case"][row])
-        start = starts_in(episodes)[row]
+        (start,) = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, [case])
         chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", start))
     return [
         ShownFlight(name, title, scenario, fly_logged(experiment.mission, controller, scenario))

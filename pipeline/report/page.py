@@ -1,7 +1,7 @@
 """The page of a report: what it says in words and tables, put into the template."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,7 @@ from pipeline.settings.experiment import Mission
 
 #: metric of a summary: decimals on the page
 DECIMALS = {"delta_v_m_s": 3, "inspection_rate_percent": 2, "mean_distance_m": 2}
+INSPECTABLE = "inspectable_rate_percent"
 SHARES = ("success", "violated", "success_and_within_limits")
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
@@ -46,7 +47,7 @@ class SummaryRow:
 
     label: str
     note: str
-    cells: Sequence[Cell]
+    cells: list[Cell]
     is_ours: bool
 
 
@@ -86,7 +87,11 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         confidence=f"{experiment.monte_carlo.confidence_percent:g}",
         limits=_limits(experiment.mission),
         threshold=f"{experiment.mission.inspection_threshold_percent:g}",
+        start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
         flights=[(f"control-{f.name}", f.title, flight_facts(f, experiment.mission)) for f in contents.shown],
+        spread=contents.spread,
+        varying=sorted(experiment.mission.varying),
+        sees_less=_sees_less(contents),
         cases=case_rows(contents.training),
         comparison=tables_of(contents.comparison),
         comparison_headings=headings(),
@@ -127,12 +132,12 @@ def lead(contents: Contents) -> str:
             continue
         told = flights.summary
         delta_v, rate = told["delta_v_m_s"], told["inspection_rate_percent"]
-        outside = told["violated"]["count"]
+        outside, of_these = told["violated"]["count"], _inspectable_words(told)
         leave = "none leaves" if not outside else "one leaves" if outside == 1 else f"{outside:,} leave"
         return (
             f"{who}, flown from {told['num_cases']:,} {starts}{_sun_words(told)}, spends "
             f"{delta_v['mean']:.3f} ± {delta_v['standard_deviation']:.3f} m/s and inspects "
-            f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points. "
+            f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the points{of_these}. "
             f"{100 * told['success']['fraction']:.1f} % of the flights reach "
             f"{mission.inspection_threshold_percent:g} %; {leave} {_limits(mission)}."
         )
@@ -146,6 +151,27 @@ def lead(contents: Contents) -> str:
             f"{flown[0].num_cases:,} random starts each."
         )
     return "This run has no flights yet."
+
+
+def _inspectable_words(told: Mapping[str, Any]) -> str:
+    """Say what the rate is of the points that can be inspected, where some cannot be."""
+    if not can_see_less(told):
+        return ""
+    count, rate = told["inspectable_count"]["mean"], told[INSPECTABLE]
+    return (
+        f", {rate['mean']:.2f} ± {rate['standard_deviation']:.2f} % of the {count:.1f} a flight that can be "
+        "inspected, to which success refers"
+    )
+
+
+def can_see_less(told: Mapping[str, Any]) -> bool:
+    """Tell whether a summary is of flights in which some points could not be inspected."""
+    return INSPECTABLE in told and told[INSPECTABLE]["mean"] != told["inspection_rate_percent"]["mean"]
+
+
+def _sees_less(contents: Contents) -> bool:
+    sets = (contents.training, contents.evaluation)
+    return any(flights is not None and can_see_less(flights.summary) for flights in sets)
 
 
 def safety(contents: Contents) -> list[str]:
@@ -222,7 +248,11 @@ def summary_rows(contents: Contents) -> list[SummaryRow]:
                 note += f", starts of round {contents.training_round}"
             cells = [*(_mean_cell(told[name], places) for name, places in DECIMALS.items())]
             cells += [_share_cell(told[name]) for name in SHARES]
-            rows += [SummaryRow(word, note, cells, is_ours=True), _paper_row(reported)]
+            paper = _paper_row(reported)
+            if _sees_less(contents):
+                cells.insert(2, _mean_cell(told[INSPECTABLE], 2))
+                paper.cells.insert(2, Cell("not stated"))
+            rows += [SummaryRow(word, note, cells, is_ours=True), paper]
     return rows
 
 

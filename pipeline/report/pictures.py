@@ -150,13 +150,13 @@ def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[_Sketch]
         "The torque is shown apart for the first turn to the chief and for the rest, on scales of their own."
     )
     yield _Sketch(f"control-{flight.name}", caption, controls(flight.log, mission))
-    if flight.name == "start":
+    if flight.is_alone:
         tracks = Tracks(flight.log.position_m[np.newaxis], [BLUE], {})
         caption = (
             f"{flight.title}: the trajectory around the chief in the Hill frame, from 0 on, in space, in the "
             "orbit plane and across it, and the distance over time."
         )
-        yield _Sketch("trajectories-start", caption, trajectories(tracks, mission))
+        yield _Sketch(f"trajectories-{flight.name}", caption, trajectories(tracks, mission))
 
 
 def _training_sketch(training: FlightSet, mission: Mission) -> _Sketch:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.flight.controller import Controller
 from pipeline.flight.log import FlightLog
 from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import starts_in
+from pipeline.flight.starts import evaluation_scenarios
 from pipeline.settings.experiment import UNGUARDED, Experiment
 
 Columns = Mapping[str, NDArray[Any]]
@@ -53,7 +53,8 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     acted = np.flatnonzero(episodes["safety_periods"] > 0)
     if not acted.size:
         return None
-    scenarios = starts_in({name: column[acted] for name, column in episodes.items()})
+    cases = episodes["case"][acted].tolist()
+    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, cases)
     off = replace(mission, safety=UNGUARDED)
     outcomes = fly_all(off, controller, scenarios, experiment.monte_carlo.workers)
     limits = mission.deputy

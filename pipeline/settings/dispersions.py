@@ -1,18 +1,36 @@
-"""Distributions of settings that each flight of an evaluation has its own of."""
+"""Distributions of settings that each flight of an evaluation has its own of.
+
+With a correlation time a setting varies within a flight as well; `pipeline.flight.processes` has the law.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any
+from typing import Any, Literal
 
 from pipeline.settings.checks import SettingError
 from pipeline.settings.nearest import did_you_mean
 
 #: what each kind is told by; low and high truncate a normal one
 KINDS: Mapping[str, tuple[set[str], set[str]]] = {
-    "normal": ({"mean", "std"}, {"low", "high"}),
-    "uniform": ({"low", "high"}, set()),
+    "normal": ({"mean", "std"}, {"low", "high", "correlation_s"}),
+    "uniform": ({"low", "high"}, {"correlation_s"}),
+}
+
+#: what may vary within a flight: errors that otherwise stay as they are drawn (the distribution is that of
+#: the error itself, each axis has its own), standard deviations of what is drawn anew each time, and a value.
+#: What a key is drawn from depends on its place here: new ones come last
+IN_TIME: Mapping[str, Literal["error", "spread", "value"]] = {
+    "actuators.scale_error": "error",
+    "actuators.misalignment_deg": "error",
+    "navigation.bias_m": "error",
+    "navigation.attitude_bias_deg": "error",
+    "navigation.noise_m": "spread",
+    "navigation.range_noise_m": "spread",
+    "navigation.bearing_noise_deg": "spread",
+    "navigation.attitude_noise_deg": "spread",
+    "dynamics.drag_m_s2": "value",
 }
 
 
@@ -30,6 +48,9 @@ class Distribution:
         Of a normal one before it is cut.
     low, high : float
         Infinite where nothing is cut.
+    correlation_s : float, optional
+        After which the correlation with a value within the flight has fallen to 1/e; None where a case has
+        one value.
     """
 
     key: str
@@ -38,6 +59,7 @@ class Distribution:
     std: float
     low: float
     high: float
+    correlation_s: float | None = None
 
     def value(self, share: float) -> float:
         """Return the value below which a share of all values lies, from 0 to less than 1."""
@@ -54,14 +76,36 @@ class Distribution:
 
 
 def distributions(config: Mapping[str, Any]) -> tuple[Distribution, ...]:
-    """Read the group ``dispersions``: keys of the mission, each with its distribution; sorted by their keys.
+    """Read from the group ``dispersions`` what each case draws one value of; sorted by the keys.
 
     Raises
     ------
     SettingError
         If one is told in other words than `KINDS`, or cannot be.
     """
-    return tuple(sorted(_read(config, ()), key=lambda one: one.key))
+    found = (one for one in _read(config, ()) if one.correlation_s is None)
+    return tuple(sorted(found, key=lambda one: one.key))
+
+
+def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
+    """Read from the same group, by its key, what varies within a flight; see `IN_TIME`.
+
+    Raises
+    ------
+    SettingError
+        As `distributions`.
+    """
+    return {one.key: one for one in _read(config, ()) if one.correlation_s is not None}
+
+
+def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return of the same group what varies within a flight."""
+    found: dict[str, Any] = {}
+    for name, value in config.items():
+        kept = value if "correlation_s" in value else {} if "kind" in value else in_time_alone(value)
+        if kept:
+            found[name] = kept
+    return found
 
 
 def _read(node: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[Distribution]:
@@ -103,6 +147,7 @@ def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
         float(told.get("std", 0.0)),
         float(told.get("low", -math.inf)),
         float(told.get("high", math.inf)),
+        float(told["correlation_s"]) if "correlation_s" in told else None,
     )
     if not found.low < found.high:
         raise SettingError(
@@ -116,4 +161,23 @@ def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
         raise SettingError(
             f"{where}.low and {where}.high lie more than eight standard deviations beside the mean; move them"
         )
+    _check_in_time(found, where)
     return found
+
+
+def _check_in_time(found: Distribution, where: str) -> None:
+    """Refuse what cannot vary within a flight, and spreads below zero."""
+    if found.correlation_s is None:
+        return
+    if found.key not in IN_TIME:
+        raise SettingError(
+            f"{where}.correlation_s is given, but {found.key} does not vary within a flight, as "
+            f"{', '.join(sorted(IN_TIME))} may; leave it out, and each case draws one value"
+        )
+    if not found.correlation_s > 0.0:
+        raise SettingError(f"{where}.correlation_s is {found.correlation_s:g}; it must be greater than 0 (s)")
+    if IN_TIME[found.key] == "spread" and not found.low >= 0.0:
+        raise SettingError(
+            f"{where}.low is {found.low:g}; {found.key} is a standard deviation, so that low must be at "
+            "least 0"
+        )

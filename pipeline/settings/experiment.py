@@ -285,6 +285,8 @@ class Experiment:
         file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or of a kind that plans.
     reproducible : bool
         Whether libraries compute alike on all x86-64 processors.
+    case : int, optional
+        Of the evaluation, which `telemetry.record_start` flies in place of the given start.
     resume : bool
         Whether to go on from a checkpoint in the run's folder; no part of the configuration.
     """
@@ -309,6 +311,9 @@ class Experiment:
     reproducible: Annotated[
         Flag, Field(description="whether libraries compute alike on all x86-64 processors")
     ] = False
+    case: Annotated[
+        Natural | None, Field(description="of the evaluation, flown by telemetry.record_start")
+    ] = None
     resume: bool = False
 
     def __post_init__(self) -> None:
@@ -344,6 +349,9 @@ class Experiment:
         return self.sun.mode if self.monte_carlo.table is None else "of the starts"
 
     def _check_start(self) -> None:
+        if self.case is not None:
+            self._check_case(self.case)
+            return
         if "record" not in self.stages or not self.telemetry.record_start:
             return
         deputy = self.mission.deputy
@@ -354,6 +362,14 @@ class Experiment:
                 f"deputy.initial_position_m is {distance:.6g} m from the chief, outside the limits of the "
                 f"flight; it must be from deputy.min_distance_m={deputy.min_distance_m:g} to "
                 f"deputy.max_distance_m={deputy.max_distance_m:g} (m): move the start, or a limit"
+            )
+
+    def _check_case(self, case: int) -> None:
+        table = self.monte_carlo.table
+        if table is not None and not case < self.monte_carlo.num_cases:
+            raise SettingError(
+                f"case is {case}, but there are {self.monte_carlo.num_cases} starts; choose one from 0 to "
+                f"{self.monte_carlo.num_cases - 1}"
             )
 
     def _check_stages(self) -> None:

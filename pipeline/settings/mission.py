@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict
@@ -23,7 +24,7 @@ from pipeline.settings.checks import (
     UnitVector,
     Vector,
 )
-from pipeline.settings.dispersions import distributions
+from pipeline.settings.dispersions import Distribution, distributions, processes
 from pipeline.settings.groups import settings
 
 #: by which specific impulse is a speed of exhaust
@@ -40,6 +41,12 @@ SHARED = (
     *("attitude_period_s", "control_period_s", "duration_s"),
     *("navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"),
 )
+#: with what the groups count of which something may vary within a flight
+COUNTS_WITH = {
+    "navigation": ("mode", "fixes"),
+    "actuators": ("kind", "real"),
+    "dynamics": ("model", "two_body"),
+}
 #: the least is beyond what rounding adds up to in a flight
 Margin = Annotated[Number, Field(ge=0.001)]
 
@@ -383,7 +390,8 @@ class Mission:
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
     light: Light = PAPER_LIGHT
     dispersions: Annotated[
-        dict[str, Any], Field(description="settings that each case has its own of, with their distributions")
+        dict[str, Any],
+        Field(description="what cases have their own of, or what varies in a flight, with its distribution"),
     ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
@@ -415,6 +423,14 @@ class Mission:
                     f"dispersions.{one.key} is no number that a flight can have its own of; it must be a key "
                     "of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
+                )
+        for key in self.varying:
+            group = key.partition(".")[0]
+            switch, wanted = COUNTS_WITH[group]
+            if getattr(getattr(self, group), switch) != wanted:
+                raise SettingError(
+                    f"dispersions.{key} has a correlation time, but {key} counts only with "
+                    f"{group}.{switch}={wanted}; set that, or leave the distribution out"
                 )
 
     def _check_clocks(self) -> None:
@@ -524,6 +540,11 @@ class Mission:
             horizon = getattr(safety, name)
             most = MOST_HORIZONS * self.control_period_s
             checks.within(f"safety.{name}", horizon, 0.0, most, "s")
+
+    @cached_property
+    def varying(self) -> dict[str, Distribution]:
+        """What varies within a flight, by its key."""
+        return processes(self.dispersions)
 
     @property
     def rate_at_start_rad_s(self) -> tuple[float, ...]:

@@ -267,7 +267,7 @@ def _provenance(
             "navigation": mission.navigation.mode,
             "thrusters": mission.actuators.kind,
             "dynamics": mission.dynamics.model,
-            "dispersed": [one.key for one in distributions(mission.dispersions)],
+            "dispersed": sorted([one.key for one in distributions(mission.dispersions)] + [*mission.varying]),
             "duration_s": mission.duration_s,
         },
         "config_hash": artifacts.config_hash(artifacts.read_config(folder)),

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from pipeline.controllers.planned.planner import remembering
 from pipeline.controllers.source import named
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import (
@@ -45,9 +46,8 @@ PART = 100
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Fly all, and write the table."""
-    name = "the paper"
     reported = published.TEST
-    rows = [published_row(name, reported.num_cases, reported.means, reported.standard_deviations)]
+    rows = [published_row("the paper", reported.num_cases, reported.means, reported.standard_deviations)]
     flown: list[tuple[ComparisonRow, dict[str, Column]]] = []
     worlds = list(experiment.compare.worlds) or [""]
     for world, sun in product(worlds, experiment.compare.suns):
@@ -55,9 +55,10 @@ def run(experiment: Experiment, folder: Path) -> None:
         under = replace(there, sun=replace(there.sun, mode=cast(Any, sun)))
         scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
         solved = None if world else _solved(under)
-        for controller in experiment.compare.controllers:
+        for name in experiment.compare.controllers:
+            controller = remembering(named(name, under.mission))
             for layer in experiment.compare.safety:
-                row, episodes = _row(under, controller, layer, scenarios, solved, world)
+                row, episodes = _row(under, name, controller, layer, scenarios, solved, world)
                 flown.append((row, episodes))
                 rows.append(row)
         if solved is not None:
@@ -86,6 +87,7 @@ def _solved(experiment: Experiment) -> Solved | None:
 def _row(
     experiment: Experiment,
     name: str,
+    controller: Controller,
     layer: str,
     scenarios: list[Scenario],
     solved: Solved | None,
@@ -93,7 +95,6 @@ def _row(
 ) -> tuple[ComparisonRow, dict[str, Column]]:
     """Fly one controller under one layer."""
     mission, workers = guarded(experiment.mission, layer), experiment.monte_carlo.workers
-    controller = named(name, mission)
     label = f"{name}, {world}{', ' if world else ''}Sun {experiment.sun.mode}, safety {layer}"
     episodes = _fly(mission, controller, scenarios, workers, label)
     times = None

@@ -164,9 +164,9 @@ def _dispersed(
 ) -> dict[str, Any]:
     """Return what each dispersion costs, and how the same cases go without; nothing where there is none."""
     mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
-    keys = [one.key for one in distributions(mission.dispersions)]
-    if not keys:
+    if not mission.dispersions:
         return {}
+    keys = [one.key for one in distributions(mission.dispersions)]
     nominal, paths = _nominal(experiment, controller, folder)
     found = {
         "sensitivity": sensitivity(episodes, keys, confidence),

@@ -15,9 +15,9 @@ from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.log import FlightLog, Scenario, points_in_words
 from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios, given_start, training_scenarios
+from pipeline.flight.starts import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
 from telemetry import RecordingError
 
@@ -26,7 +26,7 @@ Columns = Mapping[str, NDArray[Any]]
 #: of many random training scenarios only the first are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
 #: the files that this stage writes, and no other
-OWN_FILES: Final = re.compile(r"(training-\d+|(worst|median|best)-case-\d+|start)\.mcap(\.partial)?")
+OWN_FILES: Final = re.compile(r"(training-\d+|((worst|median|best)-)?case-\d+|start)\.mcap(\.partial)?")
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
-    """Return the flights to record: of the training, of the evaluation, from the given start."""
+    """Return the flights to record: of the training, of the evaluation, from the given start or case."""
     flights: list[FlightToRecord] = []
     if experiment.telemetry.record_training:
         scenarios = training_scenarios(
@@ -80,17 +80,24 @@ def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
         for case, scenario in enumerate(scenarios[:MOST_TRAINING_FLIGHTS]):
             flights.append(FlightToRecord(f"training-{case}", f"training-{case}", scenario))
     if experiment.telemetry.record_ranked:
-        flights += _ranked_flights(experiment, tables.read_parquet(folder, artifacts.EPISODES))
+        flights += _ranked_flights(experiment, _columns(folder, artifacts.EPISODES))
     if experiment.telemetry.record_start:
-        start = given_start(experiment.mission.deputy, experiment.sun, experiment.seed)
-        flights.append(FlightToRecord("start", "start", start))
+        name, start = start_shown(experiment)
+        flights.append(FlightToRecord(name, name, start))
     return flights
+
+
+def _columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
+    # a flight from a given start does without tables
+    from pipeline.run import tables  # noqa: PLC0415
+
+    return tables.read_parquet(folder, name)
 
 
 def _last_round(folder: Path) -> int:
     """Return the last round of training, finished or not; 0 without training."""
     is_there = (folder / artifacts.HISTORY).exists()
-    return int(tables.read_parquet(folder, artifacts.HISTORY)["round"][-1]) if is_there else 0
+    return int(_columns(folder, artifacts.HISTORY)["round"][-1]) if is_there else 0
 
 
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:

@@ -54,6 +54,8 @@ def pack(system: FuzzySystem, fingerprint: str) -> Fmu:
     ------
     RuntimeError
         If gcc is there and refuses the source.
+    ValueError
+        If a rule concludes a formula.
     """
     name, guid = function_name(system), f"{{{fingerprint}}}"
     source = _defined(system, guid) + WRAPPER.read_text(encoding="utf-8")

@@ -82,7 +82,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     Raises
     ------
     ValueError
-        If an attribute of the thrust logic is no number.
+        If an attribute of the thrust logic is no number, or a rule concludes a formula.
     """
     logic = thrust_logic(controller)
     prefix = "infer" if logic is None else "bare_infer" if bare else "static infer"

@@ -8,7 +8,7 @@ comment gives only what the change did not touch. Reading it executes nothing.
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange.antecedents import NotExpressible, Statement, mentions, renamed
@@ -22,6 +22,7 @@ from fis_tools.formats.exchange.dialect import (
     refuse_joined,
     say,
 )
+from fis_tools.formats.exchange.files import Reading
 from fis_tools.formats.exchange.hedges import ANY, any_term
 from fis_tools.formats.own import json as strict_json
 from fis_tools.formats.own.mapping import MOST_PROBLEMS, from_mapping, to_mapping
@@ -37,38 +38,6 @@ MARK = "fis_tools carries 1: "
 _ANY_MARK = "fis_tools carries "
 #: A fact of a controller whose file was changed after it was written.
 EDITED = ("edited", "the exchange file was changed by hand after it was written")
-
-
-@dataclass(frozen=True)
-class Written:
-    """A file, and what it does not say.
-
-    Parameters
-    ----------
-    text : str
-        The whole file.
-    losses : tuple of str
-        What the format has no place for, one sentence each.
-    """
-
-    text: str
-    losses: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A controller, and what was assumed to read it.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        It has no problems.
-    assumptions : tuple of str
-        What the file did not state, one sentence each.
-    """
-
-    controller: FuzzyController
-    assumptions: tuple[str, ...]
 
 
 def comment(controller: FuzzyController) -> str:

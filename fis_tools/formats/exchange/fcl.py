@@ -8,8 +8,8 @@ too, so nothing is lost by it.
 from collections.abc import Iterator
 from itertools import groupby, pairwise
 
-from fis_tools.formats.exchange.carried import Written
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say
+from fis_tools.formats.exchange.files import Written
 from fis_tools.formats.exchange.foreign import concluded_words, rule_words
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR

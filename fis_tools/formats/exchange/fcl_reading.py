@@ -10,9 +10,10 @@ from dataclasses import dataclass, field, replace
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.carried import Reading, understand
+from fis_tools.formats.exchange.carried import understand
 from fis_tools.formats.exchange.dialect import settle
 from fis_tools.formats.exchange.fcl import DIALECT
+from fis_tools.formats.exchange.files import Reading
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import FLANKS, Extent, Table
 from fis_tools.formats.exchange.hedges import with_any

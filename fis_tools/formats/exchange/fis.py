@@ -15,8 +15,9 @@ from typing import NamedTuple
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
-from fis_tools.formats.exchange.carried import Reading, Written, comment, understand
+from fis_tools.formats.exchange.carried import comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fis_sections import (
     Section,
     numbers_in,
@@ -487,13 +488,14 @@ def _term_numbers(
                 f"{where}: the term number {value:g} of {variable.name} has a hedge in its fraction that is "
                 f"none of {', '.join(map(str, fractions))}; define a term for it and name that"
             )
-        if int(abs(value)) > len(variable.terms):
+        number = int(abs(value))
+        if number > len(variable.terms) or (number == 0 and fraction not in {0.0, _ANY}):
             raise ControllerFileError(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
         if fraction == _ANY:
             found.append(_Statement(variable.name, ANY, (), value < 0))
         elif value:
-            name = variable.terms[abs(int(value)) - 1].name
+            name = variable.terms[number - 1].name
             found.append(_Statement(variable.name, name, fractions.get(fraction, ()), value < 0))
     return found

@@ -13,8 +13,9 @@ from typing import Any
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign
-from fis_tools.formats.exchange.carried import MARK, Reading, Written, comment, understand
+from fis_tools.formats.exchange.carried import MARK, comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.fll_rules import Operators, chained, read_rules
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.hedges import with_any

@@ -15,8 +15,9 @@ from typing import NamedTuple
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.formats.exchange import foreign, xml
 from fis_tools.formats.exchange.antecedents import operands_of, statement_of
-from fis_tools.formats.exchange.carried import Reading, Written, comment, understand
+from fis_tools.formats.exchange.carried import comment, understand
 from fis_tools.formats.exchange.dialect import Dialect, only_system, say, settle
+from fis_tools.formats.exchange.files import Reading, Written
 from fis_tools.formats.exchange.foreign import Extent, Table
 from fis_tools.formats.exchange.losses import losses
 from fis_tools.formats.exchange.methods import AGGREGATIONS, AND, DEFUZZIFIERS, HEDGES, OR, meanings

@@ -119,6 +119,7 @@ class Terms:
         self.inputs = {variable.name: variable for variable in system.inputs}
         self.words = frozenset(words)
         self.most_words = most_words
+        self._made: dict[tuple[str, ...], str] = {}
 
     def said(self, expression: Expression) -> Expression:
         """Return an antecedent, whose hedges stand before statements, in the words of the format."""
@@ -136,14 +137,18 @@ class Terms:
 
     def _term(self, words: Sequence[str], statement: Is) -> str:
         """Return the name of a term that says what a hedged statement does, made if need be."""
-        variable, name = self.inputs[statement.variable], " ".join([*words, statement.term])
-        if all(term.name != name for term in variable.terms):
+        variable, said = self.inputs[statement.variable], (*words, statement.term)
+        if (variable.name, *said) not in self._made:
+            name = " ".join(said)
+            while any(term.name == name for term in variable.terms):
+                name += " hedged"
             degrees = sample(variable, variable.terms[variable.term_index(statement.term)])
             for word in reversed(words):
                 degrees = 1.0 - degrees if word == "not" else _CHANGES[word](degrees)
             made = Term(name, Sampled(tuple(degrees.tolist())))
             self.inputs[variable.name] = replace(variable, terms=(*variable.terms, made))
-        return name
+            self._made[variable.name, *said] = name
+        return self._made[variable.name, *said]
 
 
 _CHANGES = {str(hedge): change for hedge, change in model_operators.HEDGES.items()}

@@ -62,7 +62,9 @@ class LqrRegulator:
     """Brings the deputy of any start of a mission to its ring, or keeps it on its route."""
 
     def __init__(self, settings: Lqr, mission: Mission) -> None:
-        check_within_limits(settings, mission)
+        self.routes = Routes(mission) if settings.follows == "route" else None
+        if self.routes is None:
+            check_within_limits(settings, mission)
         self.settings, self.dead_band_n = settings, settings.dead_band_n
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
         self.gain = gain(settings, motion.transition[0], motion.control[0])
@@ -70,16 +72,14 @@ class LqrRegulator:
         times = np.arange(mission.num_controls, dtype=np.float64) * mission.control_period_s
         self.turned: Floats = mean_motion * times
         self.to_states = np.linalg.inv(elements_matrix(mean_motion))
-        self.routes = Routes(mission)
 
     def path(self, scenario: Scenario) -> Floats:
         """Return the states on ring or route at each decision, shape (K, 6), m and m/s, Hill axes."""
-        if self.settings.follows == "route":
+        if self.routes is not None:
             return self.routes(scenario).states[:-1]
         elements = ring_elements(self.settings, scenario, self.turned)
         return np.asarray(elements @ self.to_states.T)
 
     def forces(self, scenario: Scenario) -> Floats:
         """Return the forces that keep the deputy on its path, shape (K, 3), N, Hill axes: none on a ring."""
-        is_ring = self.settings.follows == "ring"
-        return np.zeros((len(self.turned), 3)) if is_ring else self.routes(scenario).forces
+        return np.zeros((len(self.turned), 3)) if self.routes is None else self.routes(scenario).forces

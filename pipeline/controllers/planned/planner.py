@@ -4,7 +4,14 @@ Planners and regulators are imported when they are asked for: two of them need s
 import than a flight takes.
 """
 
-from pipeline.flight.controller import Controller
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.controller import Controller, Planner
+from pipeline.flight.log import Scenario
 from pipeline.settings.controllers import Lqr, NaturalMotion, Planned
 from pipeline.settings.experiment import Mission
 
@@ -28,3 +35,34 @@ def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Contro
     from pipeline.controllers.planned.receding_horizon import RecedingHorizonPlanner  # noqa: PLC0415
 
     return Controller(kind, (), "hill", planner=RecedingHorizonPlanner(settings, mission))
+
+
+def remembering(controller: Controller) -> Controller:
+    """Return the controller, whose planner, if it has one, plans once what it is asked for again.
+
+    Flights from the same start under several safety layers are the same up to where a layer steps in.
+    """
+    if controller.planner is None:
+        return controller
+    return replace(controller, planner=_Remembering(controller.planner))
+
+
+class _Remembering:
+    """A planner that keeps the forces of every decision; the same question has the same answer."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._known: dict[tuple[object, ...], NDArray[np.float64]] = {}
+
+    @property
+    def decisions(self) -> Sequence[int]:
+        return self._planner.decisions
+
+    def __call__(self, scenario: Scenario, decision: int, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces from a decision on; see `Planner`."""
+        place, velocity = scenario.position_m.tobytes(), scenario.velocity_m_s.tobytes()
+        sun = scenario.sun_angle_rad, scenario.sun_elevation_rad
+        asked = (place, velocity, *sun, scenario.noise, scenario.settings, decision, state.tobytes())
+        if asked not in self._known:
+            self._known[asked] = self._planner(scenario, decision, state)
+        return self._known[asked]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import Bounds, LinearConstraint, milp
 
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
@@ -90,7 +90,6 @@ class RecedingHorizonPlanner:
     """Solves for the forces of a flight again and again."""
 
     def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
-        check_within_limits(settings, mission)
         self.settings, self.world, deputy = settings, pack_world(mission), mission.deputy
         self.max_force = deputy.max_force_n
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m
@@ -114,7 +113,9 @@ class RecedingHorizonPlanner:
             settings.height_tolerance_m,
         )
         self.tolerances = np.array([centre, centre, ring, ring, height, height])
-        self.routes = Routes(mission, first)
+        self.routes = Routes(mission, first) if settings.follows == "route" else None
+        if self.routes is None:
+            check_within_limits(settings, mission)
         self.elements = elements_matrix(self.world.mean_motion)
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
@@ -129,7 +130,7 @@ class RecedingHorizonPlanner:
 
     def wanted(self, scenario: Scenario, sample: int) -> Floats:
         """Return the elements of ring or route at a sample, shape (6,)."""
-        if self.settings.follows == "route":
+        if self.routes is not None:
             return np.asarray(self.elements @ self.routes(scenario).states[sample])
         return np.asarray(ring_elements(self.settings, scenario, np.array([sample * self.turn]))[0])
 
@@ -183,12 +184,11 @@ class RecedingHorizonPlanner:
         num_rows, num_forces = rows.shape
         cost = np.r_[np.full(2 * num_forces, self.delta_v_per_force), np.full(num_rows, PRICE_OF_SLACK)]
         upper = np.r_[np.full(2 * num_forces, self.max_force), np.full(num_rows, np.inf)]
-        solved = linprog(
+        # without whole numbers, `milp` is the shorter way to the solver that `linprog` calls
+        solved = milp(
             cost,
-            A_ub=np.hstack([rows, -rows, -np.eye(num_rows)]),
-            b_ub=most,
-            bounds=[(0.0, limit) for limit in upper.tolist()],
-            method="highs-ds",
+            constraints=LinearConstraint(np.hstack([rows, -rows, -np.eye(num_rows)]), -np.inf, most),
+            bounds=Bounds(0.0, upper),
         )
         # slacks make it feasible and costs bounded, so that only a numerical failure leaves no solution
         if solved.x is None:

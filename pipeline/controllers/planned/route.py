@@ -15,7 +15,7 @@ from pipeline.flight.log import Scenario, points_needed
 from pipeline.flight.navigation import as_believed
 from pipeline.flight.world import pack_world
 from pipeline.optimum.plan import descend, total
-from pipeline.optimum.problem import problem_of
+from pipeline.optimum.problem import check_light, problem_of
 from pipeline.optimum.search import search
 from pipeline.physics.motion import free_path
 from pipeline.settings.experiment import Mission
@@ -52,9 +52,15 @@ class Routes:
     mission : Mission
     beyond : int
         Control periods for which a route goes on by free motion after the flight's end.
+
+    Raises
+    ------
+    SettingError
+        If routes of least fuel are not planned in its light.
     """
 
     def __init__(self, mission: Mission, beyond: int = 0) -> None:
+        check_light(mission)
         self.mission, self.beyond = mission, beyond
         self._known: dict[tuple[object, ...], Route] = {}
 

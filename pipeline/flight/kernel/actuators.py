@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 class Firing(NamedTuple):
     """Thrusters of some flights: see `pipeline.flight.actuators.Thrusters` and `thrust_errors`."""
 
+    is_on: bool  # False where they fire what they are told
     delay: int
     step: float
     least: float
@@ -43,19 +44,26 @@ def in_impulses(force: Vector, step: float, least: float) -> Vector:
 
 
 @compiled(error_model="numpy")
+def note_errors(firing: Firing, work: Workspace, first: int, num_lanes: int, k: int) -> None:
+    """Note of all lanes, which are flights from `first` on, what their thrusters are off by from now on."""
+    for lane in range(LANES if k < firing.matrices.shape[1] else 0):
+        case = first + min(lane, num_lanes - 1)
+        for row in range(3):
+            for column in range(3):
+                firing.errors[3 * row + column, lane] = firing.matrices[case, k, row, column]
+            if k == 0:
+                work.lanes.arm[row, lane], work.lanes.twist[row, lane] = firing.arms[case, row], 0.0
+        if k == 0:
+            firing.mass[lane] = 1.0
+
+
+@compiled(error_model="numpy")
 def fire(
     world: World, firing: Firing, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:
     """Turn the commands of all lanes into what they fire."""
     force = work.lanes.force
-    if k == 0:
-        for lane in range(LANES):
-            case = first + min(lane, num_lanes - 1)
-            firing.mass[lane] = 1.0
-            for row in range(3):
-                work.lanes.arm[row, lane], work.lanes.twist[row, lane] = firing.arms[case, row], 0.0
-                for column in range(3):
-                    firing.errors[3 * row + column, lane] = firing.matrices[case, row, column]
+    note_errors(firing, work, first, num_lanes, k)
     for axis in range(3):
         store(firing.commands, (k, axis, 0), load(force, axis, LANES))
     fx, fy, fz = splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES)

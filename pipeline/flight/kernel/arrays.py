@@ -19,9 +19,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: inspection points that are looked at together
-POINTS = 8
-
 #: columns of a track: position, or these
 NUM_PLACED, NUM_TRACKED = 3, 15
 #: of a track, after position and velocity: delta-v spent, points not yet inspected, where the force that is
@@ -53,14 +50,12 @@ class Beyond(NamedTuple):
 
     Attributes
     ----------
-    hides : bool or None
-        True where parts of the chief hide one another; None is known to the compiler.
-    glitters : bool or None
-        True where a point must be bright enough to be seen.
+    closely : bool or None
+        True where parts of the chief may hide one another, or a point must be bright enough to be seen; None
+        is known to the compiler.
     """
 
-    hides: bool | None
-    glitters: bool | None
+    closely: bool | None
 
 
 class World(NamedTuple):
@@ -162,6 +157,7 @@ CARRIED = np.dtype(
         ("sun", np.float64, (2, LANES)),  # the same now
         ("sun_height", np.float64, (2, LANES)),  # cosine and sine of its elevation
         ("shine", np.float64, (3, LANES)),  # what of its disc is visible at the instants of a step
+        ("drag", np.float64, (3, LANES)),  # what it adds where it varies, m/s^2
         ("boresight", np.float64, (3, LANES)),
         ("target", np.float64, (3, LANES)),  # zero where there are no candidates
         ("num_counted", np.float64, LANES),  # points that the flight is about
@@ -200,11 +196,11 @@ class Workspace(NamedTuple):
     inputs: Floats  # (3 * LANES,)
     outputs: Floats  # (LANES,)
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
-    candidates: Floats  # (3, P) those of this sample, packed
+    candidates: Floats  # (3, P padded) those of this sample, packed
     centres: Floats  # (LANES, C, 3)
     num_centres: Integers  # (LANES,)
     clustered: Floats  # (LANES, P padded) the candidates that the centres are of, as in `candidate`
-    labels: Integers  # (2, P)
-    distances: Floats  # (P,)
+    labels: Floats  # (2, P padded)
+    distances: Floats  # (P padded,)
     sums: Floats  # (C, 4)
     cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.kernel import LANES
 from fis_tools.engines.vectors import borrowed, splat, store
-from pipeline.flight.kernel.actuators import Firing, burn, fire
+from pipeline.flight.kernel.actuators import burn, fire
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
     INSPECTED,
@@ -42,7 +42,7 @@ from pipeline.flight.kernel.arrays import (
 from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import one, three, write_three
-from pipeline.flight.kernel.navigation import Fixes, believe, note_command, point_beside, recover_truth
+from pipeline.flight.kernel.navigation import Departures, believe, note_command, point_beside, recover_truth
 from pipeline.flight.kernel.preview import preview
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.see_push import sense_push
@@ -63,7 +63,6 @@ from pipeline.flight.signals import (
     slot,
 )
 from pipeline.physics.motion import place_after, step_of, velocity_after
-from pipeline.physics.orbit import Course
 from pipeline.physics.quaternion import dcm_b_from_h
 
 Floats = NDArray[np.float64]
@@ -247,15 +246,13 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
-    fixes: Fixes | None,
-    firing: Firing | None,
-    course: Course | None,
+    departures: Departures | None,
     law: Law,
     values: Floats,
     rules: Integers,
     cases: Any,
     counted: Bytes,
-    openings: Floats | None,
+    openings: Floats,
     first: int,
     num_lanes: int,
     work: Workspace,
@@ -269,11 +266,11 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     Parameters
     ----------
     world, law : what is flown
-    optics, guard, clusters, pushes, fixes, firing, course : as in `fly_many`
+    optics, guard, clusters, pushes, departures : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
     counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
-    openings : (m, 3) forces of the first control period, N, Hill axes; None where the rules decide it
+    openings : (m, 3) forces of the first control period, N, Hill axes; no rows where the rules decide it
     first, num_lanes : which starts, at most `LANES`
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
@@ -293,8 +290,8 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
         if world.is_attitude_ideal:
             write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
             aim_at_once(world, work, num_lanes, k)
-            if fixes is not None:
-                point_beside(fixes, work, first, num_lanes, k)
+            if departures is not None and departures.fixes.is_on:
+                point_beside(departures.fixes, work, first, num_lanes, k)
         sense(world, optics, clusters, work, num_lanes, k, needs_angles)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_track(world, lanes, lane, tracks[flight + lane, k])
@@ -302,8 +299,8 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             write_sample(
                 world, work, counted[first if len(counted) > 1 else 0], log, k, cases[first].sun_angle
             )
-        if fixes is not None:
-            believe(world, fixes, work, first, num_lanes, k, log)
+        if departures is not None and departures.fixes.is_on:
+            believe(world, departures.fixes, work, first, num_lanes, k, log)
             sense_again(work, needs_angles)
         if is_logged:
             log.lambda_u_rad[k], log.eta_u_rad[k] = work.signals[LAMBDA_U, 0], work.signals[ETA_U, 0]
@@ -317,38 +314,38 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
             decide_to_coast(world, law, values, work)
         if decides and law.needs & URGENCY:
             sense_urgency(world, optics, law, values, work, num_lanes, k, is_logged)
-        if pushes is not None and decides:
+        if pushes is not None and decides and law.needs & SETTING:
             sense_push(world, optics, law, values, work, num_lanes, k, is_logged)
         if decides and law.needs & TOUR:
             sense_tour(world, law, values, work)
         if k == world.num_controls:
             break
         command(world, law, values, rules, work, first, num_lanes, log, k)
-        if openings is not None and k == 0:
+        if k == 0 and len(openings) > 0:
             open_with(world, work, openings, first, num_lanes, log)
-        if guard is not None:
+        if guard is not None and guard.is_on:
             assure(world, work, num_lanes, log, k)
         if is_logged:
             write_thrust(world, law, values, work, log, k, dcm_b_from_h(log.sensed_quaternion_b_from_h[k]))
         aim_deputies(world, work, num_lanes, k)
-        if fixes is not None:
-            note_command(fixes, firing, work, k, world.num_controls)
-            recover_truth(world, fixes, work, k, log)
-        if firing is not None:
-            fire(world, firing, work, first, num_lanes, k, log)
+        if departures is not None and departures.fixes.is_on:
+            note_command(departures.fixes, departures.firing, work, k, world.num_controls)
+            recover_truth(world, departures.fixes, work, k, log)
+        if departures is not None and departures.firing.is_on:
+            fire(world, departures.firing, work, first, num_lanes, k, log)
         for lane in range(num_lanes if len(tracks) > 0 else 0):
             write_fired(lanes, lane, tracks[flight + lane, k])
         if not world.is_attitude_ideal:
             turn_deputies(world, work, num_lanes)
         if is_logged:
             write_instants(world, work, log, k)
-        if firing is not None:
-            burn(world, firing, work, k, log)
+        if departures is not None and departures.firing.is_on:
+            burn(world, departures.firing, work, k, log)
         spend(world, work)
-        if course is None:
-            move(world, work)
+        if departures is not None and departures.course.is_on:
+            move_about_earth(world, departures.course, work, first, num_lanes, k)
         else:
-            move_about_earth(world, course, work, k)
+            move(world, work)
 
     write_outcomes(world, work, num_lanes, flight, outcomes)
 
@@ -360,15 +357,13 @@ def fly_many(
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,
-    fixes: Fixes | None,
-    firing: Firing | None,
-    course: Course | None,
+    departures: Departures | None,
     law: Law,
     values: Floats,
     rules: Integers,
     cases: Any,
     counted: Bytes,
-    openings: Floats | None,
+    openings: Floats,
     work: Workspace,
     log: FlightLog,
     tracks: NDArray[np.float32],
@@ -379,10 +374,10 @@ def fly_many(
     """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
 
     Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
-    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, where
-    the deputy knows its place `fixes`, where thrusters fire what they are told `firing`, where motion is
-    linear `course`, and without rehearsal `openings`: numba leaves out what depends on them, and nobody waits
-    for the compilation of what is not flown.
+    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, and
+    where all is as the deputy takes it to be `departures`: numba leaves out what depends on them, and nobody
+    waits for the compilation of what is not flown. Beside `optics` or `departures`, `guard` and `pushes` may
+    be given and yet be off: fewer kinds of flight are compiled so.
     """
     # not what may be None: what is left out then hangs on the argument itself
     world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
@@ -398,9 +393,7 @@ def fly_many(
             guard,
             clusters,
             pushes,
-            fixes,
-            firing,
-            course,
+            departures,
             law,
             values[row],
             rules[row],

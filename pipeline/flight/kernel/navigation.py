@@ -21,6 +21,7 @@ from pipeline.flight.kernel.sight import to_body, to_hill
 from pipeline.flight.log import FlightLog
 from pipeline.flight.navigation import WIDER
 from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.orbit import Course
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ Floats = NDArray[np.float64]
 class Fixes(NamedTuple):
     """Navigation of some flights: see `pipeline.flight.navigation.Filter` and `Errors`."""
 
+    is_on: bool  # False where the deputy knows its place
     stride: int
     delay: int
     start_covariance: Floats
@@ -52,6 +54,14 @@ class Fixes(NamedTuple):
     attitude: Floats  # (4, LANES) the true one while the one sensed stands in its place
     fixes: Floats  # (F, 3, LANES) measured so far
     acting: Floats  # (K, 3, LANES) commanded forces, in the periods in which they act
+
+
+class Departures(NamedTuple):
+    """In what flights depart from what the deputies take them to be; each part may be off."""
+
+    fixes: Fixes
+    firing: Firing
+    course: Course  # about the Earth; motion is linear where it is off
 
 
 @compiled(error_model="numpy")
@@ -309,12 +319,12 @@ def recover_truth(world: World, fixes: Fixes, work: Workspace, k: int, log: Flig
 
 
 @compiled(error_model="numpy")
-def note_command(fixes: Fixes, firing: Firing | None, work: Workspace, k: int, num_controls: int) -> None:
+def note_command(fixes: Fixes, firing: Firing, work: Workspace, k: int, num_controls: int) -> None:
     """Note when the command of a sample acts, and as what force but for errors of the thrusters."""
-    delay = 0 if firing is None else firing.delay
+    delay = firing.delay
     for axis in range(3):
         force = load(work.lanes.force, axis, LANES)
-        if firing is not None and len(firing.table) == 0:
+        if firing.is_on and len(firing.table) == 0:
             force = in_impulses(force, firing.step, firing.least)
         if k < delay:
             store(fixes.acting, (k, axis, 0), splat(0.0, LANES))

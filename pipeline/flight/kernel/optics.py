@@ -1,8 +1,8 @@
 """What is lit and what is seen where light or camera are not the paper's: shadow, incidence, range, a mesh.
 
 Where they are the paper's, `pipeline.physics.sight` says it in a line, and nothing of this is compiled.
-`hides` is None where no part of the chief hides another, `glitters` where it does not matter how bright a
-point is. Written out plainly in
+`closely` is None where no part of the chief hides another and it does not matter how bright a point is, as in
+most worlds: asking that at run time slows flights by a sixth. Written out plainly in
 `pipeline.flight.reference.sight`.
 """
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Mask, Vector, borrowed, count, load, select, some, store
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.physics.occlusion import cell_of
 from pipeline.physics.reflection import is_bright
 from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, is_sunlit, sunlight
@@ -66,7 +67,7 @@ def cell_towards(world: World, sample: int, x: float, y: float, z: float) -> int
 @compiled(error_model="numpy", forceinline=True)
 def beam_from(
     world: World,
-    hides: bool | None,
+    closely: bool | None,
     k: int,
     sun_x: float,
     sun_y: float,
@@ -76,18 +77,18 @@ def beam_from(
     """Return the sunlight at sample k from the Sun's direction in the plane and its elevation."""
     x, y, z = sunlight(world.optics, sun_x, sun_y, cos_elevation, sin_elevation)
     cell = 0
-    if hides is not None:
+    if closely is not None and world.num_edge_cells > 0:
         cell = cell_towards(world, k if len(world.points) > 1 else 0, x, y, z)
     return Beam(x, y, z, cell, x * x + y * y + z * z > 0.0)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def beam_at(
-    world: World, hides: bool | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
+    world: World, closely: bool | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
 ) -> Beam:
     """Return the sunlight of a lane at sample k from the Sun's direction in the plane."""
     lanes = work.lanes
-    return beam_from(world, hides, k, sun_x, sun_y, lanes.sun_height[0, lane], lanes.sun_height[1, lane])
+    return beam_from(world, closely, k, sun_x, sun_y, lanes.sun_height[0, lane], lanes.sun_height[1, lane])
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -106,7 +107,7 @@ def eye_on_chief(world: World, beam: Beam, x: float, y: float, z: float) -> Eye:
 
 @compiled(error_model="numpy", forceinline=True)
 def lit_through(
-    world: World, hides: bool | None, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam
+    world: World, closely: bool | None, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam
 ) -> Mask:
     """Tell which of the wanted points from j on are lit."""
     surface = world.surface
@@ -115,12 +116,22 @@ def lit_through(
     along += beam.z * load(surface, (sample, NORMAL + 2, j), POINTS)
     along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(surface, (sample, HEIGHT, j), POINTS))
-    if hides is not None:
+    if closely is not None and world.num_edge_cells > 0:
         store(work.lit, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
             work.lit[i] *= world.is_free[beam.cell, i]
         lit = load(work.lit, j, POINTS) > 0.0
     return lit
+
+
+@compiled(error_model="numpy")
+def leave_out_hidden(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
+    """Strike out of `work.seen`, from j on, what the chief hides from a camera."""
+    points = world.points
+    for i in range(j, min(j + POINTS, world.num_points)):
+        if work.seen[i] > 0.0:
+            x, y, z = eye.x - points[sample, 0, i], eye.y - points[sample, 1, i], eye.z - points[sample, 2, i]
+            work.seen[i] = world.is_free[cell_towards(world, sample, x, y, z), i]
 
 
 @compiled(error_model="numpy")
@@ -146,8 +157,7 @@ def leave_out_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) 
 @compiled(error_model="numpy", forceinline=True)
 def seen_through(
     world: World,
-    hides: bool | None,
-    glitters: bool | None,
+    closely: bool | None,
     work: Workspace,
     sample: int,
     j: int,
@@ -167,22 +177,12 @@ def seen_through(
     squared = load(surface, (sample, SQUARE, j), POINTS) + (x * x + y * y + z * z)
     squared -= 2.0 * (px * x + py * y + pz * z)
     seen = lit & is_resolved(optics, above, towards, squared)
-    if hides is not None:
+    if closely is not None:
         store(work.seen, j, select(seen, 1.0, 0.0))
-        for i in range(j, min(j + POINTS, world.num_points)):
-            if work.seen[i] > 0.0:
-                cell = cell_towards(
-                    world,
-                    sample,
-                    x - points[sample, 0, i],
-                    y - points[sample, 1, i],
-                    z - points[sample, 2, i],
-                )
-                work.seen[i] = world.is_free[cell, i]
-        seen = load(work.seen, j, POINTS) > 0.0
-    if glitters is not None:
-        store(work.seen, j, select(seen, 1.0, 0.0))
-        leave_out_dim(world, work, sample, j, eye)
+        if world.num_edge_cells > 0:
+            leave_out_hidden(world, work, sample, j, eye)
+        if world.reflection.is_on:
+            leave_out_dim(world, work, sample, j, eye)
         seen = load(work.seen, j, POINTS) > 0.0
     return seen
 
@@ -198,9 +198,9 @@ def strike_out_seen(
             before = load(work.ahead, j, POINTS)
             wanted = before > 0.0
             if some(wanted):
-                lit = lit_through(world, optics.hides, work, sample, j, wanted, beam)
+                lit = lit_through(world, optics.closely, work, sample, j, wanted, beam)
                 if some(lit):
-                    seen = seen_through(world, optics.hides, optics.glitters, work, sample, j, lit, eye)
+                    seen = seen_through(world, optics.closely, work, sample, j, lit, eye)
                     store(work.ahead, j, select(seen, 0.0, before))
                     num_seen += count(seen)
     return num_seen
@@ -223,7 +223,7 @@ def lit_points(
     """Tell which of the wanted points from j on are lit, in the paper's world or in another."""
     if optics is None:
         return wanted & is_lit(world.sight, px, py, sun_x, sun_y)
-    return lit_through(world, optics.hides, work, sample, j, wanted, beam)
+    return lit_through(world, optics.closely, work, sample, j, wanted, beam)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -233,7 +233,7 @@ def any_beam(
     """Return the sunlight as `lit_points` asks for it; in the paper's world it takes nothing of it."""
     if optics is None:
         return Beam(0.0, 0.0, 0.0, 0, True)
-    return beam_at(world, optics.hides, work, lane, k, sun_x, sun_y)
+    return beam_at(world, optics.closely, work, lane, k, sun_x, sun_y)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -265,7 +265,7 @@ def note_lit(
     beam = Beam(0.0, 0.0, 0.0, 0, True)
     if optics is not None:
         beam = beam_from(
-            world, optics.hides, k, sun_x, sun_y, cos(case.sun_elevation), sin(case.sun_elevation)
+            world, optics.closely, k, sun_x, sun_y, cos(case.sun_elevation), sin(case.sun_elevation)
         )
     for j in range(0, len(work.ahead), POINTS):
         wanted = load(work.ahead, j, POINTS) > 0.0
@@ -332,6 +332,6 @@ def note_seen_along(
         for place in range(paths.shape[1]):
             k = place * stride
             sun_x, sun_y = sun_after(world, start_x, start_y, k)
-            beam = beam_from(world, optics.hides, k, sun_x, sun_y, high, low)
+            beam = beam_from(world, optics.closely, k, sun_x, sun_y, high, low)
             x, y, z = paths[path, place, 0], paths[path, place, 1], paths[path, place, 2]
             counts[path] += strike_out_seen(world, optics, work, k, beam, x, y, z)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, store
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.flight.kernel.optics import beam_at, strike_out_seen
 from pipeline.flight.signals import slot
 from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
@@ -95,7 +96,7 @@ def preview(world: World, optics: Beyond | None, work: Workspace, num_lanes: int
                 continue
             row = sample if len(world.points) > 1 else 0
             if optics is not None:
-                beam = beam_at(world, optics.hides, work, lane, sample, sun_x, sun_y)
+                beam = beam_at(world, optics.closely, work, lane, sample, sun_x, sun_y)
                 num_left -= strike_out_seen(world, optics, work, sample, beam, rx, ry, rz)
             elif squared >= fits:
                 num_left = strike_out(world, ahead, row, rx, ry, rz, sun_x, sun_y, False)

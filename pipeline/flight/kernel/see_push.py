@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import count, load, select, some, splat, store, total
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Law, Workspace, World
+from pipeline.flight.guidance import POINTS
+from pipeline.flight.kernel.arrays import Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.kernel.optics import beam_at, eye_on_chief, lit_through, seen_through
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
@@ -119,14 +120,14 @@ def look_through_from(
         sqrt(optics.incidence_squared),
         sqrt(optics.range_squared),
     )
-    beam = beam_at(world, beyond.hides, work, lane, k, sun_x, sun_y)
+    beam = beam_at(world, beyond.closely, work, lane, k, sun_x, sun_y)
     eye = eye_on_chief(world, beam, rx, ry, rz)
     for j in range(0, len(ahead) if beam.shines else 0, POINTS):
         before = load(ahead, j, POINTS)
         wanted = before > 0.0
         if not some(wanted):
             continue
-        lit = lit_through(world, beyond.hides, work, sample, j, wanted, beam)
+        lit = lit_through(world, beyond.closely, work, sample, j, wanted, beam)
         if not some(lit):
             continue
         nx, ny = (
@@ -151,7 +152,7 @@ def look_through_from(
         cheapest = load(looks, (COST, j), POINTS)
         is_better = lit & (cost < cheapest)
         if not eye.is_blind:
-            seen = seen_through(world, beyond.hides, beyond.glitters, work, sample, j, lit, eye)
+            seen = seen_through(world, beyond.closely, work, sample, j, lit, eye)
             store(ahead, j, select(seen, 0.0, before))
         store(looks, (COST, j), select(is_better, cost, cheapest))
         store(looks, (SHORT, j), select(is_better, short, load(looks, (SHORT, j), POINTS)))

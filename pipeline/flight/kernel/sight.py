@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Vector, count, least, load, most, select, some, splat, store, total
-from pipeline.flight.guidance import MIN_PROJECTION_M, cluster_centres, nearest_centre
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Workspace, World
+from pipeline.flight.guidance import MIN_PROJECTION_M, POINTS, cluster_centres, nearest_centre
+from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent
 from pipeline.flight.kernel.lanes import four, one, three, two, write_three, write_two
 from pipeline.flight.kernel.optics import beam_at, eye_at, lit_through, seen_through
@@ -58,10 +58,13 @@ def look(world: World, work: Workspace, lane: int, sample: int) -> None:
             store(work.candidate, j, nothing)
             continue
         px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
+        lit = is_unseen & is_lit(sight, px, py, sun_x, sun_y)
+        if not some(lit):
+            store(work.candidate, j, nothing)
+            continue
         pz = load(points, (sample, 2, j), POINTS)
         along = px * rx + py * ry + pz * rz
         towards = (px * bx + py * by + pz * bz) - along_boresight
-        lit = is_unseen & is_lit(sight, px, py, sun_x, sun_y)
         seen = lit & is_facing(sight, along) & is_in_cone(sight, towards, squares - 2.0 * along)
         left = lit ^ seen
         store(work.unseen, (lane, j), select(seen, nothing, before))
@@ -84,7 +87,7 @@ def look_through(world: World, optics: Beyond, work: Workspace, lane: int, k: in
     """Do what `look` does where light or camera are not the paper's."""
     lanes, points = work.lanes, world.points
     sample = k if len(points) > 1 else 0
-    beam = beam_at(world, optics.hides, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
+    beam = beam_at(world, optics.closely, work, lane, k, lanes.sun[0, lane], lanes.sun[1, lane])
     eye = eye_at(
         world,
         beam,
@@ -104,9 +107,9 @@ def look_through(world: World, optics: Beyond, work: Workspace, lane: int, k: in
         if not (beam.shines and some(wanted)):
             store(work.candidate, j, nothing)
             continue
-        left = lit_through(world, optics.hides, work, sample, j, wanted, beam)
+        left = lit_through(world, optics.closely, work, sample, j, wanted, beam)
         if not eye.is_blind:
-            seen = seen_through(world, optics.hides, optics.glitters, work, sample, j, left, eye)
+            seen = seen_through(world, optics.closely, work, sample, j, left, eye)
             left = left ^ seen
             store(work.unseen, (lane, j), select(seen, nothing, before))
             num_seen += count(seen)
@@ -162,11 +165,10 @@ def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> Non
         position[axis] = lanes.position[axis, lane]
     if are_new(work, lane) or len(world.points) > 1:
         filled = 0
-        for j in range(world.num_points):
-            if work.candidate[j] != 0.0:
-                for axis in range(3):
-                    work.candidates[axis, filled] = world.points[sample, axis, j]
-                filled += 1
+        for j in range(world.num_points):  # without a branch, which no processor could foresee
+            for axis in range(3):
+                work.candidates[axis, filled] = world.points[sample, axis, j]
+            filled += int(work.candidate[j])
         work.num_centres[lane] = cluster_centres(
             work.candidates,
             num_candidates,

@@ -18,12 +18,18 @@ from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
 from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, clip, turn_deputies
 from pipeline.flight.kernel.lanes import write_three
 from pipeline.flight.kernel.loop import move, spend, start_lanes
-from pipeline.flight.kernel.navigation import Fixes, believe, note_command, point_beside, recover_truth
+from pipeline.flight.kernel.navigation import (
+    Departures,
+    Fixes,
+    believe,
+    note_command,
+    point_beside,
+    recover_truth,
+)
 from pipeline.flight.kernel.safety import assure
 from pipeline.flight.kernel.sight import sense
 from pipeline.flight.kernel.two_body import move_about_earth
 from pipeline.flight.log import FlightLog
-from pipeline.physics.orbit import Course
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -82,6 +88,7 @@ def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
 def fixes_of(fixes: Fixes, flight: int) -> Fixes:
     """Return the navigation of one flight, of arrays with a row each."""
     return Fixes(
+        fixes.is_on,
         fixes.stride,
         fixes.delay,
         fixes.start_covariance,
@@ -113,6 +120,7 @@ def fixes_of(fixes: Fixes, flight: int) -> Fixes:
 def firing_of(firing: Firing, flight: int) -> Firing:
     """Return the thrusters of one flight, of arrays with a row each."""
     return Firing(
+        firing.is_on,
         firing.delay,
         firing.step,
         firing.least,
@@ -133,9 +141,7 @@ def firing_of(firing: Firing, flight: int) -> Firing:
 def act(
     world: World,
     guard: Guard | None,
-    fixes: Fixes | None,
-    firing: Firing | None,
-    course: Course | None,
+    departures: Departures | None,
     work: Workspace,
     force: Floats,
     flight: int,
@@ -148,27 +154,24 @@ def act(
         asked = splat(force[axis], LANES)
         store(lanes.asked, axis, asked)
         store(lanes.force, axis, clip(asked, world.max_force))
-    if guard is not None:
+    if guard is not None and guard.is_on:
         assure(world, work, 1, silent, k)
     aim_deputies(world, work, 1, k)
-    if fixes is not None:
-        own = fixes_of(fixes, flight)
-        if firing is None:
-            note_command(own, None, work, k, world.num_controls)
-        else:
-            note_command(own, firing_of(firing, flight), work, k, world.num_controls)
+    if departures is not None and departures.fixes.is_on:
+        own = fixes_of(departures.fixes, flight)
+        note_command(own, firing_of(departures.firing, flight), work, k, world.num_controls)
         recover_truth(world, own, work, k, silent)
-    if firing is not None:
-        fire(world, firing_of(firing, flight), work, flight, 1, k, silent)
+    if departures is not None and departures.firing.is_on:
+        fire(world, firing_of(departures.firing, flight), work, flight, 1, k, silent)
     if not world.is_attitude_ideal:
         turn_deputies(world, work, 1)
-    if firing is not None:
-        burn(world, firing_of(firing, flight), work, k, silent)
+    if departures is not None and departures.firing.is_on:
+        burn(world, firing_of(departures.firing, flight), work, k, silent)
     spend(world, work)
-    if course is None:
-        move(world, work)
+    if departures is not None and departures.course.is_on:
+        move_about_earth(world, departures.course, work, flight, 1, k)
     else:
-        move_about_earth(world, course, work, k)
+        move(world, work)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -176,7 +179,7 @@ def look_about(
     world: World,
     optics: Beyond | None,
     clusters: bool | None,
-    fixes: Fixes | None,
+    departures: Departures | None,
     work: Workspace,
     flight: int,
     k: int,
@@ -187,11 +190,11 @@ def look_about(
     if world.is_attitude_ideal:
         write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
         aim_at_once(world, work, 1, k)
-        if fixes is not None:
-            point_beside(fixes_of(fixes, flight), work, flight, 1, k)
+        if departures is not None and departures.fixes.is_on:
+            point_beside(fixes_of(departures.fixes, flight), work, flight, 1, k)
     sense(world, optics, clusters, work, 1, k, False)
-    if fixes is not None:
-        believe(world, fixes_of(fixes, flight), work, flight, 1, k, silent)
+    if departures is not None and departures.fixes.is_on:
+        believe(world, fixes_of(departures.fixes, flight), work, flight, 1, k, silent)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -225,9 +228,7 @@ def step_many(
     optics: Beyond | None,
     guard: Guard | None,
     clusters: bool | None,
-    fixes: Fixes | None,
-    firing: Firing | None,
-    course: Course | None,
+    departures: Departures | None,
     cases: Any,
     counted: Bytes,
     work: Workspace,
@@ -253,8 +254,8 @@ def step_many(
         if k == NOT_STARTED:
             start_lanes(world, own, cases, counted, flight, 1)
         else:
-            act(world, guard, fixes, firing, course, own, forces[flight], flight, k, silent)
+            act(world, guard, departures, own, forces[flight], flight, k, silent)
         k += 1
-        look_about(world, optics, clusters, fixes, own, flight, k, silent)
+        look_about(world, optics, clusters, departures, own, flight, k, silent)
         write_observed(world, own, k, observed[flight])
         samples[flight] = k

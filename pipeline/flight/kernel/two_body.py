@@ -37,13 +37,21 @@ def note_sunshine(course: Course, work: Workspace, row: int) -> None:
 
 
 @compiled(error_model="numpy")
-def move_about_earth(world: World, course: Course, work: Workspace, k: int) -> None:
-    """Move all lanes by a control period."""
+def move_about_earth(
+    world: World, course: Course, work: Workspace, first: int, num_lanes: int, k: int
+) -> None:
+    """Move all lanes, which are flights from `first` on, by a control period."""
     lanes, row = work.lanes, 2 * course.num_steps * k
     place, velocity = entered(course, row, three(lanes.position), three(lanes.velocity))
     fx, fy, fz = three(lanes.force)
     per_force, push_of_sun = world.acceleration_per_force, -course.radiation
     force = fx * per_force, fy * per_force, fz * per_force
+    if len(course.varying) > 0:
+        for lane in range(LANES):
+            for axis in range(3):
+                lanes.drag[axis, lane] = course.varying[first + min(lane, num_lanes - 1), k, axis]
+        dx, dy, dz = three(lanes.drag)
+        force = force[0] + dx, force[1] + dy, force[2] + dz
     sx, sy, sz = suns(work)
     light = push_of_sun * sx, push_of_sun * sy, push_of_sun * sz
     for _ in range(course.num_steps):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import load, select, some, splat, store, total
-from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.kernel.arrays import POINTS, Beyond, Law, Workspace, World
+from pipeline.flight.guidance import MIN_PROJECTION_M, POINTS
+from pipeline.flight.kernel.arrays import Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential
 from pipeline.flight.kernel.optics import any_beam, lit_points
 from pipeline.flight.signals import constant, slot

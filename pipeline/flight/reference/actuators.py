@@ -23,7 +23,7 @@ class PlainThrusters:
 
     def __init__(self, mission: Mission, scenario: Scenario):
         self._law = thrusters_of(mission)
-        errors = thrust_errors(mission.actuators, [scenario])
+        errors = thrust_errors(mission, [scenario])
         self._errors, self.arm = errors.matrices[0], errors.arms[0]
         self._max_force = mission.deputy.max_force_n
         self._period, self._full = mission.control_period_s, mission.deputy.mass_kg
@@ -45,7 +45,8 @@ class PlainThrusters:
         if len(self._commands) <= self._law.delay or self._mass <= self._law.dry * self._full:
             self._thrusts, self.twist = np.zeros(len(self._law.layout)), np.zeros(3)
             return np.zeros(3)
-        wanted = self._errors @ self._commands[-1 - self._law.delay]
+        errors = self._errors[min(len(self._commands), len(self._errors)) - 1]
+        wanted = errors @ self._commands[-1 - self._law.delay]
         if len(self._law.layout):
             return self._divided(wanted, dcm)
         force = self.in_impulses(wanted)

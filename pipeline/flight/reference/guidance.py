@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.vectors import padded
 from pipeline.flight.guidance import (
     MAX_ITERATIONS,
     MIN_PROJECTION_M,
+    POINTS,
     cluster_centres,
     nearest_centre,
     num_clusters,
@@ -34,7 +36,7 @@ class ClusterMemory(NamedTuple):
         Of the last step, m, Hill axes; the first ``num_centres[0]`` rows count.
     num_centres : array of int, shape (1,)
         Zero where the last step had no candidates.
-    labels : array of int, shape (2, P)
+    labels : array, shape (2, P)
         Cluster of each candidate, in two consecutive passes.
     distances : array, shape (P,)
         Squared, from each candidate to its centre, m^2.
@@ -44,19 +46,19 @@ class ClusterMemory(NamedTuple):
 
     centres: Floats
     num_centres: Integers
-    labels: Integers
+    labels: Floats
     distances: Floats
     sums: Floats
 
 
 def cluster_memory(num_points: int) -> ClusterMemory:
     """Return the memory of a flight around `num_points` points that has not chosen yet."""
-    most = num_clusters(num_points)
+    most, width = num_clusters(num_points), padded(num_points, POINTS)
     return ClusterMemory(
         centres=np.zeros((most, 3)),
         num_centres=np.zeros(1, dtype=np.int64),
-        labels=np.zeros((2, num_points), dtype=np.int64),
-        distances=np.zeros(num_points),
+        labels=np.zeros((2, width)),
+        distances=np.zeros(width),
         sums=np.zeros((most, 4)),
     )
 

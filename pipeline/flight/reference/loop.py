@@ -14,6 +14,7 @@ from fis_tools.engines import interpreter
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
+from pipeline.flight.drag import drag_in_time
 from pipeline.flight.log import REHEARSED, FlightLog, Scenario, empty_log
 from pipeline.flight.reference import thrust
 from pipeline.flight.reference.actuators import PlainThrusters
@@ -236,10 +237,11 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     quaternion_c = np.array([0.0, 0.0, 0.0, 1.0])
     rate_c = world.chief_rate
     is_inspected = np.zeros(num_points, dtype=np.bool_)
-    candidates = np.zeros((3, num_points))
+    candidates = np.zeros((3, memory.distances.size))
     delta_v = 0.0
     navigator = Navigator(mission, scenario) if mission.navigation.mode == "fixes" else None
     thrusters = PlainThrusters(mission, scenario) if mission.actuators.kind == "real" else None
+    drag = drag_in_time(mission, [scenario])
     plan, constants = channels.plan, channels.constants
     has_plan = plan is not None
     last_lit, is_inspectable = times_lit(world, sun_at_start)
@@ -405,7 +407,8 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             total, mean_mass, log.mass_kg[k + 1] = thrusters.burnt(fired_h)
         fired_h = fired_h * (world.mass / mean_mass)
         if world.course.is_on:
-            state = move_beside(world.course, k, truth, fired_h / world.mass, sun_direction_h(*sun_at_start))
+            pull = fired_h / world.mass + (drag[0, k] if len(drag) else 0.0)
+            state = move_beside(world.course, k, truth, pull, sun_direction_h(*sun_at_start))
         else:
             state = propagate(world.motion, truth, fired_h)
         delta_v += total * world.control_period / mean_mass

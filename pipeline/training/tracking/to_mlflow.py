@@ -90,4 +90,5 @@ class Store:
 
     def close(self, ending: str) -> None:
         """Tell how it ended."""
-        self._client.set_terminated(self._run, STATUS[ending])
+        with self._in_words():
+            self._client.set_terminated(self._run, STATUS[ending])

@@ -109,6 +109,16 @@ def test_shares_add_up_for_every_controller_that_ships(path) -> None:
         assert np.count_nonzero(found.values) > 40
 
 
+def test_samples_of_one_structure_get_the_shares_that_each_gets_alone(monkeypatch) -> None:
+    systems = [system for path in CONTROLLERS for system in serialize.load(path).systems]
+    together = [adds_up(system, spread_inputs(system, 12)).values for system in systems]
+    monkeypatch.setattr(shapley, "_games_by_level", lambda match: iter(()))
+    for system, found in zip(systems, together, strict=True):
+        alone = adds_up(system, spread_inputs(system, 12)).values
+        span = system.outputs[0].maximum - system.outputs[0].minimum
+        np.testing.assert_allclose(found, alone, rtol=0, atol=1e-12 * span)
+
+
 def test_shares_add_up_for_random_systems() -> None:
     generator = np.random.default_rng(21)
     for number in range(60):

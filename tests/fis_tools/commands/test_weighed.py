@@ -7,7 +7,7 @@ import pytest
 
 from fis_tools.__main__ import main
 from fis_tools.formats import serialize
-from fis_tools.model import Constant, FuzzyController, Term
+from fis_tools.model import Constant, Formula, FuzzyController, Term
 from tests.fis_tools.engines.weighed_systems import systems
 
 NAMES = ("constant", "linear", "tsukamoto", "mixed")
@@ -85,6 +85,19 @@ def test_a_number_that_changed_is_told(
     assert main(["diff", str(files["constant"]), str(path), "-o", str(tmp_path / "diff.html")]) == 0
     told = capsys.readouterr().out + (tmp_path / "diff.html").read_text(encoding="utf-8")
     assert "-1.5" in told
+
+
+@pytest.mark.parametrize("form", ["c", "fmu", "fis", "fml"])
+def test_forms_without_formulas_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    system = systems()["constant"]
+    (y,) = system.outputs
+    sine = replace(y, terms=(Term("y_0", Formula("sin(x0)")), *y.terms[1:]))
+    path = tmp_path / "sine.json"
+    path.write_text(
+        serialize.dump_json(FuzzyController("sine", (replace(system, outputs=(sine,)),))), encoding="utf-8"
+    )
+    assert main(["export", str(path), "--format", form, "-o", str(tmp_path / f"sine.{form}")]) == 2
+    assert "output 'y'" in capsys.readouterr().err
 
 
 def test_formats_without_the_words_refuse(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,14 +18,16 @@ from numba import njit
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
-from fis_tools.engines import vector_code
+from fis_tools.engines import borrowed_code, vector_code  # noqa: F401 - teaches numba what is borrowed
 from fis_tools.engines.vectors import (
     CACHE_LINE,
+    ROW,
     aligned,
     bits,
     borrowed,
     count,
     gather,
+    gather_rows,
     highest,
     least,
     load,
@@ -202,11 +204,12 @@ def test_a_sum_is_taken_by_halves() -> None:
 @cache
 def places(width: int) -> Kernel:
     @njit(error_model="numpy")
-    def run(flat: Floats, table: Floats, at: int, offsets: Floats, out: Floats) -> None:
+    def run(flat: Floats, table: Floats, at: int, offsets: Floats, out: Floats, rows: Floats) -> None:
         store(out, 0, load(flat, at, width))
         store(out, 1, load(table, at, width))
         store(out, 2, spread(flat, at, width))
         store(out, 3, gather(flat, at, load(offsets, 0, width)))
+        gather_rows(flat, at, load(offsets, 0, width), len(rows) - 1, rows)
         store(out, 4, power_of_two(load(offsets, 0, width) - 500.0))
         before = load(out, 0, width)
         store(out, 0, splat(7, width))  # what has been read stays as it was
@@ -222,7 +225,11 @@ def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
     offsets = generator.integers(-3, 100, width) + 0.0
     offsets += np.sign(offsets) * generator.choice([0.0, 0.999], width)  # the fraction is cut off
     before, out = flat.copy(), np.zeros((5, width))
-    places(width)(flat, table, 3, offsets, out)
+    for size in range(ROW, -1, -1):
+        rows = np.full((size + 1, width), np.nan)
+        places(width)(flat := before.copy(), table, 3, offsets, out, rows)
+        same(rows[:size], before[3 + np.trunc(offsets).astype(int) + np.arange(size)[:, np.newaxis]])
+        assert np.isnan(rows[size]).all()
     same(out[0], np.full(width, 7.0))
     same(out[1], table[3, :width])
     same(out[2], np.full(width, before[3]))

@@ -1,6 +1,7 @@
 """The page infers as Python does."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from fis_tools.engines import compiler, inference
 from fis_tools.findings import explanation
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.review import page
+from fis_tools.review import content, page
 from tests.fis_tools.engines.random_systems import (
     full_table_system,
     hedged,
@@ -50,12 +51,32 @@ def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
 
 
 CONTROLLERS = {
-    "champion": lambda: serialize.load("conf/controller/paper_champion.yaml"),
-    "octants": lambda: serialize.load("conf/controller/paper_octants.yaml"),
-    "everything": general_controller,
-    "125 rules": lambda: FuzzyController("many", (system_of_125_rules(),)),
-    "random": lambda: FuzzyController("random", random_systems(seed=8, count=24)),
+    name: cache(make)
+    for name, make in {
+        "champion": lambda: serialize.load("conf/controller/paper_champion.yaml"),
+        "octants": lambda: serialize.load("conf/controller/paper_octants.yaml"),
+        "everything": general_controller,
+        "125 rules": lambda: FuzzyController("many", (system_of_125_rules(),)),
+        "random": lambda: FuzzyController("random", random_systems(seed=8, count=24)),
+    }.items()
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _worded_once():
+    """A page's words about a system are found once: they are the same on all pages of it."""
+    found = {}
+
+    def words(place, system, samples, measures, make=content.system_words):
+        key = place, id(system)
+        if key not in found:
+            # the system is kept, so that no other one gets its id
+            found[key] = system, make(place, system, samples, measures)
+        return found[key][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(content, "system_words", words)
+        yield
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

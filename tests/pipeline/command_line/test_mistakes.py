@@ -77,6 +77,14 @@ MISTAKES = [
         ["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"],
         "guidance.engine is sklearn, which flies one flight at a time; train with guidance.engine=compiled",
     ),
+    (
+        ["+experiment=optimum", "light=blinn_phong"],
+        "light.reflection is blinn_phong, which plans of least fuel",
+    ),
+    (
+        ["+experiment=fly", "controller=lqr", "controller.follows=route", "light=blinn_phong"],
+        "light.reflection is blinn_phong, which plans of least fuel",
+    ),
     # files
     (
         ["+experiment=fly", "controller=nowhere.json"],

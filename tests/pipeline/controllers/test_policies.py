@@ -30,11 +30,11 @@ SCALES = np.array([100.0] * 3 + [0.5] * 3 + [10.0] * 3 + [1.0] * 6 + [99.0] * 2 
 CONSTANTS = {
     "w1": W1, "w1t": W1.T, "b1": B1, "w2": W2, "b2": B2, "scales": SCALES, "low": np.array(-1.0),
     "high": np.array(1.0), "force": np.array(0.03), "half": np.array([0.5]), "wide": np.ones((18, 3)),
-    "zero": np.array(0.0), "infinite": np.array(np.inf),
+    "zero": np.array(0.0), "column": np.ones((3, 1)), "infinite": np.array(np.inf),
 }  # fmt: skip
 Step = tuple[str, Sequence[str], dict[str, Any]]
 LAYERS: Sequence[Step] = (
-    ("Flatten", ["", ], {}),
+    ("Flatten", [""], {"axis": 1}),
     ("Div", ["", "scales"], {}),
     ("Gemm", ["", "w1t", "b1"], {"transB": 1}),
     ("Tanh", [""], {}),
@@ -91,12 +91,19 @@ def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
     ("steps", "reason"),
     [
         ([*LAYERS, ("Exp", [""], {})], "it has the operator Exp; only a chain of Add, Sub, "),
-        ([("Add", ["", ""], {}), *LAYERS], "its operator Add does not take numbers and constants"),
+        ([("Add", ["", ""], {}), *LAYERS], "its operator Add does not take the numbers of the one before"),
         ([*LAYERS[:-2], ("Clip", ["low", "", "high"], {})], "its operator Clip does not take numbers"),
         ([*LAYERS, ("Mul", ["", "infinite"], {})], "its constant infinite is not finite"),
         ([*LAYERS, ("Div", ["", "zero"], {})], "its operator Div does not take numbers"),
         ([("MatMul", ["", "wide"], {})], r"weights of shape \(18, 3\) follow 19 numbers"),
-        ([("Add", ["", "b1"], {}), *LAYERS], "8 constants follow 19 numbers"),
+        ([("Add", ["", "b1"], {}), *LAYERS], r"constants of shape \(8,\) follow 19 numbers"),
+        ([*LAYERS, ("Add", ["", "column"], {})], r"constants of shape \(3, 1\) follow 3 numbers"),
+        (
+            [*LAYERS, ("Clip", [""], {"max": 0.1})],
+            "its operator Clip has the attribute 'max'; use opset 13 or later",
+        ),
+        ([*LAYERS, ("Clip", ["", "column"], {})], "its operator Clip does not take numbers and constants"),
+        ([("Flatten", [""], {"axis": 0}), *LAYERS], "its operator Flatten does not take numbers"),
         (LAYERS[:4], "it answers with 8 numbers; a policy gives three forces"),
     ],
 )

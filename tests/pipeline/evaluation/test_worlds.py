@@ -1,11 +1,13 @@
 """Worlds: what they change, and the tables that tell who breaks in which."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.evaluation.comparison import FLOWN, ComparisonRow
+from pipeline.evaluation.comparison import FLOWN, ComparisonRow, rate
 from pipeline.evaluation.statistics import fraction
 from pipeline.evaluation.worlds import matrices, verdicts, worlds_in_words, worlds_of
 from pipeline.flight.controller import coast
@@ -49,6 +51,13 @@ def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
         "b, Sun random, layer none: holds in all; all: -25 % delta-v",
     ]
     assert all(" ".join(line) in " ".join(worlds_in_words(ROWS).split()) for line in lines)
+
+
+def test_a_rate_is_also_told_of_the_points_that_are_ever_lit() -> None:
+    of_all, of_lit = ({"mean": value, "standard_deviation": 2.0} for value in (90.0, 97.5))
+    told = {"inspection_rate_percent": of_all, "inspectable_rate_percent": of_lit}
+    assert rate(replace(ROWS[0], summary=told)) == "90.00 ± 2.00, of lit 97.50"
+    assert rate(replace(ROWS[0], summary=told | {"inspectable_rate_percent": of_all})) == "90.00 ± 2.00"
 
 
 def test_the_grid_frames_what_breaks() -> None:

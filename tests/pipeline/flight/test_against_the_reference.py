@@ -86,6 +86,22 @@ LOW_ORBIT = {
     "radiation_m_s2": 1e-7,
 }
 
+#: what may vary within a flight: none stays constant or normal alone
+VARYING = {
+    "navigation": {
+        "bias_m": {"kind": "normal", "mean": 0.3, "std": 0.5, "correlation_s": 400.0},
+        "range_noise_m": {"kind": "uniform", "low": 0.1, "high": 0.6, "correlation_s": 1000.0},
+        "bearing_noise_deg": {"kind": "normal", "mean": 0.2, "std": 0.1, "low": 0.0, "correlation_s": 100.0},
+        "attitude_bias_deg": {"kind": "normal", "mean": 0.0, "std": 1.0, "correlation_s": 300.0},
+        "attitude_noise_deg": {"kind": "uniform", "low": 0.0, "high": 0.4, "correlation_s": 50.0},
+    },
+    "actuators": {
+        "scale_error": {"kind": "normal", "mean": 0.0, "std": 0.1, "correlation_s": 600.0},
+        "misalignment_deg": {"kind": "uniform", "low": -5.0, "high": 5.0, "correlation_s": 200.0},
+    },
+}
+DRAGGED = {"dynamics.drag_m_s2": {"kind": "normal", "mean": 1e-5, "std": 3e-6, "correlation_s": 300.0}}
+
 #: some forces beyond the thruster's, and fewer than the flight has periods
 PLAN = open_loop("plan", np.random.default_rng(1).normal(0.0, [0.02, 0.5, 0.01], (300, 3)))
 
@@ -172,12 +188,15 @@ POINTED = {
     "going on when complete": (mission(attitude=IDEAL, coast_when_complete=False), STEERING, [COMPLETED]),
     "clusters": (mission(attitude=IDEAL, guidance={"kind": "clusters"}), STEERING, [*STARTS, *OVER_POLES]),
     "tumbling chief": (mission(attitude=IDEAL, chief=TUMBLING), STEERING, STARTS),
-    "range and bearing, an attitude known with an error": (
-        mission(
-            attitude=IDEAL,
-            navigation=FIXES | SIGHTED,
-            actuators=REAL | {"thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
-            safety=vars(LAST_MOMENT),
+    "range and bearing, errors that vary": (
+        replace(
+            mission(
+                attitude=IDEAL,
+                navigation=FIXES | SIGHTED,
+                actuators=REAL | {"thrust_arm_m": 0.02, "specific_impulse_s": 60.0},
+                safety=vars(LAST_MOMENT),
+            ),
+            dispersions=VARYING,
         ),
         STEERING,
         STARTS,
@@ -203,7 +222,9 @@ POINTED = {
     "safety layer against a plan": (guarded(LAST_MOMENT), PLAN, [*STARTS, *starts_at_rest(3, 43)]),
     "safety layer against a push": (guarded(EARLY), pushing(-0.3), STARTS),
     "about the oblate Earth, in and out of its shadow": (
-        mission(attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}),
+        replace(
+            mission(attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}), dispersions=DRAGGED
+        ),
         STEERING,
         STARTS,
     ),

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from sklearn.cluster import KMeans
 from threadpoolctl import ThreadpoolController
 
+from fis_tools.engines.vectors import padded
 from pipeline.flight.guidance import (
     CENTRE_SHIFT_M,
     cluster_centres,
@@ -13,6 +14,7 @@ from pipeline.flight.guidance import (
     num_clusters,
     start_centres,
 )
+from pipeline.flight.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.reference.guidance import (
     choose_centroid,
     choose_cluster,
@@ -28,7 +30,7 @@ POINTS = regular_placement(100, 10.0)
 
 def columns(candidates):
     """Candidates as the compiled functions take them."""
-    array = np.full((3, len(POINTS)), np.nan)
+    array = np.full((3, padded(len(POINTS), LOOKED_AT_TOGETHER)), np.nan)
     array[:, : len(candidates)] = np.asarray(candidates).T
     return array
 

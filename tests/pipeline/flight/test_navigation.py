@@ -16,10 +16,10 @@ from pipeline.flight.navigation import errors_of
 from pipeline.flight.reference.navigation import Navigator
 from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.settings.experiment import Actuators, Mission, SettingError
+from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.guarded import LAST_MOMENT
-from tests.pipeline.flight.test_against_the_reference import ASKEW, FIXES, REAL
+from tests.pipeline.flight.test_against_the_reference import ASKEW, FIXES, REAL, VARYING
 
 #: thrusters that do as they are told, flown by the code of those that do not
 EXACT = REAL | {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}
@@ -137,7 +137,7 @@ def test_thrusters_fire_late_turned_scaled_and_in_whole_impulses() -> None:
     real = REAL | {"delay_s": 20.0, "impulse_step_n_s": 0.03, "least_impulse_n_s": 0.1}
     what = world(FIXES, real)
     log = fly_logged(what, open_loop("plan", forces), STARTS[0])
-    matrix = thrust_errors(what.actuators, [STARTS[0]]).matrices[0]
+    matrix = thrust_errors(what, [STARTS[0]]).matrices[0, 0]
     assert 1e-3 < np.abs(matrix - np.eye(3)).max() < 0.2
     wanted = np.round(forces[:-2] @ matrix.T / 0.003) * 0.003
     wanted[np.abs(wanted) < 0.01] = 0.0
@@ -151,7 +151,7 @@ def test_thrust_beside_the_centre_of_mass_turns_the_deputy() -> None:
     """Euler's equation under the recorded torques and ``arm x force`` leads where the deputy is."""
     what = world(KNOWN, EXACT | {"thrust_arm_m": 0.02})
     start = replace(STARTS[0], noise=(7, 0, 3))
-    log, arm = fly_logged(what, STEERING, start), thrust_errors(what.actuators, [start]).arms[0]
+    log, arm = fly_logged(what, STEERING, start), thrust_errors(what, [start]).arms[0]
     k = int(np.abs(log.force_hill_n).sum(axis=1).argmax())
     assert np.linalg.norm(arm) * np.linalg.norm(log.force_hill_n[k]) > 2e-4
     instants = np.vstack([log.attitude_quaternion[k], log.quaternion_b_from_h[k + 1 : k + 2]])
@@ -220,18 +220,18 @@ def test_mass_falls_by_the_rocket_equation_and_nothing_fires_without_propellant(
         assert np.all(np.abs(log.force_hill_n[~is_dry]).sum(axis=1) > 0.0)
 
 
-def test_a_flight_has_its_own_errors_in_any_company() -> None:
-    what = world(FIXES, REAL)
+@pytest.mark.parametrize("varying", [{}, VARYING])
+def test_a_flight_has_its_own_errors_in_any_company(varying: dict[str, object]) -> None:
+    what = replace(world(FIXES, REAL), dispersions=varying)
     starts = [replace(STARTS[0], noise=(3, 0, case)) for case in range(20)]
-    together = fly_all(what, STEERING, starts, workers=1).delta_v_m_s
+    together = fly_all(what, STEERING, starts, workers=2).delta_v_m_s
     alone = [fly_all(what, STEERING, [start], workers=1).delta_v_m_s[0] for start in starts[::7]]
     np.testing.assert_array_equal(together[::7], alone)
     assert len(set(together.tolist())) == 20
 
 
 def test_turns_and_scales_have_the_spread_of_the_settings() -> None:
-    settings = Actuators(**(vars(mission(actuators=REAL).actuators)))
     starts = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(2, 0, case)) for case in range(1000)]
-    matrices = thrust_errors(settings, starts).matrices
+    matrices = thrust_errors(mission(actuators=REAL), starts).matrices[:, 0]
     np.testing.assert_allclose(matrices[:, [0, 1, 2], [0, 1, 2]].std(axis=0), 0.05, rtol=0.1)
     np.testing.assert_allclose(matrices[:, [0, 1, 2], [1, 2, 0]].std(axis=0), np.radians(2.0), rtol=0.1)

@@ -66,6 +66,14 @@ def test_flights_driven_with_the_forces_of_a_log_are_that_flight(world: str) -> 
 
 
 @pytest.mark.slow
+def test_a_sun_out_of_the_orbit_plane_is_to_be_announced() -> None:
+    task = task_of(["controller=lqr", "sun.elevation_deg=30", "monte_carlo.num_cases=1"])
+    (tilted,) = evaluation_scenarios(task.experiment.monte_carlo, task.experiment.sun, 1)
+    with pytest.raises(ValueError, match="out of the orbit plane; pass is_tilted=True"):
+        Flights(task.mission, 1, is_tilted=False).start(0, tilted)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS)
 def test_gymnasium_finds_no_fault(world: str) -> None:
     env = gymnasium.make("pipeline.gym:Inspection-v0", overrides=WORLDS[world]).unwrapped

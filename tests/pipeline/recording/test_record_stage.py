@@ -10,6 +10,7 @@ import pytest
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
+from pipeline.flight.dispersions import mission_of_case
 from pipeline.flight.starts import evaluation_scenarios, training_scenarios
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
@@ -254,3 +255,21 @@ def test_the_given_start_has_the_suns_angle_or_one_drawn():
     first = evaluation_scenarios(drawn.monte_carlo, drawn.sun, drawn.seed)[0]
     assert angle("sun=random", "seed=5") == first.sun_angle_rad
     assert angle("sun=random", "seed=6") != first.sun_angle_rad
+
+
+def test_a_case_of_the_evaluation_is_flown_alone():
+    """With what it draws: here its velocity, its mass and its thrusters' errors."""
+    words = (
+        *("controller=coast", "sun=random", "seed=5", "actuators=real", "monte_carlo.max_speed_m_s=0.2"),
+        "+dispersions.deputy.mass_kg={kind:uniform,low:10,high:14}",
+        "+dispersions.actuators.scale_error={kind:normal,mean:0,std:0.1,correlation_s:60}",
+    )
+    alone = compose_experiment(["+experiment=fly", "case=7", *words]).experiment
+    (flight,) = record.flights_of(alone, Path("unused"))
+    evaluated = compose_experiment(["+experiment=evaluate", *words]).experiment
+    seventh = evaluation_scenarios(evaluated.monte_carlo, evaluated.sun, evaluated.seed)[7]
+    assert (flight.name, flight.scenario_id) == ("case-7", "case-7")
+    np.testing.assert_array_equal(flight.scenario.velocity_m_s, seventh.velocity_m_s)
+    np.testing.assert_array_equal(flight.scenario.position_m, seventh.position_m)
+    assert flight.scenario.noise == seventh.noise
+    assert mission_of_case(alone.mission, flight.scenario) == mission_of_case(evaluated.mission, seventh)

@@ -18,7 +18,7 @@ from pipeline.flight.starts import training_scenarios
 from pipeline.report import contents
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
 from tests.pipeline.report.runs import (
     HOSTILE,
@@ -108,7 +108,8 @@ def test_numbers_are_those_of_the_summary(trained):
     told = contents.gather(experiment, folder)
     scenarios = training_scenarios(experiment.starts, experiment.sun, experiment.seed)
     episodes, _ = fly_cases(experiment.mission, told.controller, scenarios)
-    metrics = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m")
+    # in ten minutes not all points are lit
+    metrics = ("delta_v_m_s", "inspection_rate_percent", "inspectable_rate_percent", "mean_distance_m")
     expected = [float(np.mean(episodes[name])) for name in metrics]
     expected += [
         np.mean(episodes["success"]),
@@ -252,7 +253,9 @@ def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained):
 def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     controller = ("controller=file", f"controller.path={small_controller(tmp_path)}")
     stages = ("scenario", "evaluate", "record", "report")
-    run_of(tmp_path, stages, "+experiment=evaluate", "sun=random", *controller)
+    # what a case draws besides its place: a velocity, a mass
+    drawn = "monte_carlo.max_speed_m_s=0.2", "+dispersions.deputy.mass_kg={kind:uniform,low:6,high:18}"
+    experiment = run_of(tmp_path, stages, "+experiment=evaluate", "sun=random", *controller, *drawn)
     page = Page((tmp_path / artifacts.REPORT).read_text())
     (median,) = (path.stem for path in (tmp_path / artifacts.RECORDINGS).glob("median-*.mcap"))
     assert (tmp_path / artifacts.FIGURES / f"control-{median}.png").exists()
@@ -261,6 +264,26 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     assert "the stage scenario writes the starts" in page.text["training"]
     assert "logbook.csv" in page.text["convergence"]
     assert "Sun random" in page.text["summary"]
+    episodes = tables.read_parquet(tmp_path, artifacts.EPISODES)
+    spent = episodes["delta_v_m_s"][int(median.split("-")[-1])]
+    (shown,) = contents.gather(experiment, tmp_path).shown
+    assert shown.log.delta_v_m_s[-1] == spent
+    words = " ".join(page.text["distributions"].split())
+    summary = json.loads((tmp_path / artifacts.SUMMARY).read_text())
+    of_mass, nominal = summary["sensitivity"][0]["delta_v_m_s"], summary["nominal"]["delta_v_m_s"]
+    assert of_mass["value"] < -0.3
+    assert f"deputy.mass_kg−{-of_mass['value']:.2f} (" in words
+    assert f"without dispersions{nominal['mean']:.3f} ± {nominal['standard_deviation']:.3f}" in words
+    middle = summary["percentiles"]["delta_v_m_s"][0]
+    assert f"50 % have at most{middle['value']:.3f}{middle['low']:.3f} to {middle['high']:.3f}" in words
+    rate, count = summary["inspectable_rate_percent"]["mean"], summary["inspectable_count"]["mean"]
+    told = " ".join(page.text["summary"].split())
+    assert f" {rate:.2f} ± " in told
+    assert f"% of the {count:.1f} a flight that can be inspected, to which success refers" in told
+    del summary["nominal"]["success"]
+    (tmp_path / artifacts.SUMMARY).write_text(json.dumps(summary))
+    with pytest.raises(ArtifactError, match=r"dispersions what it should .* repeat the stage evaluate"):
+        page_of(experiment, tmp_path)
 
 
 def test_one_flight_is_reported_alone(tmp_path):

@@ -17,8 +17,8 @@ SWEEP = [
     "-m", "+experiment=evaluate", "controller=coast", "stages=[scenario,evaluate]", "hydra.sweep.dir=out",
     "seed=1,2,3", "deputy.mass_kg=10,12", "sun=fixed,random",
 ]  # fmt: skip
-#: the same with sixteen seeds: 64 runs
-LARGE = ["seed=range(1,17)" if word.startswith("seed=") else word for word in SWEEP]
+#: the same with four seeds: 16 runs
+LARGE = ["seed=range(1,5)" if word.startswith("seed=") else word for word in SWEEP]
 #: the other parts of a run in a sweep's file
 REST = '"differs": {}, "command": [], "failure": ""'
 #: what goes wrong in which run: a mistake, the disk, memory, and a fault of the program
@@ -27,7 +27,7 @@ INJECTED = {
     ("3", 10.0, "random"): OSError(28, "No space left on device"),
     ("3", 12.0, "random"): MemoryError(),
     ("1", 10.0, "random"): RuntimeError("a slip"),
-    ("9", 10.0, "fixed"): ValueError("nothing to be flown, again"),
+    ("4", 10.0, "fixed"): ValueError("nothing to be flown, again"),
 }
 
 
@@ -59,35 +59,35 @@ def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, capsys):
     use_stages(monkeypatch, evaluate=evaluate_or_fail)
     assert main(LARGE) == 2
     told = capsys.readouterr().err
-    *_, ends = told.split("[64/64]")
+    *_, ends = told.split("[16/16]")
     assert ends.count("failed: ") == len(INJECTED)
     assert "failed: seed=2+deputy.mass_kg=12+sun=fixed: nothing to be flown" in ends
     assert "seed=1+deputy.mass_kg=10+sun=random: a fault of the program: RuntimeError: a slip" in ends
-    assert "59 of 64 runs are done; to try the others again: python -m pipeline resume=out" in ends
+    assert "11 of 16 runs are done; to try the others again: python -m pipeline resume=out" in ends
     assert main(["summary", "out"]) == 0
     rows = tables.read_parquet(OUT, "summary.parquet")
     states = dict(zip(rows["run"].tolist(), rows["state"].tolist(), strict=True))
     failed = {f"seed={seed}+deputy.mass_kg={mass:g}+sun={sun}" for seed, mass, sun in INJECTED}
     assert {name for name, state in states.items() if state == "failed"} == failed
-    assert (rows["state"] == "done").sum() == 59
+    assert (rows["state"] == "done").sum() == 11
     assert np.isnan(rows["delta_v_m_s"]).sum() == len(INJECTED)
     found = tables.read_parquet(OUT, "effects.parquet")
     heavier = (found["factor"] == "deputy.mass_kg") & (found["metric"] == "delta_v_m_s")
-    # of all seeds but 2 and 9 under a fixed Sun, and but 1 and 3 under a random one, both masses were flown
+    # of all seeds but 2 and 4 under a fixed Sun, and but 1 and 3 under a random one, both masses were flown
     assert found["difference"][heavier] == pytest.approx(-0.3)
-    assert found["pairs"][heavier].tolist() == [28]
+    assert found["pairs"][heavier].tolist() == [4]
     page = (OUT / "summary.html").read_text()
     assert all(name in page for name in failed)
     assert "controller=coast" in page
 
     use_stages(monkeypatch, evaluate=evaluate)
     assert main(["resume=out"]) == 0
-    assert "64 of 64 runs are done" in capsys.readouterr().err
+    assert "16 of 16 runs are done" in capsys.readouterr().err
     known = sweep.read(OUT)
-    assert [run.failure for run in known] == [""] * 64
+    assert [run.failure for run in known] == [""] * 16
     assert artifacts.read_manifest(OUT / known[0].folder)["command"] == list(known[0].command)
     assert main(["resume=out"]) == 0
-    assert "nothing is left to do: all 64 runs are finished" in capsys.readouterr().err
+    assert "nothing is left to do: all 16 runs are finished" in capsys.readouterr().err
 
 
 def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, capsys):

@@ -44,6 +44,7 @@ def line_of(kind: Kind, words: str) -> int:
         ("fis", "Range=[0 30]", "Range=0 30", "expected numbers in brackets"),
         ("fis", "2 0, 2 (1) : 1", "1.25 0, 2 (1) : 1", "has a hedge"),
         ("fis", "2 0, 2 (1) : 1", "4 0, 2 (1) : 1", "service has 3 terms, and none numbered 4"),
+        ("fis", "2 0, 2 (1) : 1", "0.2 0, 2 (1) : 1", "service has 3 terms, and none numbered 0.2"),
         ("fis", "2 0, 2 (1) : 1", "2 0, -2 (1) : 1", "concludes 'not'"),
         ("fis", "2 0, 2 (1) : 1", "0 0, 2 (1) : 1", "asks or concludes nothing"),
         ("fis", "2 0, 2 (1) : 1", "2 0 2 (1) : 1", "is not a rule"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.arrays import spread_inputs
+from fis_tools.engines import inference
 from fis_tools.engines.compiler import compile
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fcl, fis, fll, fml
@@ -113,6 +114,21 @@ def test_hedges_are_said_in_the_words_of_a_format_or_become_terms(
     assert sum(len(v.terms) for v in said.source.inputs) == sum(len(v.terms) for v in system.inputs) + terms
     assert all(word in written.text for word in words)
     assert any("become terms of their own" in told for told in written.losses)
+
+
+def test_a_hedged_statement_becomes_no_term_that_is_called_alike() -> None:
+    """MATLAB is to compute very calm, though the system has a term of this name."""
+    flat = flat_system()
+    wind = flat.variable("wind")
+    named = replace(wind, terms=(*wind.terms, Term("very calm", Sampled((0.0,) * wind.num_points))))
+    rule = Rule(Hedged("very", Is("wind", "calm")), (Consequent("heat", "some"),))
+    inputs = tuple(named if v.name == "wind" else v for v in flat.inputs)
+    system = replace(flat, inputs=inputs, rules=(rule,))
+    (shown,) = fis.read(without_comment(fis.write(alone(system)).text)).controller.systems
+    rows = np.random.default_rng(4).uniform((-10.0, 0.0), (40.0, 25.0), (40, 2))
+    np.testing.assert_allclose(
+        inference.firing_strengths(shown, rows), inference.firing_strengths(system, rows), atol=2e-3
+    )
 
 
 def test_nested_rules_of_any_operators_survive_in_fll() -> None:

@@ -1,0 +1,106 @@
+"""The LLVM code of `fis_tools.engines.vectors.borrowed`, for numba.
+
+Arrays that are borrowed have references that are not counted; a named tuple that is borrowed is one pointer.
+Importing this module registers that with numba, and with it all of `fis_tools.engines.vector_code`.
+"""
+
+from functools import cache
+from typing import Any
+
+from fis_tools.engines import vectors
+from fis_tools.engines.vector_code import I64, members, needed_of_numba, typed
+
+with needed_of_numba():
+    from llvmlite import ir
+    from numba import types
+    from numba.core import cgutils
+    from numba.core.imputils import lower_getattr_generic
+    from numba.core.typing.templates import AttributeTemplate, infer_getattr
+    from numba.extending import lower_builtin, models, register_model
+
+I8 = ir.IntType(8)
+
+
+class BorrowedType(types.Type):
+    """A named tuple that somebody further up holds, as a pointer to its values."""
+
+    def __init__(self, held: Any) -> None:
+        self.held = held
+        super().__init__(name=f"Borrowed({held.name})")
+
+
+@register_model(BorrowedType)
+class _BorrowedModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: BorrowedType) -> None:
+        super().__init__(manager, kind, I8.as_pointer())
+
+
+def _borrowed_type(kind: Any) -> Any:
+    if isinstance(kind, types.BaseNamedTuple):
+        return BorrowedType(kind)
+    held = members(kind)
+    return kind if held is None else types.Tuple([_borrowed_type(member) for member in held])
+
+
+def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        array = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+        for owner in ("meminfo", "parent"):
+            setattr(array, owner, ir.Constant(getattr(array, owner).type, None))
+        return array._getvalue()
+    for place, member in enumerate(members(kind) or ()):
+        part = _uncounted(context, builder, member, builder.extract_value(value, place))
+        value = builder.insert_value(value, part, place)
+    return value
+
+
+def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Return a value as `_borrowed_type` says; what is in a named tuple is put where a pointer leads."""
+    if isinstance(kind, types.BaseNamedTuple):
+        place = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
+        return builder.bitcast(place, I8.as_pointer())
+    if members(kind) is None:
+        return _uncounted(context, builder, kind, value)
+    parts = [
+        _lent(context, builder, member, builder.extract_value(value, place))
+        for place, member in enumerate(members(kind) or ())
+    ]
+    return context.make_tuple(builder, _borrowed_type(kind), parts)
+
+
+def _lower_borrowed(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return _lent(context, builder, signature.args[0], args[0])
+
+
+typed(vectors.borrowed, _borrowed_type)
+lower_builtin(vectors.borrowed, types.Any)(_lower_borrowed)
+
+
+@infer_getattr
+class _BorrowedAttributes(AttributeTemplate):
+    key = BorrowedType
+
+    def generic_resolve(self, kind: BorrowedType, name: str) -> Any:  # type: ignore[override]
+        if name in kind.held.fields:
+            return _borrowed_type(kind.held.types[kind.held.fields.index(name)])
+        return None
+
+
+@cache
+def _offset(context: Any, held: Any, place: int) -> int:
+    """Return how many bytes into a tuple's values one of them lies."""
+    values, data = context.get_value_type(held), context.target_data
+    if isinstance(values, ir.ArrayType):  # all are of one type
+        return place * int(values.element.get_abi_size(data))
+    return int(values.get_element_offset(data, place))
+
+
+@lower_getattr_generic(BorrowedType)
+def _lower_borrowed_attribute(context: Any, builder: Any, kind: BorrowedType, value: Any, name: str) -> Any:
+    place = kind.held.fields.index(name)
+    member = kind.held.types[place]
+    there = builder.gep(value, [I64(_offset(context, kind.held, place))])
+    if isinstance(member, types.BaseNamedTuple):
+        return there
+    found = builder.load(builder.bitcast(there, context.get_value_type(member).as_pointer()))
+    return _lent(context, builder, member, found)

@@ -1,0 +1,37 @@
+"""What writing a file of another program comes to, and what reading one does."""
+
+from dataclasses import dataclass
+
+from fis_tools.model import FuzzyController
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file, and what it does not say.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    losses : tuple of str
+        What the format has no place for, one sentence each.
+    """
+
+    text: str
+    losses: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A controller, and what was assumed to read it.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+        It has no problems.
+    assumptions : tuple of str
+        What the file did not state, one sentence each.
+    """
+
+    controller: FuzzyController
+    assumptions: tuple[str, ...]

@@ -1,0 +1,78 @@
+"""Motion and attitude against the tables that AFRL tests its own spacecraft by.
+
+Theirs are integrated by Runge-Kutta methods with single precision in the derivatives; a case tells how far
+off it may be. Their attitude turns as if Hill axes did not, and their wheels stop at a rate, which ours have
+no limit for.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
+from pipeline.physics.motion import Motion, propagate
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.rigid_body import relative_attitude_step
+from tests.places import PROJECT
+
+Floats = NDArray[np.float64]
+
+#: their defaults
+MEAN_MOTION, MASS, MAX_FORCE, INERTIA, FASTEST = 0.001027, 12.0, 1.0, 0.0573 * np.eye(3), 0.034907
+STEP_S = 0.1
+
+
+def cases(name: str) -> Floats:
+    return np.genfromtxt(
+        PROJECT / "tests" / "pipeline" / "physics" / "afrl" / name, delimiter=",", skip_header=2
+    )
+
+
+def motion(seconds: float) -> Motion:
+    return Motion(
+        state_transition(MEAN_MOTION, seconds)[np.newaxis],
+        input_matrix(MEAN_MOTION, seconds, MASS)[np.newaxis],
+    )
+
+
+@pytest.mark.parametrize("case", cases("cwh.csv"))
+def test_motion(case: Floats) -> None:
+    start, force, seconds, end, bound = np.split(case, [6, 9, 10, 16])
+    moved = propagate(motion(float(seconds[0])), start, np.clip(force, -MAX_FORCE, MAX_FORCE))
+    np.testing.assert_allclose(moved, end, rtol=0, atol=0.01 * bound[0])
+
+
+class Body(NamedTuple):
+    """A spacecraft that moves and turns: position, attitude, velocity, rate."""
+
+    place: Floats
+    quaternion: Floats
+    velocity: Floats
+    rate: Floats
+
+
+def stepped(body: Body, force_b: Floats, torque: Floats, seconds: float) -> Body:
+    """Turn and move for a short time, under a force along the axes of the body halfway."""
+    halfway, _ = turned(body, torque, 0.5 * seconds)
+    force_h = dcm_b_from_h(halfway).T @ np.clip(force_b, -MAX_FORCE, MAX_FORCE)
+    state = propagate(motion(seconds), np.concatenate((body.place, body.velocity)), force_h)
+    quaternion, rate = turned(body, torque, seconds)
+    return Body(state[:3], quaternion, state[3:], rate)
+
+
+def turned(body: Body, torque: Floats, seconds: float) -> tuple[Floats, Floats]:
+    inverse = np.linalg.inv(INERTIA)
+    return relative_attitude_step(body.quaternion, body.rate, INERTIA, inverse, torque, np.zeros(3), seconds)
+
+
+@pytest.mark.parametrize("case", cases("sixdof.csv"))
+def test_motion_and_attitude(case: Floats) -> None:
+    start, force, torque, seconds, end, bound = np.split(case, [13, 16, 19, 20, 33])
+    body = Body(*np.split(start, [3, 7, 10]))
+    for _ in range(round(float(seconds[0]) / STEP_S)):
+        is_fastest = np.abs(body.rate + 0.5 * STEP_S * np.linalg.solve(INERTIA, torque)).max() > FASTEST
+        body = stepped(body, force, np.zeros(3) if is_fastest else torque, STEP_S)
+    is_told = ~np.isnan(end)
+    np.testing.assert_allclose(np.concatenate(body)[is_told], end[is_told], rtol=0, atol=bound[0])
