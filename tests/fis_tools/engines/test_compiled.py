@@ -203,6 +203,21 @@ def test_in_a_terminal_the_notice_is_one_line_that_vanishes(package: Package) ->
 
 
 @pytest.mark.slow
+def test_garbage_is_not_looked_for_while_ours_are_compiled(package: Package) -> None:
+    look = (
+        "import gc, numba, numba.core.event as event\nfrom kernels.other import double\n"
+        "class Listener(event.Listener):\n"
+        "    def on_start(self, event): print(gc.isenabled(), end=' ')\n"
+        "    def on_end(self, event): print(gc.isenabled(), end=' ')\n"
+        "double.dispatcher\nevent.register('numba:compile', Listener())\n"
+        "double(3)\nnumba.njit(lambda x: x)(3)\n"
+        "gc.disable()\ndouble(0.5)\nprint(gc.isenabled())"
+    )
+    ours, of_others, once_more = ["False", "True"], ["True", "True"], ["False", "False", "False"]
+    assert package.run(look).stdout.split() == [*ours, *of_others, *once_more]
+
+
+@pytest.mark.slow
 def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(package: Package) -> None:
     look = (
         "from kernels.callee import step\nfrom kernels.caller import twice\n"
