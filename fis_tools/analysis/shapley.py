@@ -167,7 +167,7 @@ def _games(match: _Match) -> Iterator[_Game]:
     # and not only how the others cut
     by_player = output.accumulation == "product" or output.aggregation != "max"
     accumulate = None if by_player else ACCUMULATIONS[output.accumulation]
-    left: NDArray[np.bool_] = match.plays.any(axis=1)
+    left: NDArray[np.bool_] = np.asarray(match.plays.any(axis=1))
     if accumulate is ACCUMULATIONS["max"] and all(len(cuts) <= 1 for cuts in match.conclusions):
         for game in _games_by_level(match):
             left[game.samples] = False
@@ -229,7 +229,7 @@ def _exact(match: _Match, game: _Game) -> Floats:
 
 
 def _one_worth(match: _Match, game: _Game, members: NDArray[np.bool_]) -> Floats:
-    return _worth(match, game.samples, game.rules, members)[0]
+    return np.asarray(_worth(match, game.samples, game.rules, members)[0])
 
 
 def _worth(match: _Match, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:
