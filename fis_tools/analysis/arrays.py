@@ -32,7 +32,7 @@ class Surface:
     x : (nx,), y : (ny,)
         Grid points over the whole universes.
     values : (ny, nx)
-        The output.
+        The output; NaN where a formula has no value, or an infinite one.
     fixed : dict
         The values of the inputs that are held.
     """
@@ -211,6 +211,7 @@ def surface(
     columns |= {name: np.full(num_points**2, float(value)) for name, value in held.items()}
     values = evaluate(system, np.stack([columns[name] for name in names], axis=1))
     place = 0 if output is None else outputs.index(output)
+    values = np.where(np.isfinite(values), values, np.nan)
     return Surface(
         x_variable=x_variable,
         y_variable=y_variable,

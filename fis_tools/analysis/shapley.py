@@ -229,8 +229,7 @@ def _exact(match: _Match, game: _Game) -> Floats:
 
 
 def _one_worth(match: _Match, game: _Game, members: NDArray[np.bool_]) -> Floats:
-    (worth,) = _worth(match, game.samples, game.rules, members)
-    return np.asarray(worth)
+    return np.asarray(_worth(match, game.samples, game.rules, members)[0])
 
 
 def _worth(match: _Match, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:

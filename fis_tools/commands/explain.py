@@ -81,9 +81,14 @@ def _explain_instant(arguments: argparse.Namespace, controller: FuzzyController)
         steps = [text.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
         print("\n".join([*steps, *told]), end="")
         return
-    explained = [
-        explain(one.system, one.inputs, arguments.crossing or 0.0) for one in found if one.inputs is not None
-    ]
+    try:
+        explained = [
+            explain(one.system, one.inputs, arguments.crossing or 0.0)
+            for one in found
+            if one.inputs is not None
+        ]
+    except ValueError as error:
+        raise UserMistake(str(error)) from error
     if arguments.json:
         _print_json("explanations", [one.plain() for one in explained], not_fired=silent)
     else:

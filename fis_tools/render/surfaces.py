@@ -64,9 +64,12 @@ def held_without_units(result: Surface) -> str:
 
 
 def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
-    """Return the least and the greatest output of some surfaces; the universe's ends where all are one."""
-    low = min(float(result.values.min()) for result in results)
-    high = max(float(result.values.max()) for result in results)
+    """Return the least and the greatest output of some surfaces; the universe's ends where all are one.
+
+    A formula has no value at some places, which are left out.
+    """
+    low = min(float(np.nanmin(result.values)) for result in results)
+    high = max(float(np.nanmax(result.values)) for result in results)
     output = results[0].output
     is_flat = high - low < _SAME * (output.maximum - output.minimum)
     return (output.minimum, output.maximum) if is_flat else (low, high)
@@ -75,8 +78,8 @@ def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
 def round_levels(result: Surface, limits: tuple[float, float]) -> Floats:
     """Return round outputs between the least and the greatest, zero left out."""
     low, high = limits
-    levels = MaxNLocator(7).tick_values(low, high)
-    is_between = (levels > result.values.min()) & (levels < result.values.max())
+    levels = np.asarray(MaxNLocator(7).tick_values(low, high), dtype=np.float64)
+    is_between = (levels > np.nanmin(result.values)) & (levels < np.nanmax(result.values))
     return np.asarray(levels[is_between & (np.abs(levels) > _SAME * (high - low))])
 
 
@@ -87,7 +90,7 @@ def signed(result: Surface, limits: tuple[float, float]) -> Floats | None:
     """
     least = _SAME * (limits[1] - limits[0])
     values = np.where(np.abs(result.values) > least, result.values, 0.0)
-    return values if values.min() < 0.0 < values.max() else None
+    return values if np.nanmin(values) < 0.0 < np.nanmax(values) else None
 
 
 def entitle(ax: Any, words: str) -> None:

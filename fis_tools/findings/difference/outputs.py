@@ -41,8 +41,11 @@ def compare_outputs(
             new = compiled(after)(inputs)
             for output in common:
                 old_place = [variable.name for variable in before.outputs].index(output.name)
-                pair = old[:, old_place], new[:, after.outputs.index(output)]
-                changes.append(_change(before.outputs[old_place], output, where, names, inputs, pair))
+                pair = np.array((old[:, old_place], new[:, after.outputs.index(output)]))
+                has_value = np.isfinite(pair).all(axis=0)  # a formula may have none
+                rows, pair = inputs[has_value], pair[:, has_value]
+                if len(rows):
+                    changes.append(_change(before.outputs[old_place], output, where, names, rows, pair))
     return tuple(changes)
 
 
@@ -62,7 +65,7 @@ def _change(
     where: str,
     names: list[str],
     inputs: Floats,
-    values: tuple[Floats, Floats],
+    values: Floats,
 ) -> OutputChange:
     sizes = np.abs(values[1] - values[0])
     worst = int(np.argmax(sizes))

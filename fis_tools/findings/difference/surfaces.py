@@ -58,6 +58,7 @@ def changed_surfaces(
     old, new = (
         np.asarray(compiled(one)(inputs)[output]).reshape(grid.values.shape) for one in (before, after)
     )
+    old, new = (np.where(np.isfinite(values), values, np.nan) for values in (old, new))
     change = replace(grid.output, name=f"change of {output}")
     return (
         replace(grid, values=old),
@@ -71,7 +72,7 @@ def _figure(surfaces: tuple[Surface, Surface, Surface], theme: "Theme") -> "Figu
     from fis_tools import render  # noqa: PLC0415 - differences are told without matplotlib
 
     shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
-    limits = (float(shown.min()), float(shown.max()))
+    limits = (float(np.nanmin(shown)), float(np.nanmax(shown)))
     figure = render.Figure(figsize=(12.6, 3.7), layout="constrained")
     *axes, last = figure.subplots(1, 3)
     for one, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):

@@ -13,7 +13,7 @@ from fis_tools.findings.difference.change import (
     VariableChange,
 )
 from fis_tools.findings.difference.comparison import new_names, renamed
-from fis_tools.model import Sampled, Term
+from fis_tools.model import Formula, Sampled, Term
 from fis_tools.words.amounts import NEGLIGIBLE
 from fis_tools.words.text import (
     aligned,
@@ -195,7 +195,7 @@ def shape_change(before: Term, after: Term) -> str:
     Numbers equal to six digits are left out, or shown in full if nothing else changed.
     """
     old, new = before.membership, after.membership
-    if type(old) is not type(new) or isinstance(old, Sampled):
+    if type(old) is not type(new) or isinstance(old, Formula | Sampled):
         return f" {TO} ".join(dict.fromkeys(shape_words(term) for term in (before, after)))
     changed = {
         field.name.replace("_", " "): (getattr(old, field.name), getattr(new, field.name))

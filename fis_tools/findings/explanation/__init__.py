@@ -39,11 +39,17 @@ def explain(system: object, inputs: ArrayLike | Mapping[str, float], crossing: f
     Raises
     ------
     ValueError
-        If inputs are missing, unknown or NaN, or `crossing` is not finite.
+        If inputs are missing, unknown or NaN, `crossing` is not finite, or a formula has no value there.
     """
     compiled = compiled_once(system)
     given = row(compiled, inputs)
     inference = infer(compiled.system, given)
+    for output in inference.outputs:
+        if not np.isfinite(output.value):
+            raise ValueError(
+                f"{output.variable.name} is {output.value} there: a formula that a rule concludes has no "
+                "value; ask at other inputs"
+            )
     shared, error = shapley.shares(compiled, given[np.newaxis])
     needed = contributions(compiled, given[np.newaxis])
     found = flips(compiled, given, crossing)

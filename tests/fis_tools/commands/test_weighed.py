@@ -87,17 +87,34 @@ def test_a_number_that_changed_is_told(
     assert "-1.5" in told
 
 
-@pytest.mark.parametrize("form", ["c", "fmu", "fis", "fml"])
-def test_forms_without_formulas_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def with_formula(text: str, folder: Path) -> str:
     system = systems()["constant"]
     (y,) = system.outputs
-    sine = replace(y, terms=(Term("y_0", Formula("sin(x0)")), *y.terms[1:]))
-    path = tmp_path / "sine.json"
-    path.write_text(
-        serialize.dump_json(FuzzyController("sine", (replace(system, outputs=(sine,)),))), encoding="utf-8"
-    )
-    assert main(["export", str(path), "--format", form, "-o", str(tmp_path / f"sine.{form}")]) == 2
+    changed = replace(y, terms=(Term("y_0", Formula(text)), *y.terms[1:]))
+    path = folder / f"{len(text)}.json"
+    controller = FuzzyController("formula", (replace(system, outputs=(changed,)),))
+    path.write_text(serialize.dump_json(controller), encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("form", ["c", "fmu", "fis", "fml"])
+def test_forms_without_formulas_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = with_formula("sin(x0)", tmp_path)
+    assert main(["export", path, "--format", form, "-o", str(tmp_path / f"sine.{form}")]) == 2
     assert "output 'y'" in capsys.readouterr().err
+
+
+def test_where_a_formula_has_no_value_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The logarithm of what is below zero has none, and that of zero is infinite."""
+    before, after = with_formula("log(x0 - 5)", tmp_path), with_formula("log(x0 - 5) + 1", tmp_path)
+    assert main(["explain", before, "--inputs", "x0=4,x1=5"]) == 2
+    assert "y is nan there: a formula that a rule concludes has no value" in capsys.readouterr().err
+    assert main(["diff", before, after]) == 0
+    told = capsys.readouterr().out
+    assert "y_0  log(x0 - 5) → log(x0 - 5) + 1" in told
+    assert "y moves by 0." in told
+    assert "nan" not in told
+    assert main(["plot", before, "-o", str(tmp_path), "--only", "surfaces"]) == 0
 
 
 def test_formats_without_the_words_refuse(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
