@@ -167,7 +167,7 @@ def _games(match: _Match) -> Iterator[_Game]:
     # and not only how the others cut
     by_player = output.accumulation == "product" or output.aggregation != "max"
     accumulate = None if by_player else ACCUMULATIONS[output.accumulation]
-    left = match.plays.any(axis=1)
+    left: NDArray[np.bool_] = match.plays.any(axis=1)
     if accumulate is ACCUMULATIONS["max"] and all(len(cuts) <= 1 for cuts in match.conclusions):
         for game in _games_by_level(match):
             left[game.samples] = False
@@ -237,10 +237,11 @@ def _worth(match: _Match, samples: Integers, rules: Integers, members: NDArray[n
     compiled, place = match.compiled, match.place
     firing = match.firing[samples]
     rows = np.repeat(np.where(match.plays[samples], 0.0, firing)[:, np.newaxis], len(members), axis=1)
-    strengths = np.take_along_axis(firing, rules, axis=1)
+    strengths: Floats = np.take_along_axis(firing, rules, axis=1)
     np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
     found = compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
-    return np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
+    worth: Floats = np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
+    return worth
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

@@ -163,7 +163,7 @@ class Engine:
 @settings("tracking")
 @dataclass(frozen=True, kw_only=True)
 class Tracking:
-    """Who else is told of each generation of a training."""
+    """Where else each generation of a training is logged."""
 
     kind: Literal["none", "tensorboard", "mlflow"] = "none"
     place: Annotated[Text | None, Field(description="folder or store that is written to")] = None

@@ -130,7 +130,6 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -
         "attitude": experiment.mission.attitude.mode,
         "points_asked": max(row["points_asked"] for row in rows.values()),
         "mission": terms_of(experiment.mission),
-        "search": {key: getattr(experiment.optimum, key) for key in ("restarts", "burns", "kicks")},
         **summarise([rows[case] for case in sorted(rows)]),
     }
     artifacts.write_json(folder / artifacts.OPTIMUM_SUMMARY, summary)

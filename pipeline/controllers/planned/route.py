@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 
 #: burns of the searches, of which the cheapest is taken
 BURNS = (2, 3)
-#: who follows a route is never quite on it: points asked for beyond those that make a success, and by how
-#: much less than what the camera allows a point's incidence is to be, degrees
+#: no controller follows a route exactly: points asked for beyond those that make a success, and by how much
+#: the incidence of a point is to be below what the camera allows, degrees
 SPARE_POINTS, SPARE_DEG = 2, 4.0
 
 

@@ -1,1 +1,1 @@
-"""Who else is told of a training, besides its own folder."""
+"""Where a training is logged besides its own folder."""

@@ -9,7 +9,7 @@ from pipeline.training.tracking.told import FAILED, FINISHED, INTERRUPTED, Row, 
 
 
 class _Nobody:
-    """Nobody is told."""
+    """Logs nothing."""
 
     def tell(self, rows: Sequence[Row]) -> None:
         """Do nothing."""

@@ -1,4 +1,4 @@
-"""What is told of a training, and how those who are told of it are spoken to."""
+"""What is logged of a training, and the interface of what logs it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,10 +32,10 @@ class Told:
 
 
 class Sink(Protocol):
-    """Who is told."""
+    """What logs a training besides its own folder."""
 
     def tell(self, rows: Sequence[Row]) -> None:
-        """Tell of a training so far: all rows of its logbook."""
+        """Log a training so far; `rows` are all rows of its logbook."""
 
     def close(self, ending: str) -> None:
-        """Tell that it ends, and how: `FINISHED`, `INTERRUPTED` or `FAILED`."""
+        """Log how it ends: `FINISHED`, `INTERRUPTED` or `FAILED`."""

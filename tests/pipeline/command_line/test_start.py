@@ -39,6 +39,15 @@ def test_a_mistake_is_told_before_anything_heavy_is_loaded(tmp_path):
     assert done.stdout == "2 []\n"
 
 
+def test_a_flight_loads_neither_optimisers_nor_tables_nor_readers_of_other_programs(tmp_path):
+    unused = ["scipy.optimize", "pyarrow", "telemetry.file.reader", "fis_tools.formats.exchange.dialect"]
+    code = (
+        "import sys, pipeline.command_line.cli, pipeline.controllers.source, pipeline.stages.record\n"
+        f"print([name for name in {unused} if name in sys.modules])"
+    )
+    assert run_python("-c", code, folder=tmp_path, path=maker.SOURCES).stdout == "[]\n"
+
+
 def test_ctrl_c_while_the_program_is_loaded_ends_in_a_sentence(tmp_path):
     code = (
         "import sys\n"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.controllers.planned.free_motion import elements_matrix
+from pipeline.controllers.planned.planner import remembering
 from pipeline.controllers.source import load
 from pipeline.flight.simulation import fly_all
 from pipeline.settings.experiment import SettingError
@@ -144,3 +145,30 @@ def test_it_burns_less_than_the_regulator(plans):
 def test_horizons_that_cannot_be(changes, message):
     with pytest.raises(SettingError, match=message):
         planner("receding_horizon", **changes)
+
+
+@pytest.mark.slow
+def test_under_several_layers_what_is_known_alike_is_planned_once() -> None:
+    experiment = composed("receding_horizon", "sun=random").experiment
+    alone = load(experiment.controller, experiment.mission)
+    assert alone.planner is not None
+    asked = []
+
+    class Counting:
+        decisions = alone.planner.decisions[:4]
+
+        def __call__(self, scenario, decision, state):
+            asked.append((decision, tuple(state)))
+            return alone.planner(scenario, decision, state)
+
+    both = remembering(replace(alone, planner=Counting()))
+    guard = replace(experiment.mission.safety, kind="filter")
+    guarded = replace(experiment.mission, safety=guard)
+    flown_twice = [fly_all(mission, both, STARTS[:2], 1) for mission in (experiment.mission, guarded)]
+    assert len(asked) == len(set(asked))
+    assert 2 * len(Counting.decisions) <= len(asked) < 4 * len(Counting.decisions)
+    again = replace(alone, planner=Counting())
+    for mission, found in zip((experiment.mission, guarded), flown_twice, strict=True):
+        expected = fly_all(mission, again, STARTS[:2], 1)
+        np.testing.assert_array_equal(found.delta_v_m_s, expected.delta_v_m_s)
+        np.testing.assert_array_equal(found.inspected_count, expected.inspected_count)
