@@ -65,8 +65,8 @@ def aim(world: World, work: Workspace, last: int) -> None:
 
 
 @compiled(error_model="numpy")
-def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int, is_start: bool) -> None:
-    """Write one lane's desired attitudes of instants `first` to `last - 1` in turn, by the rules for poles.
+def aim_plainly(world: World, work: Workspace, lane: int, last: int, is_start: bool) -> None:
+    """Write one lane's desired attitudes of the instants before `last` in turn, by the rules for poles.
 
     Slower than `aim`, for where that does not hold; `y_before` is carried along.
     """
@@ -74,7 +74,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
     y = np.empty(3)
     for i in range(3):
         y[i] = work.lanes.y_before[i, lane]
-    for j in range(first, last):
+    for j in range(last):
         step = step_of(world.instants, j)
         place = np.array(
             place_after(
@@ -103,9 +103,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, first: int, last: int,
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim_by_rules(
-    world: World, work: Workspace, num_lanes: int, first: int, last: int, is_start: bool
-) -> None:
+def aim_by_rules(world: World, work: Workspace, num_lanes: int, last: int, is_start: bool) -> None:
     """Aim those lanes anew that the rules for poles are for, and note y* of all at the last instant."""
     lanes = work.lanes
     # of attitudes that follow from the position, y* is (k x r)/|k x r|
@@ -117,9 +115,7 @@ def aim_by_rules(
         return
     for lane in range(num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
-            aim_plainly(world, work, lane, first, last, is_start)
-            for component in range(4 * first):
-                work.aims[component, lane] = lanes.attitude[component, lane]
+            aim_plainly(world, work, lane, last, is_start)
     if not world.has_pole_blending:
         x, y, z = three(lanes.y_before)
         write_three(
@@ -130,16 +126,20 @@ def aim_by_rules(
 @compiled(error_model="numpy", forceinline=True)
 def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
     """Write where all lanes should look over the control period that follows sample k."""
-    done = 1 if world.is_attitude_ideal else 0
     aim(world, work, world.num_attitude_steps)
-    aim_by_rules(world, work, num_lanes, done, world.num_attitude_steps, k + done == 0)
+    aim_by_rules(world, work, num_lanes, world.num_attitude_steps, k == 0)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def aim_at_once(world: World, work: Workspace, num_lanes: int, k: int) -> None:
-    """Turn all lanes to where they should look at sample k, as ideal attitudes do."""
+    """Turn all lanes to where they should look at sample k, as ideal attitudes do.
+
+    `aim_deputies` begins at the sample again, from where they believe to be: y* stays that of before.
+    """
+    before = three(work.lanes.y_before)
     aim(world, work, 1)
-    aim_by_rules(world, work, num_lanes, 0, 1, k == 0)
+    aim_by_rules(world, work, num_lanes, 1, k == 0)
+    write_three(work.lanes.y_before, 0, *before)
     q1, q2, q3, q4 = four(work.aims, 0)
     write_four(work.lanes.attitude, 0, q1, q2, q3, q4)
 

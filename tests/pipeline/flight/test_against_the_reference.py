@@ -199,8 +199,7 @@ POINTED = {
             dispersions=VARYING,
         ),
         STEERING,
-        # no estimate comes within its error of a pole, where the twins log another roll at the first instant
-        [replace(start, noise=(1, 0, case)) for case, start in enumerate(STARTS)],
+        STARTS,
     ),
     "over a pole without force": (mission(attitude=IDEAL), coast(), OVER_POLES),
     "pole blending": (mission(attitude=IDEAL | BLENDING), STEERING, [*STARTS, *OVER_POLES]),
