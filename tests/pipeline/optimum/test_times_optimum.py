@@ -43,7 +43,7 @@ def test_the_shipped_cases_are_the_first_of_the_default_seed(sun):
 
 def test_the_cases_of_a_low_orbit_are_the_first_of_the_default_seed_and_comparable_there():
     overrides = ("world=leo", "dynamics=cw", f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}")
-    experiment = compose_experiment([*EVALUATE, *overrides, "monte_carlo.num_cases=11"]).experiment
+    experiment = compose_experiment([*EVALUATE, *overrides, "monte_carlo.num_cases=50"]).experiment
     solved = solved_for(experiment)
     starts = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
     for found, expected in zip(solved.scenarios, starts, strict=True):
