@@ -56,24 +56,6 @@ class Shares(NamedTuple):
     error: Floats
 
 
-#: To which state of its terms each player of a block leads, from each state that those before it can reach.
-_Leads = tuple[tuple[int, ...], ...]
-
-
-class _Block(NamedTuple):
-    """Players that cut terms which no others cut, strongest first, and the ways in which they can cut them.
-
-    Attributes
-    ----------
-    players : list of int
-    after : _Leads
-        State 0 is the terms uncut. A state that nobody led to before has the next number.
-    """
-
-    players: list[int]
-    after: _Leads
-
-
 class _Match(NamedTuple):
     """Samples of one output: on what terms rules conclude with what weights, how they fire, and who plays.
 
