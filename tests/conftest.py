@@ -1,8 +1,12 @@
 """What every test runs under: all tests share the processors among processes, and each knows its share."""
 
+import gc
 import os
+import pickle
+from typing import IO, Any
 
 import pytest
+from omegaconf import OmegaConf
 
 from fis_tools.engines import cache
 
@@ -24,6 +28,24 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 # flights of nearly every kind are flown more than once here: none is worth flying as plain Python first
 cache.was_asked = lambda *_: True
+
+# what modules and compilers hold is looked through for garbage a tenth as often
+gc.set_threshold(50_000, 20, 10)
+
+#: what was read for Hydra, by the text that it was read from
+_read: dict[str, bytes] = {}
+
+
+def _load(file: IO[str], load: Any = OmegaConf.load) -> Any:
+    """Read a configuration file for Hydra, which reads some forty each time, from an earlier reading of its text."""
+    text = file.read()
+    if text not in _read:
+        file.seek(0)
+        _read[text] = pickle.dumps(load(file))
+    return pickle.loads(_read[text])  # noqa: S301 - our own
+
+
+OmegaConf.load = staticmethod(_load)  # type: ignore[method-assign, assignment]
 
 
 @pytest.hookimpl(tryfirst=True)
