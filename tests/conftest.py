@@ -9,6 +9,10 @@ import pytest
 from omegaconf import OmegaConf
 
 from fis_tools.engines import cache
+from tests.browser import axe, browser, opened
+
+# fixtures for all tests: a process runs one browser
+__all__ = ["axe", "browser", "opened"]
 
 #: Read by BLAS and OpenMP when they are loaded, and by the commands that tests start.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
