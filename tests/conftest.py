@@ -41,7 +41,7 @@ _read: dict[str, bytes] = {}
 
 
 def _load(file: IO[str], load: Any = OmegaConf.load) -> Any:
-    """Read a configuration file for Hydra, which reads forty each time; one of the same text is read but once."""
+    """Read a configuration file for Hydra, which reads forty each time; a text is parsed but once."""
     text = file.read()
     if text not in _read:
         file.seek(0)
