@@ -72,8 +72,9 @@ def words_of(ax: Axes) -> list[Text]:
 
 
 def seen_words(figure: Figure) -> list[tuple[Text, Bbox]]:
-    """Draw a figure; return its texts, and the box of each in points of the picture."""
-    FigureCanvasAgg(figure).draw()
+    """Lay a figure out as it is drawn; return its texts, and the box of each in points of the picture."""
+    FigureCanvasAgg(figure)
+    figure.draw_without_rendering()
     own = [figure._suptitle] if figure._suptitle else []  # type: ignore[attr-defined]
     texts = [*own, *figure.texts]
     for ax in figure.axes:
@@ -92,9 +93,9 @@ def seen_words(figure: Figure) -> list[tuple[Text, Bbox]]:
     return [(text, text.get_window_extent()) for text in dict.fromkeys(texts)]
 
 
-def collisions(figure: Figure, slack: float = 1.0) -> list[str]:
+def collisions(figure: Figure, boxes: list[tuple[Text, Bbox]] | None = None, slack: float = 1.0) -> list[str]:
     """Tell which texts of a figure run into one another or over its edge, by more than some points."""
-    boxes = seen_words(figure)
+    boxes = seen_words(figure) if boxes is None else boxes
     found = [
         f"{one.get_text()!r} and {other.get_text()!r}"
         for (one, box), (other, beside) in combinations(boxes, 2)

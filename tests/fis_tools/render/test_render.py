@@ -83,8 +83,9 @@ def test_no_word_of_a_figure_runs_into_another_or_over_the_edge(kind: str) -> No
     figures["marked"] = render.memberships_figure(system, given, theme=theme)
     figures["inference"] = render.inference_figure(infer(system, sample), theme=theme)
     for name, figure in figures.items():
-        assert collisions(figure) == [], name
-        assert min(text.get_size() for text, _ in seen_words(figure)) >= 6.5, name
+        words = seen_words(figure)
+        assert collisions(figure, words) == [], name
+        assert min(text.get_size() for text, _ in words) >= 6.5, name
 
 
 @pytest.mark.slow
