@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import sparingly
-from fis_tools.engines.kernel import LANES, evaluate, make_scratch
+from fis_tools.engines.kernel import FEW_LANES, LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
-from fis_tools.engines.vectors import aligned
+from fis_tools.engines.vectors import make_rows
 from pipeline.flight.cases import Cases, Starts, cases_of
 from pipeline.flight.controller import (
     Controller,
@@ -26,6 +26,7 @@ from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import (
     CARRIED,
     NUM_OUTCOMES,
+    TURNED,
     Beyond,
     Guard,
     Law,
@@ -57,29 +58,27 @@ REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 NO_OPENINGS = np.zeros((0, 3))
 
 
-def make_workspace(world: World) -> Workspace:
-    """Allocate what one thread flies in."""
-    points, width = world.num_points, world.points.shape[2]
+def make_workspace(world: World, lanes: int = LANES) -> Workspace:
+    """Allocate what one thread flies in, so many flights side by side."""
+    points, width, instants = world.num_points, world.points.shape[2], world.num_attitude_steps
     clusters = num_clusters(points)
     return Workspace(
-        lanes=aligned(1, CARRIED).view(np.recarray)[0],
-        aims=np.zeros((4 * world.num_attitude_steps, LANES)),
-        passed=np.zeros((7 * world.num_attitude_steps, LANES)),
-        unseen=np.zeros((LANES, width)),
+        lanes=make_rows(CARRIED, lanes)[0],
+        aims=make_rows(TURNED, lanes, instants),
+        passed=make_rows(TURNED, lanes, instants),
+        unseen=np.zeros((lanes, width)),
         candidate=np.zeros(width),
         lit=np.zeros(width),
         seen=np.zeros(width),
         ahead=np.zeros(width),
-        deadlines=np.zeros((LANES, width)),
+        deadlines=np.zeros((lanes, width)),
         looks=np.zeros((5, width)),
-        signals=np.zeros((len(SIGNALS), LANES)),
-        inputs=np.zeros(3 * LANES),
-        outputs=np.zeros(LANES),
-        scratch=make_scratch(),
+        signals=np.zeros((len(SIGNALS), lanes)),
+        scratch=make_scratch(lanes),
         candidates=np.zeros((3, width)),
-        centres=np.zeros((LANES, clusters, 3)),
-        num_centres=np.zeros(LANES, dtype=np.int64),
-        clustered=np.zeros((LANES, width)),
+        centres=np.zeros((lanes, clusters, 3)),
+        num_centres=np.zeros(lanes, dtype=np.int64),
+        clustered=np.zeros((lanes, width)),
         labels=np.zeros((2, width)),
         distances=np.zeros(width),
         sums=np.zeros((clusters, 4)),
@@ -160,16 +159,18 @@ def fly_population(
     workers = workers or os.cpu_count() or 1
     # four shares a thread, so that a slow share does not hold up the end
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
+    # a vector half of whose lanes are empty takes as long as a full one
+    lanes = FEW_LANES if len(cases) <= FEW_LANES and len(numbers.values) > 1 else LANES
     silent = no_log()
     inspectable = inspectable_points(world, cases.starts)
     counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
-        work = make_workspace(world)
+        work = make_workspace(world, lanes)
         fly_many(
             world,
-            *_parts_in_use(world, law, cases),
+            *_parts_in_use(world, law, cases, lanes),
             law,
             numbers.values,
             numbers.rules,
@@ -208,7 +209,7 @@ def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
 
 
 def _parts_in_use(
-    world: World, law: Law, cases: Cases
+    world: World, law: Law, cases: Cases, lanes: int = LANES
 ) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
@@ -216,7 +217,7 @@ def _parts_in_use(
     departs from what the deputy takes to be. In worlds other than the paper's the safety layer and pushes are
     compiled in any case, so that few kinds of flight serve many worlds.
     """
-    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course)
+    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course, lanes)
     is_elsewhere = optics is not None or departures is not None
     return (
         optics,
