@@ -59,8 +59,8 @@ SMALLEST_AREA = float(np.finfo(np.float64).eps)
 LANES, FEW_LANES = 16, 8
 
 #: What one inference works with: memberships in the terms of all inputs; where each output term is cut; where
-#: cuts cross flanks: right of which point, how much of a step, and at which aggregated height; what goes in and
-#: comes out.
+#: cuts cross flanks: right of which point, how much of a step, and at which aggregated height; what goes in,
+#: and what comes out.
 SCRATCH: Rows = {
     "memberships": (ANY + 1,),
     "here": (MAX_TERMS,),
