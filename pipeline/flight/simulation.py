@@ -16,7 +16,6 @@ from pipeline.flight.controller import (
     ControllerError,
     constants_of,
     law_of,
-    packed,
     rehearsed_pushes,
     unanswered,
 )
@@ -281,7 +280,7 @@ def fly_all(
         groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
         return _fly_groups(groups, scenarios, workers, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
-    law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
+    law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
@@ -340,7 +339,7 @@ def rehearsed_openings(
     ends = fly_population(
         world,
         law_of(controller, known),
-        packed(controller),
+        controller.numbers,
         cases.repeated(len(forces)),
         workers,
         openings=np.tile(forces, (len(cases), 1)),
@@ -364,7 +363,7 @@ def rehearsed_tours(
     known, starts = as_believed(mission, scenarios)
     world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
     costs = [
-        _rehearsed_costs(controller, fly_population(world, law, packed(image), cases, workers))[0]
+        _rehearsed_costs(controller, fly_population(world, law, image.numbers, cases, workers))[0]
         for image in tour_images(controller)
     ]
     return np.asarray(np.argmin(costs, axis=0))
@@ -397,7 +396,7 @@ def law_for(
         return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
-    world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)
+    world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
 
     def fly(periods: int, plans: Plans) -> None:
         fly_population(
@@ -420,7 +419,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
     from pipeline.flight.reference import loop  # noqa: PLC0415 - plain Python, and only here
     from pipeline.flight.reference.channels import channels_of, plan_of  # noqa: PLC0415
 
-    numbers, plans = packed(controller), law_for(controller, mission, [scenario], 1).plans
+    numbers, plans = controller.numbers, law_for(controller, mission, [scenario], 1).plans
 
     def infer(system: int, inputs: Floats) -> float:
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
@@ -483,7 +482,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if images:
         controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
     world = pack_world(mission)
-    law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
+    law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
