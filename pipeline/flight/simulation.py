@@ -156,10 +156,12 @@ def fly_population(
     num_pairs = len(numbers.values) * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
-    # four shares a thread, so that a slow share does not hold up the end
-    bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
     # a vector half of whose lanes are empty takes as long as a full one
     lanes = FEW_LANES if len(cases) <= FEW_LANES and len(numbers.values) > 1 else LANES
+    # four shares a thread, so that a slow share does not hold up the end; none parts what flies side by side
+    whole = lanes if len(numbers.values) == 1 else max(1, len(cases))
+    bounds = np.linspace(0, num_pairs, (4 * workers if workers > 1 else 1) + 1).astype(int) // whole * whole
+    bounds = np.unique([0, *bounds[1:-1], num_pairs])
     silent = no_log()
     inspectable = inspectable_points(world, cases.starts)
     counted = counted_points(world, cases.starts, inspectable)
