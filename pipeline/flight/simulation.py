@@ -1,6 +1,7 @@
 """Flights as a friend would ask for them: missions, starts and controllers in; outcomes and logs out."""
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -14,7 +15,6 @@ from pipeline.flight.cases import Cases, Starts, cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
-    constants_of,
     law_of,
     rehearsed_pushes,
     unanswered,
@@ -85,10 +85,11 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     )
 
 
-def inspectable_points(world: World, starts: Starts) -> NDArray[np.uint8]:
+def inspectable_points(
+    world: World, starts: Starts, note: Callable[..., None] = note_inspectable
+) -> NDArray[np.uint8]:
     """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note = sparingly(note_inspectable) if len(starts) == 1 else note_inspectable
     note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return found
 
@@ -381,7 +382,7 @@ def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) 
 def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
     """Return by what flights ahead are compared, m/s, of the shape of the outcomes."""
     # as many as the controller puts up with cost nothing
-    least = max(1.0, constants_of(controller)[constant("coast_below_points")])
+    least = max(1.0, controller.constants[constant("coast_below_points")])
     missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
     cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
     return np.asarray(cost)
@@ -432,9 +433,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
             f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
             "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
         )
-    channels = channels_of(
-        controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
-    )
+    channels = channels_of(controller.systems, controller.force_axes, plan_of(plans), controller.constants)
     return loop.fly(mission, scenario, channels, infer, turns=controller.turns)
 
 
@@ -488,7 +487,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
-    inspectable = inspectable_points(world, cases.starts)
+    inspectable = inspectable_points(world, cases.starts, sparingly(note_inspectable))
     sparingly(fly_many)(
         world,
         *_parts_in_use(world, law, cases),

@@ -9,7 +9,7 @@ a tour has four images, itself among them, and from each start another one is ne
 from dataclasses import replace
 
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import Controller, constants_of, from_fuzzy
+from pipeline.flight.controller import Controller, from_fuzzy
 from pipeline.flight.signals import TOUR_PLACES, constant
 
 #: what the images are called, in the order in which they are tried
@@ -40,7 +40,7 @@ def tour_images(controller: Controller) -> list[Controller]:
 
     Each follows its image without any rehearsal of tours. The first is that of the tour as it is.
     """
-    values = constants_of(controller)
+    values = controller.constants
     images = range(round(values[constant("rehearsal_tours")]))
     return [_following(controller.fuzzy, image) for image in images if controller.fuzzy is not None]
 
