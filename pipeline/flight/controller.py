@@ -113,9 +113,11 @@ class Pilot(Protocol):
         """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Controller:
     """What decides the force: fuzzy systems, a plan, who makes one on the way, a linear law, or a pilot.
+
+    Each is equal to itself alone, so that what follows from one can be kept.
 
     Parameters
     ----------

@@ -113,6 +113,14 @@ def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8])
     return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)
 
 
+def lanes_for(num_starts: int) -> int:
+    """Return how many should fly side by side where few starts are flown often: by many controllers, say.
+
+    A vector half of whose lanes are empty takes as long as a full one; but each width is compiled by itself.
+    """
+    return FEW_LANES if num_starts <= FEW_LANES else LANES
+
+
 def fly_population(
     world: World,
     law: Law,
@@ -121,6 +129,7 @@ def fly_population(
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
     openings: Floats | None = None,
+    lanes: int = LANES,
 ) -> Outcomes:
     """Fly every controller of a population from every start.
 
@@ -143,6 +152,8 @@ def fly_population(
     openings : (m, 3) array, optional
         What is fired from each start in the first control period in place of what the rules decide, N, Hill
         axes.
+    lanes : int
+        Flights side by side. The result does not depend on it; see `lanes_for`.
 
     Returns
     -------
@@ -157,8 +168,6 @@ def fly_population(
     num_pairs = len(numbers.values) * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
-    # a vector half of whose lanes are empty takes as long as a full one
-    lanes = FEW_LANES if len(cases) <= FEW_LANES and len(numbers.values) > 1 else LANES
     # four shares a thread, so that a slow share does not hold up the end; none parts what flies side by side
     whole = lanes if len(numbers.values) == 1 else max(1, len(cases))
     bounds = np.linspace(0, num_pairs, (4 * workers if workers > 1 else 1) + 1).astype(int) // whole * whole
@@ -265,6 +274,7 @@ def fly_all(
     scenarios: list[Scenario],
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
+    lanes: int = LANES,
 ) -> Outcomes:
     """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest.
 
@@ -278,14 +288,14 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     images = tour_images(controller)
     if images:
-        followed = rehearsed_tours(mission, controller, scenarios, workers)
+        followed = rehearsed_tours(mission, controller, scenarios, workers, lanes)
         chosen = np.unique(followed).tolist()
         groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
-        return _fly_groups(groups, scenarios, workers, tracks)
+        return _fly_groups(groups, scenarios, workers, tracks, lanes)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
     law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings = rehearsed_openings(mission, controller, scenarios, workers)
-    many = fly_population(world, law, numbers, cases, workers, tracks, openings)
+    many = fly_population(world, law, numbers, cases, workers, tracks, openings, lanes)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
 
@@ -294,13 +304,15 @@ def _fly_groups(
     scenarios: list[Scenario],
     workers: int | None,
     tracks: NDArray[np.float32] | None,
+    lanes: int = LANES,
 ) -> Outcomes:
     """Fly cases in the missions and with the controllers that are their own, given with their places."""
 
     def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
         own, controller, places = group
         found = None if tracks is None else tracks[places]
-        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found)
+        own_lanes = lanes_for(len(places)) if len(groups) > FEW_LANES else lanes
+        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found, own_lanes)
         if tracks is not None and found is not None:
             tracks[places] = found
         return places, outcomes
@@ -352,7 +364,11 @@ def rehearsed_openings(
 
 
 def rehearsed_tours(
-    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    lanes: int = LANES,
 ) -> NDArray[np.int64]:
     """Return which image of its tour a controller follows from each start: that whose flight ends cheapest.
 
@@ -365,10 +381,11 @@ def rehearsed_tours(
     """
     known, starts = as_believed(mission, scenarios)
     world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
-    costs = [
-        _rehearsed_costs(controller, fly_population(world, law, image.numbers, cases, workers))[0]
+    flown = [
+        fly_population(world, law, image.numbers, cases, workers, lanes=lanes)
         for image in tour_images(controller)
     ]
+    costs = [_rehearsed_costs(controller, ends)[0] for ends in flown]
     return np.asarray(np.argmin(costs, axis=0))
 
 
