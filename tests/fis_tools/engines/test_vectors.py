@@ -458,7 +458,7 @@ def run(command: list[str], **variables: str) -> subprocess.CompletedProcess[str
 
 @when_compiled
 def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
-    program = "import numba.extending as e\ndel e.type_callable\nimport fis_tools.engines.vector_code\n"
+    program = "import numba.extending as e\ndel e.register_model\nimport fis_tools.engines.vector_code\n"
     done = run([sys.executable, "-c", program])
     assert done.returncode != 0
     assert "lacks what compiled vectors are made with" in done.stderr
