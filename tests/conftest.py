@@ -1,10 +1,18 @@
 """What every test runs under: all tests share the processors among processes, and each knows its share."""
 
+import gc
 import os
+import pickle
+from typing import IO, Any
 
 import pytest
+from omegaconf import OmegaConf
 
 from fis_tools.engines import cache
+from tests.browser import axe, browser, opened
+
+# fixtures for all tests: a process runs one browser
+__all__ = ["axe", "browser", "opened"]
 
 #: Read by BLAS and OpenMP when they are loaded, and by the commands that tests start.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -24,6 +32,24 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 # flights of nearly every kind are flown more than once here: none is worth flying as plain Python first
 cache.was_asked = lambda *_: True
+
+# what modules and compilers hold is looked through for garbage a tenth as often
+gc.set_threshold(50_000, 20, 10)
+
+#: what was read for Hydra, by the text that it was read from
+_read: dict[str, bytes] = {}
+
+
+def _load(file: IO[str], load: Any = OmegaConf.load) -> Any:
+    """Read a configuration file for Hydra, which reads forty each time; a text is parsed but once."""
+    text = file.read()
+    if text not in _read:
+        file.seek(0)
+        _read[text] = pickle.dumps(load(file))
+    return pickle.loads(_read[text])  # noqa: S301 - our own
+
+
+OmegaConf.load = staticmethod(_load)  # type: ignore[method-assign, assignment]
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final
@@ -392,13 +393,19 @@ def _messages(
         topics=list(chosen),
         starting_at=None if start_s is None or start_s == -inf else round(start_s * NANOSECONDS),
         ending_before=None if end_s is None or end_s == inf else round(end_s * NANOSECONDS) + 1,
-        log_time_order=True,
+        # a queue that orders the messages of all topics takes as long as all the rest
+        log_time_order=False,
     )
     for count, (_schema, channel, message) in enumerate(found, start=1):
         if count > most:
             raise McapError(f"it holds more than {most} messages, which is all that is read of {size} bytes")
         log_times[channel.topic].append(message.log_time)
         payloads[channel.topic].append(message.data)
+    for topic, times in log_times.items():
+        if any(later < earlier for earlier, later in pairwise(times)):
+            order = sorted(range(len(times)), key=times.__getitem__)
+            log_times[topic] = [times[place] for place in order]
+            payloads[topic] = [payloads[topic][place] for place in order]
     return log_times, payloads
 
 

@@ -12,22 +12,31 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 import yaml
+from yaml.composer import Composer
 
 from fis_tools.formats.own.plain import LINE_WIDTH, MAX_DEPTH, Unreadable, is_scalar, rule_rows
 
-#: The YAML reader is written in Python; this much takes it some seconds.
+#: Without libyaml the reader is written in Python; this much takes it some seconds.
 MAX_YAML_BYTES = 256 * 1024
 
 
-class _Loader(yaml.SafeLoader):
+#: libyaml tells what is in a text six times as fast as Python; it is put together and checked in Python
+_BASES: tuple[Any, ...] = (Composer, yaml.CSafeLoader) if yaml.__with_libyaml__ else (yaml.SafeLoader,)
+
+
+class _Loader(*_BASES):  # type: ignore[misc]
     """A safe loader without aliases, tags, repeated keys and bottomless nesting."""
+
+    def __init__(self, text: str) -> None:
+        _BASES[-1].__init__(self, text)
+        self.anchors: dict[str, yaml.Node] = {}
 
     depth = 0
     is_opened = False
     is_closed = False
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        event = self.peek_event()  # type: ignore[no-untyped-call]
+        event = self.peek_event()
         line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent) or event.anchor:
             raise Unreadable(f"line {line} uses an anchor or alias (& or *); write the value out")
@@ -41,9 +50,9 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def compose_document(self) -> yaml.Node | None:
-        self.is_opened = self.get_event().explicit  # type: ignore[no-untyped-call]
+        self.is_opened = self.get_event().explicit
         node = self.compose_node(None, 0)
-        self.is_closed = self.get_event().explicit  # type: ignore[no-untyped-call]
+        self.is_closed = self.get_event().explicit
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
@@ -100,7 +109,7 @@ def read(text: str) -> Any:
         data = loader.get_single_data()
     except yaml.MarkedYAMLError as error:
         raise Unreadable(_told(error)) from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeEncodeError) as error:
         raise Unreadable(f"it is not YAML: {' '.join(str(error).split())}") from error
     except RecursionError as error:
         raise Unreadable(f"it is nested more than {MAX_DEPTH} deep; flatten it") from error

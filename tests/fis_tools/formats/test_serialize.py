@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, get_args
 
@@ -12,6 +13,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fis_tools.formats.own import yaml as own_yaml
+from fis_tools.formats.own.plain import Unreadable
 from fis_tools.formats.serialize import (
     ControllerFileError,
     dump_json,
@@ -459,6 +462,7 @@ BOMB = "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n"
         ("a: 'b\n", "not YAML"),
         ("a: b: c\n", "line 1, column 5"),
         ("a: \x00\n", "not YAML"),
+        ("a: \ud800\n", "not YAML"),
         ("a: 1\n---\nb: 2\n", "not YAML"),
         ("a: " + "1" * 5000, "too long"),
         ("a: .nan\n", "not a fuzzy controller"),
@@ -470,6 +474,21 @@ def test_bad_yaml_is_refused_with_a_sentence(text: str, words: str) -> None:
     with pytest.raises(ControllerFileError) as refusal:
         loads(text, "yaml")
     assert words in str(refusal.value)
+
+
+def test_without_libyaml_the_same_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yaml, "__with_libyaml__", False)
+    spec = spec_from_file_location("without_libyaml", own_yaml.__file__)
+    assert spec is not None
+    assert spec.loader is not None
+    slow = module_from_spec(spec)
+    spec.loader.exec_module(slow)
+    assert not issubclass(slow._Loader, yaml.CSafeLoader)
+    assert issubclass(own_yaml._Loader, yaml.CSafeLoader)
+    for text in (HAND_WRITTEN, dump_yaml(general_controller())):
+        assert slow.read(text) == own_yaml.read(text)
+    with pytest.raises(Unreadable, match="line 1 uses an anchor"):
+        slow.read(BOMB)
 
 
 @pytest.mark.parametrize("number", [".nan", ".inf", "-.Inf", "1e999"])

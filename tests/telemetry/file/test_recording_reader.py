@@ -1,11 +1,13 @@
 """Reading by topic and by time, with units, and what a reader says of a bad file."""
 
+from itertools import groupby
 from math import inf, nan
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
@@ -78,6 +80,32 @@ def test_time_is_chosen_with_both_ends(flight: SyntheticFlight, flight_file: Pat
     np.testing.assert_array_equal(state["position_m"], flight.position_m[60:71])
     late = telemetry.read(flight_file, "/deputy/state", start_s=3595.0)["/deputy/state"]
     assert late.time_s.tolist() == [3600.0]
+
+
+def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(
+    short_file: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "shuffled.mcap"
+    with short_file.open("rb") as stream, path.open("wb") as output:
+        found = make_reader(stream).iter_messages()
+        instants = [list(each) for _, each in groupby(found, lambda one: one[2].log_time)]
+        writer = Writer(output, chunk_size=20_000)
+        writer.start()
+        channels: dict[str, int] = {}
+        for place in np.random.default_rng(2).permutation(len(instants)):
+            for schema, channel, message in instants[place]:
+                assert schema is not None
+                if channel.topic not in channels:
+                    kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", kind)
+                writer.add_message(channels[channel.topic], message.log_time, message.data, message.log_time)
+        writer.finish()
+    shuffled, ordered = telemetry.read(path), telemetry.read(short_file)
+    assert set(shuffled.topics) == {name for name, topic in ordered.topics.items() if len(topic)}
+    for name, topic in shuffled.topics.items():
+        np.testing.assert_array_equal(topic.time_s, ordered[name].time_s)
+        for field, values in topic.columns.items():
+            np.testing.assert_array_equal(values, ordered[name][field])
 
 
 def test_what_is_not_asked_for_is_not_read(flight_file: Path, tmp_path: Path) -> None:
