@@ -76,9 +76,13 @@ def save(figure: Figure, name: str, dots_per_inch: int) -> Picture:
         Of the PNG, and of what is rasterised in the SVG.
     """
     png, svg = io.BytesIO(), io.StringIO()
+    figure.set_dpi(dots_per_inch)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        # once: with an engine, saving lays out and draws before it draws
+        engine.execute(figure)
+        figure.set_layout_engine(None)
     figure.savefig(png, format="png", dpi=dots_per_inch, facecolor="white")
-    # the layout stands; making it again takes as long as drawing
-    figure.set_layout_engine("none")
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(svg, format="svg", dpi=dots_per_inch, transparent=True, metadata={"Date": None})
     return Picture(png.getvalue(), svg.getvalue())
