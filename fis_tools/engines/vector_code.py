@@ -257,6 +257,19 @@ def _vector_in(operation: Any, *kinds: Any) -> Callable[[Any], Any]:
     return register
 
 
+def _width_type(rows: Any) -> Any:
+    kind = next(iter(rows.fields.values())).type if isinstance(rows, types.Record) else rows
+    return types.literal(kind.shape[-1]) if isinstance(kind, types.NestedArray) else None
+
+
+typed(vectors.width_of, _width_type)
+
+
+@lower_builtin(vectors.width_of, types.Any)
+def _lower_width_of(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return I64(signature.return_type.literal_value)
+
+
 typed(vectors.splat, lambda value, width: VectorType(_width_of(width)))
 
 

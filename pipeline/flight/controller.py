@@ -5,6 +5,7 @@ The names of signals, components and constants are those of `pipeline.flight.sig
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from math import pi
 from typing import Protocol
@@ -143,6 +144,13 @@ class Controller:
     regulator: Regulator | None = None
     pilot: Pilot | None = None
     fuzzy: FuzzyController | None = None
+
+    @cached_property
+    def numbers(self) -> Packed:
+        """Its systems as compiled flights read them; a plan has none."""
+        if self.systems:
+            return with_constants(pack(*self.systems), self)
+        return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
 
     @property
     def plays_turns(self) -> bool:
@@ -365,10 +373,3 @@ def with_constants(numbers: Packed, controller: Controller) -> Packed:
         return numbers
     rows = np.broadcast_to(constants_of(controller), (len(numbers.values), len(CONSTANTS)))
     return replace(numbers, values=np.hstack([numbers.values, rows]))
-
-
-def packed(controller: Controller) -> Packed:
-    """Return the numbers of a controller's systems; a plan has none."""
-    if controller.systems:
-        return with_constants(pack(*controller.systems), controller)
-    return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())

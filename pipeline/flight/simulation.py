@@ -7,16 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import sparingly
-from fis_tools.engines.kernel import LANES, evaluate, make_scratch
+from fis_tools.engines.kernel import FEW_LANES, LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
-from fis_tools.engines.vectors import aligned
+from fis_tools.engines.vectors import make_rows
 from pipeline.flight.cases import Cases, Starts, cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
     constants_of,
     law_of,
-    packed,
     rehearsed_pushes,
     unanswered,
 )
@@ -26,6 +25,7 @@ from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import (
     CARRIED,
     NUM_OUTCOMES,
+    TURNED,
     Beyond,
     Guard,
     Law,
@@ -57,29 +57,27 @@ REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 NO_OPENINGS = np.zeros((0, 3))
 
 
-def make_workspace(world: World) -> Workspace:
-    """Allocate what one thread flies in."""
-    points, width = world.num_points, world.points.shape[2]
+def make_workspace(world: World, lanes: int = LANES) -> Workspace:
+    """Allocate what one thread flies in, so many flights side by side."""
+    points, width, instants = world.num_points, world.points.shape[2], world.num_attitude_steps
     clusters = num_clusters(points)
     return Workspace(
-        lanes=aligned(1, CARRIED).view(np.recarray)[0],
-        aims=np.zeros((4 * world.num_attitude_steps, LANES)),
-        passed=np.zeros((7 * world.num_attitude_steps, LANES)),
-        unseen=np.zeros((LANES, width)),
+        lanes=make_rows(CARRIED, lanes)[0],
+        aims=make_rows(TURNED, lanes, instants),
+        passed=make_rows(TURNED, lanes, instants),
+        unseen=np.zeros((lanes, width)),
         candidate=np.zeros(width),
         lit=np.zeros(width),
         seen=np.zeros(width),
         ahead=np.zeros(width),
-        deadlines=np.zeros((LANES, width)),
+        deadlines=np.zeros((lanes, width)),
         looks=np.zeros((5, width)),
-        signals=np.zeros((len(SIGNALS), LANES)),
-        inputs=np.zeros(3 * LANES),
-        outputs=np.zeros(LANES),
-        scratch=make_scratch(),
+        signals=np.zeros((len(SIGNALS), lanes)),
+        scratch=make_scratch(lanes),
         candidates=np.zeros((3, width)),
-        centres=np.zeros((LANES, clusters, 3)),
-        num_centres=np.zeros(LANES, dtype=np.int64),
-        clustered=np.zeros((LANES, width)),
+        centres=np.zeros((lanes, clusters, 3)),
+        num_centres=np.zeros(lanes, dtype=np.int64),
+        clustered=np.zeros((lanes, width)),
         labels=np.zeros((2, width)),
         distances=np.zeros(width),
         sums=np.zeros((clusters, 4)),
@@ -160,16 +158,18 @@ def fly_population(
     workers = workers or os.cpu_count() or 1
     # four shares a thread, so that a slow share does not hold up the end
     bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
+    # a vector half of whose lanes are empty takes as long as a full one
+    lanes = FEW_LANES if len(cases) <= FEW_LANES and len(numbers.values) > 1 else LANES
     silent = no_log()
     inspectable = inspectable_points(world, cases.starts)
     counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
-        work = make_workspace(world)
+        work = make_workspace(world, lanes)
         fly_many(
             world,
-            *_parts_in_use(world, law, cases),
+            *_parts_in_use(world, law, cases, lanes),
             law,
             numbers.values,
             numbers.rules,
@@ -208,7 +208,7 @@ def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
 
 
 def _parts_in_use(
-    world: World, law: Law, cases: Cases
+    world: World, law: Law, cases: Cases, lanes: int = LANES
 ) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
@@ -216,7 +216,7 @@ def _parts_in_use(
     departs from what the deputy takes to be. In worlds other than the paper's the safety layer and pushes are
     compiled in any case, so that few kinds of flight serve many worlds.
     """
-    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course)
+    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course, lanes)
     is_elsewhere = optics is not None or departures is not None
     return (
         optics,
@@ -280,7 +280,7 @@ def fly_all(
         groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
         return _fly_groups(groups, scenarios, workers, tracks)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
-    law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
+    law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings = rehearsed_openings(mission, controller, scenarios, workers)
     many = fly_population(world, law, numbers, cases, workers, tracks, openings)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
@@ -339,7 +339,7 @@ def rehearsed_openings(
     ends = fly_population(
         world,
         law_of(controller, known),
-        packed(controller),
+        controller.numbers,
         cases.repeated(len(forces)),
         workers,
         openings=np.tile(forces, (len(cases), 1)),
@@ -363,7 +363,7 @@ def rehearsed_tours(
     known, starts = as_believed(mission, scenarios)
     world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
     costs = [
-        _rehearsed_costs(controller, fly_population(world, law, packed(image), cases, workers))[0]
+        _rehearsed_costs(controller, fly_population(world, law, image.numbers, cases, workers))[0]
         for image in tour_images(controller)
     ]
     return np.asarray(np.argmin(costs, axis=0))
@@ -396,7 +396,7 @@ def law_for(
         return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
-    world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)
+    world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
 
     def fly(periods: int, plans: Plans) -> None:
         fly_population(
@@ -419,7 +419,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
     from pipeline.flight.reference import loop  # noqa: PLC0415 - plain Python, and only here
     from pipeline.flight.reference.channels import channels_of, plan_of  # noqa: PLC0415
 
-    numbers, plans = packed(controller), law_for(controller, mission, [scenario], 1).plans
+    numbers, plans = controller.numbers, law_for(controller, mission, [scenario], 1).plans
 
     def infer(system: int, inputs: Floats) -> float:
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
@@ -482,7 +482,7 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if images:
         controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
     world = pack_world(mission)
-    law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
+    law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])

@@ -22,7 +22,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.controllers.played import to_mapping
-from pipeline.flight.controller import Controller, packed, rehearsed_pushes
+from pipeline.flight.controller import Controller, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of, filter_of, measured
 from pipeline.flight.reference.sight import lit_and_seen_points
@@ -111,7 +111,7 @@ class FlightRecorder:
         # whether flights depend on what their cases have drawn besides the start
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
-        self._numbers = packed(controller)
+        self._numbers = controller.numbers
         self._compiled = [compile(system) for system in controller.systems]
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))

@@ -13,7 +13,6 @@ from pipeline.flight.controller import (
     constants_of,
     from_fuzzy,
     law_of,
-    packed,
     rehearsed_pushes,
 )
 from pipeline.flight.navigation import FIXES
@@ -55,7 +54,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     controller = rehearsing(0.12)
     forces = rehearsed_pushes(controller) * 12.0 / 10.0
     flown = fly_all(MISSION, controller, STARTS)
-    world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), packed(SEEING)
+    world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), SEEING.numbers
     for case, start in enumerate(STARTS):
         cases = cases_of(MISSION, [start])
         ends = [fly_population(world, law, numbers, cases, 1, openings=force[np.newaxis]) for force in forces]

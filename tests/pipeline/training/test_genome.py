@@ -14,7 +14,6 @@ from pipeline.flight.controller import (
     coast,
     constants_of,
     from_fuzzy,
-    packed,
 )
 from pipeline.flight.signals import CONSTANTS
 from pipeline.settings.experiment import Encoding
@@ -52,7 +51,7 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(
     genomes = np.random.default_rng(2).random((5, genome.num_genes))
     population = genome.pack(genomes)
     for row, genes in enumerate(genomes):
-        one = packed(flown(genome.decode(genes)))
+        one = flown(genome.decode(genes)).numbers
         np.testing.assert_array_equal(population.values[row], one.values[0])
         np.testing.assert_array_equal(population.rules[row], one.rules[0])
 
@@ -97,4 +96,4 @@ def test_what_is_not_fuzzy_has_nothing_to_tune() -> None:
 def test_a_population_of_a_controller_without_constants_carries_none() -> None:
     genome = genome_of(flown(PAPER), encoding())
     bare = replace(PAPER, attributes=(("force_axes", "body"),))
-    assert genome.pack(genome.encode()[np.newaxis]).values.shape == packed(flown(bare)).values.shape
+    assert genome.pack(genome.encode()[np.newaxis]).values.shape == flown(bare).numbers.values.shape
