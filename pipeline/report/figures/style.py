@@ -41,6 +41,8 @@ STYLE: dict[Any, Any] = {
     "text.color": INK,
     # a name with a dollar sign is a name
     "text.parse_math": False,
+    # fitting letters to pixels takes long, gains nothing so fine, and bends those that stand upright
+    "text.hinting": "none",
     "axes.formatter.use_mathtext": False,
     "xtick.color": MUTED,
     "ytick.color": MUTED,
