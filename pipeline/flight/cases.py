@@ -105,9 +105,11 @@ class Cases:
 def starts_of(scenarios: list[Scenario]) -> Starts:
     """Return some starts as an array, shape (m,)."""
     starts = np.empty(len(scenarios), CASE).view(np.recarray)
-    for case, scenario in zip(starts, scenarios, strict=True):
-        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
-        case.sun_angle, case.sun_elevation = scenario.sun_angle_rad, scenario.sun_elevation_rad
+    if scenarios:
+        starts.position = [scenario.position_m for scenario in scenarios]
+        starts.velocity = [scenario.velocity_m_s for scenario in scenarios]
+        starts.sun_angle = [scenario.sun_angle_rad for scenario in scenarios]
+        starts.sun_elevation = [scenario.sun_elevation_rad for scenario in scenarios]
     return starts
 
 

@@ -9,7 +9,7 @@ from fis_tools.engines.kernel import LANES
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import Controller, law_of, open_loop
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all, fly_logged, fly_population
+from pipeline.flight.simulation import fly_all, fly_logged, fly_population, lanes_for
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import (
@@ -113,7 +113,9 @@ def test_a_population_flies_from_few_starts_as_one_controller_does() -> None:
     starts = STARTS[LANES - 5 : LANES + 2]
     one = controller.numbers
     two = replace(one, values=one.values.repeat(2, axis=0), rules=one.rules.repeat(2, axis=0))
-    many = fly_population(pack_world(what), law_of(controller, what), two, cases_of(what, starts))
+    world, law, cases = pack_world(what), law_of(controller, what), cases_of(what, starts)
+    many = fly_population(world, law, two, cases, lanes=lanes_for(len(starts)))
+    assert lanes_for(len(starts)) < lanes_for(LANES) == LANES
     rows = np.stack([values.astype(np.float64) for values in vars(many).values()], axis=-1)
     np.testing.assert_array_equal(rows, [fly(what, controller, starts)[0]] * 2)
 

@@ -12,7 +12,6 @@ from pipeline.flight.controller import (
     Controller,
     ControllerError,
     coast,
-    constants_of,
     from_fuzzy,
 )
 from pipeline.flight.signals import CONSTANTS
@@ -59,10 +58,10 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(
 def test_constants_run_from_their_least_to_their_greatest_and_others_stay() -> None:
     genome = genome_of(flown(ELLIPSE), encoding(**CONSTANT_BOUNDS))
     genes = np.zeros(genome.num_genes)
-    values = dict(zip(CONSTANTS, constants_of(flown(genome.decode(genes))), strict=True))
+    values = dict(zip(CONSTANTS, flown(genome.decode(genes)).constants, strict=True))
     assert (values["ring_size_m"], values["ring_lead_rad"], values["dead_band_force_y_n"]) == (5.0, -2.0, 0.0)
     assert values["prediction_time_s"] == float(dict(ELLIPSE.attributes)["prediction_time_s"])
-    values = dict(zip(CONSTANTS, constants_of(flown(genome.decode(genes + 1.0))), strict=True))
+    values = dict(zip(CONSTANTS, flown(genome.decode(genes + 1.0)).constants, strict=True))
     assert (values["ring_size_m"], values["dead_band_force_z_n"]) == (60.0, 0.06)
     assert values["coast_below_points"] == 6.0
 
