@@ -174,6 +174,7 @@ class FlightRecorder:
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
         fixes = self._fixes(scenario, log)
+        inspectable_count = int(log.is_inspectable.sum())
         words: dict[int, list[Event]] = {}
         tour = tour_followed(self._mission, self._controller, scenario)
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
@@ -202,7 +203,7 @@ class FlightRecorder:
                 delta_v_m_s=float(log.delta_v_m_s[k]),
                 sun_elevation_rad=float(log.sun_elevation_rad[k]),
                 sun_hidden_share=1.0 - float(log.visible_sun_share[k]),
-                inspectable_count=int(log.is_inspectable.sum()),
+                inspectable_count=inspectable_count,
                 mass_kg=float(log.mass_kg[k]),
             )
             if k < len(log.force_hill_n):
