@@ -158,10 +158,11 @@ def _import_without_blas() -> None:
     """Import the part of numba that imports SciPy's linear algebra to know whether there is any.
 
     That takes a fifth of a second, and code that uses it asks again. So for this moment there is an empty
-    module of its name.
+    module of its name, unless another thread might import it meanwhile.
     """
     asked = "scipy.linalg.cython_blas"
-    if asked in sys.modules or "numba.np.arraymath" in sys.modules or find_spec("scipy") is None:
+    is_known = asked in sys.modules or "numba.np.arraymath" in sys.modules
+    if is_known or threading.active_count() > 1 or find_spec("scipy") is None:
         return
     sys.modules[asked] = ModuleType(asked)
     try:
