@@ -13,7 +13,7 @@ from benchmarks.timing import best_cpu_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import packed, rehearsed_pushes
+from pipeline.flight.controller import rehearsed_pushes
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.flight.simulation import fly_population, law_for, rehearsed_openings
@@ -99,7 +99,7 @@ def step_seconds(overrides: Sequence[str], num_flights: int) -> float:
     cases = replace(experiment.monte_carlo, num_cases=num_flights)
     scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
     world, law = pack_world(mission), law_for(controller, mission, scenarios)
-    numbers, flown = packed(controller), cases_of(mission, scenarios)
+    numbers, flown = controller.numbers, cases_of(mission, scenarios)
 
     def fly_them() -> None:
         openings = rehearsed_openings(mission, controller, scenarios, 1)

@@ -6,12 +6,16 @@ compiled functions of other packages, stay as they are.
 """
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import update_wrapper
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
@@ -133,6 +137,7 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Make numba's dispatcher for calls from Python, with a cache folder where one can be trusted."""
     from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
 
+    _import_without_blas()
     # as above; the vectors teach numba what `fis_tools.engines.vectors` means in compiled code
     from fis_tools.engines import borrowed_code, notice  # noqa: F401, PLC0415
 
@@ -147,6 +152,23 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         dispatcher = njit(**options)(function)
     notice.watch(dispatcher, place)
     return dispatcher
+
+
+def _import_without_blas() -> None:
+    """Import the part of numba that imports SciPy's linear algebra to know whether there is any.
+
+    That takes a fifth of a second, and code that uses it asks again. So for this moment there is an empty
+    module of its name, unless another thread might import it meanwhile.
+    """
+    asked = "scipy.linalg.cython_blas"
+    is_known = asked in sys.modules or "numba.np.arraymath" in sys.modules
+    if is_known or threading.active_count() > 1 or find_spec("scipy") is None:
+        return
+    sys.modules[asked] = ModuleType(asked)
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        del sys.modules[asked]
 
 
 def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:

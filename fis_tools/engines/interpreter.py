@@ -273,15 +273,14 @@ def _conclude_by_term(
                 heights[point] = height if height > heights[point] else heights[point]
         num_crossings = _cross(universe, memberships, runs, cuts, crossings)
         count = _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
-        highest = y[:count].max()
-        if highest == 0.0:
+        if _is_empty(y, count):
             out[sample] = default
         elif defuzzifier == CENTROID:
             out[sample] = _centroid(x, y, count)
         elif defuzzifier == BISECTOR:
             out[sample] = _bisector(x, y, count, areas)
         else:
-            out[sample] = _of_maximum(defuzzifier, x, y, count, highest)
+            out[sample] = _of_maximum(defuzzifier, x, y, count, y[:count].max())
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -308,15 +307,14 @@ def _conclude_by_rule(
             for point in range(count):
                 implied = combine(implication, strength, memberships[terms[index], point])
                 heights[point] = combine(aggregation, heights[point], implied)
-        highest = heights.max()
-        if highest == 0.0:
+        if _is_empty(heights, count):
             out[sample] = default
         elif defuzzifier == CENTROID:
             out[sample] = _centroid(universe, heights, count)
         elif defuzzifier == BISECTOR:
             out[sample] = _bisector(universe, heights, count, areas)
         else:
-            out[sample] = _of_maximum(defuzzifier, universe, heights, count, highest)
+            out[sample] = _of_maximum(defuzzifier, universe, heights, count, heights.max())
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -383,6 +381,15 @@ def _merge(
         point += 1
         count += 1
     return count
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _is_empty(y: Floats, count: int) -> bool:
+    """Tell whether nothing has a height: most of what has shows it after a few points."""
+    point = 0
+    while point < count and y[point] == 0.0:
+        point += 1
+    return point == count
 
 
 @compiled(error_model="numpy")

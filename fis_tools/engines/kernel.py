@@ -1,7 +1,8 @@
 """Compiled Mamdani inference with scikit-fuzzy's exact meaning, many samples side by side.
 
-`fis_tools.engines.packing` turns systems into the numbers that are read here. `LANES` samples are inferred at
-once: every formula is written once, for vectors (`fis_tools.engines.vectors`).
+`fis_tools.engines.packing` turns systems into the numbers that are read here. As many samples are
+inferred at once as the working space has lanes: every formula is written once, for vectors
+(`fis_tools.engines.vectors`).
 
 The method is division-free: the aggregated output is linear between the points on which scikit-fuzzy samples
 it, so its area and moment are weighted sums over the grid, and each further point that scikit-fuzzy inserts
@@ -32,17 +33,20 @@ from fis_tools.engines.packing import (
 )
 from fis_tools.engines.vectors import (
     ROW,
+    Rows,
     Vector,
     aligned,
     gather_rows,
     least,
     load,
     most,
+    rows_of,
     select,
     some,
     splat,
     spread,
     store,
+    width_of,
 )
 
 Floats = NDArray[np.float64]
@@ -51,26 +55,25 @@ Integers = NDArray[np.int64]
 #: scikit-fuzzy divides by the larger of the area and this
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
-#: samples that are inferred side by side: a constant, so that the compiler knows it
-LANES = 16
+#: samples that are inferred side by side, and where there are at most half as many; the compiler knows both
+LANES, FEW_LANES = 16, 8
 
-#: What one inference works with: memberships in the terms of all inputs; where each output term is cut; and
-#: where cuts cross flanks: right of which point, how much of a step, and at which aggregated height.
-SCRATCH = np.dtype(
-    [
-        ("memberships", np.float64, (ANY + 1, LANES)),
-        ("here", np.float64, (MAX_TERMS, LANES)),
-        ("there", np.float64, (MAX_TERMS, LANES)),
-        ("cuts", np.float64, (MAX_TERMS, LANES)),
-        ("segments", np.float64, (2 * MAX_TERMS, LANES)),
-        ("fractions", np.float64, (2 * MAX_TERMS, LANES)),
-        ("heights", np.float64, (2 * MAX_TERMS, LANES)),
-        ("lefts", np.float64, (2 * MAX_TERMS, LANES)),
-        ("rights", np.float64, (2 * MAX_TERMS, LANES)),
-        ("cut_terms", np.int64, 2 * MAX_TERMS),
-    ],
-    align=True,
-)
+#: What one inference works with: memberships in the terms of all inputs; where each output term is cut; where
+#: cuts cross flanks: right of which point, how much of a step, and at which aggregated height; what goes in,
+#: and what comes out.
+SCRATCH: Rows = {
+    "memberships": (ANY + 1,),
+    "here": (MAX_TERMS,),
+    "there": (MAX_TERMS,),
+    "cuts": (MAX_TERMS,),
+    "segments": (2 * MAX_TERMS,),
+    "fractions": (2 * MAX_TERMS,),
+    "heights": (2 * MAX_TERMS,),
+    "lefts": (2 * MAX_TERMS,),
+    "rights": (2 * MAX_TERMS,),
+    "inputs": (MAX_INPUTS,),
+    "output": (),
+}
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -83,19 +86,20 @@ def gather_terms(values: Floats, by_point: int, segment: Vector, terms: int, scr
 
 
 @compiled(error_model="numpy", forceinline=True)
-def fuzzify(values: Floats, system: Any, inputs: Floats, scratch: Any) -> None:
+def fuzzify(values: Floats, system: Any, scratch: Any) -> None:
     """Write the memberships in the terms of all inputs, linear between the points of their universes."""
+    width = width_of(scratch)
     slot = 0
     for place in range(system.num_inputs):
         terms, at = system.input_terms[place], system.input_values[place]
         minimum = values[at + MINIMUM]
-        x = most(least(load(inputs, LANES * place, LANES), values[at + MAXIMUM]), minimum)
+        x = most(least(load(scratch.inputs, place, width), values[at + MAXIMUM]), minimum)
         left = np.floor((x - minimum) * values[at + STEPS_A_UNIT])
         left = least(left, system.input_points[place] - 2)
         fraction = (x - (minimum + left * values[at + STEP])) * values[at + STEPS_A_UNIT]
         gather_terms(values, at + HEADER, left, terms, scratch)
         for term in range(terms):
-            here, there = load(scratch.here, term, LANES), load(scratch.there, term, LANES)
+            here, there = load(scratch.here, term, width), load(scratch.there, term, width)
             store(scratch.memberships, slot, here + fraction * (there - here))
             slot += 1
 
@@ -103,16 +107,17 @@ def fuzzify(values: Floats, system: Any, inputs: Floats, scratch: Any) -> None:
 @compiled(error_model="numpy", forceinline=True)
 def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
     """Write the height at which each output term is cut: the strongest of its rules."""
+    width = width_of(scratch)
     terms, inputs = system.output_terms, system.num_inputs
     bounds = system.rules + terms
     slots = bounds + terms + 1
     for term in range(terms):
-        cut = splat(0.0, LANES)
+        cut = splat(0.0, width)
         for rule in range(rules[bounds + term], rules[bounds + term + 1]):
-            strength = load(scratch.memberships, rules[slots + inputs * rule], LANES)
+            strength = load(scratch.memberships, rules[slots + inputs * rule], width)
             for place in range(1, inputs):
                 strength = least(
-                    load(scratch.memberships, rules[slots + inputs * rule + place], LANES), strength
+                    load(scratch.memberships, rules[slots + inputs * rule + place], width), strength
                 )
             cut = most(strength, cut)
         store(scratch.cuts, term, cut)
@@ -124,16 +129,17 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
 
     The moment is about the centre of the universe. Terms that are zero at a point are left out there.
     """
+    width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     by_point = system.output_values + HEADER + terms * points
     middle = 0.5 * (points - 1)
-    total, moment = splat(0.0, LANES), splat(0.0, LANES)
+    total, moment = splat(0.0, width), splat(0.0, width)
     first, last = total, total
     for point in range(points):
-        height = splat(0.0, LANES)
+        height = splat(0.0, width)
         for term in range(rules[system.reach + 2 * point], rules[system.reach + 2 * point + 1]):
-            membership = spread(values, by_point + terms * point + term, LANES)
-            height = most(least(membership, load(scratch.cuts, term, LANES)), height)
+            membership = spread(values, by_point + terms * point + term, width)
+            height = most(least(membership, load(scratch.cuts, term, width)), height)
         first = height if point == 0 else first
         last = height
         total += height
@@ -150,13 +156,14 @@ def points_below(
 
     Whole rows first, then one by one. Where the cut is above the peak of the flank, the number means nothing.
     """
-    below = splat(0.0, LANES)
+    width = width_of(scratch)
+    below = splat(0.0, width)
     for point in range(ROW - 1, num_points, ROW):
-        below = select(spread(values, foot + direction * point, LANES) < cut, point + 1.0, below)
+        below = select(spread(values, foot + direction * point, width) < cut, point + 1.0, below)
     gather_rows(values, foot if direction > 0 else foot - ROW + 1, direction * below, ROW, scratch.here)
     is_below = below >= 0.0
     for point in range(ROW):
-        is_below &= load(scratch.here, point if direction > 0 else ROW - 1 - point, LANES) < cut
+        is_below &= load(scratch.here, point if direction > 0 else ROW - 1 - point, width) < cut
         below += select(is_below, 1.0, 0.0)
     return below
 
@@ -164,10 +171,11 @@ def points_below(
 @compiled(error_model="numpy", forceinline=True)
 def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the aggregated heights at the left end of a segment of the grid, inside it, and at the right."""
-    left, inside, right = splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES)
+    width = width_of(scratch)
+    left, inside, right = splat(0.0, width), splat(0.0, width), splat(0.0, width)
     for term in range(terms):
-        cut = load(scratch.cuts, term, LANES)
-        here, there = load(scratch.here, term, LANES), load(scratch.there, term, LANES)
+        cut = load(scratch.cuts, term, width)
+        here, there = load(scratch.here, term, width), load(scratch.there, term, width)
         left = most(least(here, cut), left)
         inside = most(least(here + fraction * (there - here), cut), inside)
         right = most(least(there, cut), right)
@@ -182,11 +190,12 @@ def neighbours(
 
     Each as a fraction of the segment and a height, the one on the left first.
     """
-    start, end = splat(0.0, LANES), splat(1.0, LANES)
+    width = width_of(scratch)
+    start, end = splat(0.0, width), splat(1.0, width)
     for other in range(found):
-        is_here = (load(scratch.segments, other, LANES) == segment) & (segment >= 0.0)
+        is_here = (load(scratch.segments, other, width) == segment) & (segment >= 0.0)
         if some(is_here):
-            x, y = load(scratch.fractions, other, LANES), load(scratch.heights, other, LANES)
+            x, y = load(scratch.fractions, other, width), load(scratch.heights, other, width)
             is_left = is_here & (start < x) & (x <= fraction)
             is_right = is_here & (fraction < x) & (x < end)
             start, left = select(is_left, x, start), select(is_left, y, left)
@@ -197,10 +206,11 @@ def neighbours(
 @compiled(error_model="numpy", forceinline=True)
 def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -> int:
     """Write in which segment each flank is cut, -1 for none; return how many flanks are cut at all."""
+    width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     found = 0
     for term in range(terms):
-        cut = load(scratch.cuts, term, LANES)
+        cut = load(scratch.cuts, term, width)
         row = system.output_values + HEADER + term * points
         peak = rules[system.rules + term]
         for side, direction in enumerate((1, -1)):  # the rising flank, then the falling one
@@ -218,30 +228,31 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
 @compiled(error_model="numpy", forceinline=True)
 def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
     """Return the area and moment that the points inserted at cut crossings add to the grid's."""
+    width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     by_point = system.output_values + HEADER + terms * points
     middle = 0.5 * (points - 1)
-    area, moment = splat(0.0, LANES), splat(0.0, LANES)
+    area, moment = splat(0.0, width), splat(0.0, width)
     found = find_crossings(values, rules, system, scratch)
     for flank in range(found):
         term = scratch.cut_terms[flank]
-        segment = load(scratch.segments, flank, LANES)
+        segment = load(scratch.segments, flank, width)
         crosses = segment >= 0.0
         segment = most(segment, 0.0)
         gather_terms(values, by_point, segment, terms, scratch)
-        own = load(scratch.here, term, LANES)
-        rise = select(crosses, load(scratch.there, term, LANES) - own, 1.0)
-        fraction = select(crosses, (load(scratch.cuts, term, LANES) - own) / rise, 0.0)
+        own = load(scratch.here, term, width)
+        rise = select(crosses, load(scratch.there, term, width) - own, 1.0)
+        fraction = select(crosses, (load(scratch.cuts, term, width) - own) / rise, 0.0)
         left, height, right = heights_in(terms, fraction, scratch)
         store(scratch.fractions, flank, fraction)
         store(scratch.lefts, flank, left)
         store(scratch.heights, flank, height)
         store(scratch.rights, flank, right)
     for flank in range(found):
-        segment = load(scratch.segments, flank, LANES)
-        fraction = load(scratch.fractions, flank, LANES)
-        height = load(scratch.heights, flank, LANES)
-        left, right = load(scratch.lefts, flank, LANES), load(scratch.rights, flank, LANES)
+        segment = load(scratch.segments, flank, width)
+        fraction = load(scratch.fractions, flank, width)
+        height = load(scratch.heights, flank, width)
+        left, right = load(scratch.lefts, flank, width), load(scratch.rights, flank, width)
         start, left, end, right = neighbours(segment, fraction, left, right, flank, scratch)
         triangle = 0.5 * ((end - start) * (height - left) - (fraction - start) * (right - left))
         area += triangle
@@ -250,24 +261,20 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
 
 
 @compiled(error_model="numpy")
-def infer(
-    values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, outputs: Floats
-) -> None:
-    """Infer the outputs of one system for `LANES` samples side by side.
+def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any) -> None:
+    """Infer the output of one system for as many samples as the working space has lanes.
 
     Parameters
     ----------
     values, rules : rows of `Packed.values` and `Packed.rules`
     layout : `Packed.layout`
     index : which of the systems
-    inputs : (MAX_INPUTS * LANES,) float
-        Lanes fastest; finite; clipped to the universes here.
     scratch : working space of `make_scratch`
-    outputs : (LANES,) float
-        Written: the centroid, or the system's default where no rule fires.
+        With the inputs, which are finite and clipped to the universes here. Written: the output, which is the
+        centroid, or the system's default where no rule fires.
     """
     system, room = layout[index], scratch[0]
-    fuzzify(values, system, inputs, room)
+    fuzzify(values, system, room)
     cut_terms(rules, system, room)
     total, area, moment = grid_sums(values, rules, system, room)
     more_area, more_moment = crossing_triangles(values, rules, system, room)
@@ -277,16 +284,16 @@ def infer(
     vanishes = area < SMALLEST_AREA
     output = select(vanishes, moment + centre * area, moment) / most(area, SMALLEST_AREA)
     output = select(vanishes, output, centre + output)
-    store(outputs, 0, select(total == 0.0, values[at + DEFAULT], output))
+    store(room.output, 0, select(total == 0.0, values[at + DEFAULT], output))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def put_side_by_side(inputs: Floats, first: int, side_by_side: Floats) -> int:
-    """Write up to `LANES` rows of inputs, lanes fastest; return how many."""
-    num_lanes = min(LANES, len(inputs) - first)
+def put_side_by_side(inputs: Floats, first: int, room: Any) -> int:
+    """Write as many rows of inputs as there are lanes, or those left; return how many."""
+    num_lanes = min(width_of(room), len(inputs) - first)
     for lane in range(num_lanes):
         for place in range(inputs.shape[1]):
-            side_by_side[place * LANES + lane] = inputs[first + lane, place]
+            room.inputs[place, lane] = inputs[first + lane, place]
     return num_lanes
 
 
@@ -295,12 +302,12 @@ def infer_rows(
     values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, out: Floats
 ) -> None:
     """Write the outputs of one system, (n,), for finite inputs (n, num_inputs)."""
-    side_by_side, outputs = np.zeros(MAX_INPUTS * LANES), np.zeros(LANES)
-    for first in range(0, len(inputs), LANES):
-        num_lanes = put_side_by_side(inputs, first, side_by_side)
-        infer(values, rules, layout, index, side_by_side, scratch, outputs)
+    room = scratch[0]
+    for first in range(0, len(inputs), width_of(room)):
+        num_lanes = put_side_by_side(inputs, first, room)
+        infer(values, rules, layout, index, scratch)
         for lane in range(num_lanes):
-            out[first + lane] = outputs[lane]
+            out[first + lane] = room.output[lane]
 
 
 @compiled(error_model="numpy")
@@ -308,10 +315,9 @@ def _strengths(
     values: Floats, layout: Any, index: int, cells: Integers, inputs: Floats, scratch: Any, out: Floats
 ) -> None:
     system, room = layout[index], scratch[0]
-    side_by_side = np.zeros(MAX_INPUTS * LANES)
-    for first in range(0, len(inputs), LANES):
-        num_lanes = put_side_by_side(inputs, first, side_by_side)
-        fuzzify(values, system, side_by_side, room)
+    for first in range(0, len(inputs), width_of(room)):
+        num_lanes = put_side_by_side(inputs, first, room)
+        fuzzify(values, system, room)
         for rule in range(len(cells)):
             for lane in range(num_lanes):
                 strength, slot = 1.0, 0
@@ -322,9 +328,12 @@ def _strengths(
                 out[first + lane, rule] = strength
 
 
-def make_scratch() -> Any:
-    """Allocate the working space that `infer` needs, for any system."""
-    scratch = aligned(1, SCRATCH).view(np.recarray)
+def make_scratch(width: int = LANES) -> Any:
+    """Allocate the working space that `infer` needs, for any system and so many samples side by side."""
+    rows = rows_of(SCRATCH, width).descr
+    scratch = aligned(1, np.dtype([*rows, ("cut_terms", np.int64, 2 * MAX_TERMS)], align=True)).view(
+        np.recarray
+    )
     scratch[0].memberships[ANY] = 1.0
     return scratch
 

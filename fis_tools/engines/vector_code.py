@@ -8,6 +8,7 @@ values and maps them to the registers that a processor has.
 import operator
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from inspect import signature as signature_of
 from typing import Any
 
 import numba
@@ -33,9 +34,14 @@ with needed_of_numba():
     from numba import types
     from numba.core import cgutils
     from numba.core.errors import TypingError
-    from numba.extending import lower_builtin, models, register_model, type_callable
+    from numba.core.typing.arraydecl import GetItemBuffer, SetItemBuffer
+    from numba.core.typing.templates import AbstractTemplate, infer, infer_global, signature
+    from numba.extending import lower_builtin, models, register_model
 
 MOST_LANES = 64
+
+#: makes numba ask a typing before those for any target
+FIRST = {"target": "cpu"}
 
 I1, I32, I64, F64 = (*map(ir.IntType, (1, 32, 64)), ir.DoubleType())
 
@@ -87,9 +93,26 @@ def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
     return found.pop() if found else types.float64
 
 
-def typed(operation: Any, typer: Callable[..., Any]) -> None:
-    """Tell numba the type of an operation's result; a typer returns None for what does not concern it."""
-    type_callable(operation)(lambda context: typer)
+def typed(operation: Any, typer: Callable[..., Any], takes_constants: bool = False) -> None:
+    """Tell numba the type of an operation's result; a typer returns None for what does not concern it.
+
+    It is asked before all that numba itself knows of the operation, and, where it takes constants, with these
+    before variables of their type: otherwise to find types is a third of what compiling takes, for numba
+    makes a text of each kind that does not fit.
+    """
+    count = len(signature_of(typer).parameters)
+
+    class Typing(AbstractTemplate):
+        key = operation
+        prefer_literal = takes_constants
+        metadata = FIRST
+
+        def generic(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+            result = None if kws or len(args) != count else typer(*args)
+            return None if result is None else signature(result, *args)
+
+    infer(Typing)
+    infer_global(operation, types.Function(Typing))
 
 
 def _as(context: Any, builder: Any, value: Any, kind: Any, wanted: Any) -> Any:
@@ -106,15 +129,31 @@ def _splat(builder: Any, value: Any, width: int) -> Any:
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(I32, width), [0] * width))
 
 
+# Elements of arrays: numba knows them itself, but would ask for lists, dictionaries and texts before
+
+
+class _Element(GetItemBuffer):
+    key = operator.getitem
+    metadata = FIRST
+
+
+class _Assigned(SetItemBuffer):
+    key = operator.setitem
+    metadata = FIRST
+
+
+infer_global(operator.getitem, types.Function(_Element))
+infer_global(operator.setitem, types.Function(_Assigned))
+
 # Arithmetic, comparisons and logic
 
 
-def _binary(
-    operation: Any, result: Callable[[VectorType], Any], emit: Callable[[Any, Any, Any], Any]
-) -> None:
-    """Register an operation of two vectors, or of a vector and a number."""
+def _binary(operation: Any, result: Callable[[Any], Any], emit: Callable[[Any, Any, Any], Any]) -> None:
+    """Register an operation of two vectors, or of a vector and a number; that of two numbers is numba's."""
 
     def typer(one: Any, other: Any) -> Any:
+        if one is other and one in (types.float64, types.int64):
+            return result(one)
         joint = _joint(one, other)
         return result(joint) if isinstance(joint, VectorType) else None
 
@@ -128,6 +167,10 @@ def _binary(
         lower_builtin(operation, *kinds)(lower)
 
 
+def _quotient(kind: Any) -> Any:
+    return kind if isinstance(kind, VectorType) else types.float64
+
+
 for _plain, _in_place, _emit in (
     (operator.add, operator.iadd, lambda builder, one, other: builder.fadd(one, other)),
     (operator.sub, operator.isub, lambda builder, one, other: builder.fsub(one, other)),
@@ -135,7 +178,11 @@ for _plain, _in_place, _emit in (
     (operator.truediv, operator.itruediv, lambda builder, one, other: builder.fdiv(one, other)),
 ):
     for _operation in (_plain, _in_place):
-        _binary(_operation, lambda vector: vector, _emit)
+        _binary(_operation, _quotient if _plain is operator.truediv else lambda kind: kind, _emit)
+
+
+def _truth_of(kind: Any) -> Any:
+    return MaskType(kind.width) if isinstance(kind, VectorType) else types.boolean
 
 
 def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
@@ -155,7 +202,7 @@ for _operation, _symbol in (
     (operator.eq, "=="),
     (operator.ne, "!="),
 ):
-    _binary(_operation, lambda vector: MaskType(vector.width), _comparing(_symbol))
+    _binary(_operation, _truth_of, _comparing(_symbol))
 
 
 def _logic(operations: tuple[Any, ...], emit: Callable[[Any, Any, Any], Any]) -> None:
@@ -257,7 +304,20 @@ def _vector_in(operation: Any, *kinds: Any) -> Callable[[Any], Any]:
     return register
 
 
-typed(vectors.splat, lambda value, width: VectorType(_width_of(width)))
+def _width_type(rows: Any) -> Any:
+    kind = next(iter(rows.fields.values())).type if isinstance(rows, types.Record) else rows
+    return types.literal(kind.shape[-1]) if isinstance(kind, types.NestedArray) else None
+
+
+typed(vectors.width_of, _width_type)
+
+
+@lower_builtin(vectors.width_of, types.Any)
+def _lower_width_of(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return I64(signature.return_type.literal_value)
+
+
+typed(vectors.splat, lambda value, width: VectorType(_width_of(width)), takes_constants=True)
 
 
 @_vector_in(vectors.splat, types.Number)
@@ -315,7 +375,7 @@ def _load_type(array: Any, at: Any, width: Any) -> Any:
     return VectorType(_width_of(width))
 
 
-typed(vectors.load, _load_type)
+typed(vectors.load, _load_type, takes_constants=True)
 
 
 @_vector_in(vectors.load, types.Array, types.Any)
@@ -330,7 +390,7 @@ def _spread_type(array: Any, at: Any, width: Any) -> Any:
     return VectorType(_width_of(width))
 
 
-typed(vectors.spread, _spread_type)
+typed(vectors.spread, _spread_type, takes_constants=True)
 
 
 @_vector_in(vectors.spread, types.Array, types.Integer)

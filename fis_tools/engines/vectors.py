@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 #: A vector, or a float in its place; a mask, or a bool in its place.
 Vector = Any
 Mask = Any
+#: The fields of a record that are rows of vectors: how many of each, along any number of axes.
+Rows = dict[str, tuple[int, ...]]
 #: Where in an array a vector begins.
 Place = int | tuple[int, ...]
 
@@ -36,6 +38,25 @@ class Lanes(np.ndarray[Any, Any]):
 
 for _name in ("add", "sub", "mul", "truediv", "and", "or", "xor"):
     setattr(Lanes, f"__i{_name}__", getattr(np.ndarray, f"__{_name}__"))
+
+
+def rows_of(fields: Rows, width: int) -> np.dtype[Any]:
+    """Return the type of records with such fields, for vectors of a width."""
+    return np.dtype([(name, np.float64, (*count, width)) for name, count in fields.items()], align=True)
+
+
+def make_rows(fields: Rows, width: int, count: int = 1) -> Any:
+    """Allocate such records, zeros, shape (count,), so that no vector lies across two lines of the cache."""
+    return aligned(count, rows_of(fields, width)).view(np.recarray)
+
+
+def width_of(rows: Any) -> int:
+    """Return how many lanes the rows of a record have, or those of one of its fields.
+
+    In compiled code this is a constant: the type of a record tells the shapes of its fields.
+    """
+    fields = rows.dtype.names
+    return int((rows[fields[0]] if fields else rows).shape[-1])
 
 
 def splat(value: float, width: int) -> Vector:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import make_rows
 from pipeline.flight.actuators import (
     NO_ERRORS,
     NO_THRUSTERS,
@@ -16,9 +17,9 @@ from pipeline.flight.actuators import (
     thrusters_of,
 )
 from pipeline.flight.drag import drag_in_time
-from pipeline.flight.kernel.actuators import Firing
+from pipeline.flight.kernel.actuators import THRUSTING, Firing
 from pipeline.flight.kernel.arrays import CASE
-from pipeline.flight.kernel.navigation import Departures, Fixes
+from pipeline.flight.kernel.navigation import ESTIMATED, Departures, Fixes
 from pipeline.flight.log import Scenario
 from pipeline.flight.navigation import ALWAYS_RIGHT, NO_FILTER, Errors, Filter, errors_of, filter_of
 from pipeline.physics.orbit import Course
@@ -71,51 +72,44 @@ class Cases:
             drag=each(self.drag),
         )
 
-    def departures(self, course: Course) -> Departures | None:
-        """Return what one thread flies that the deputies do not know; None where there is nothing."""
+    def departures(self, course: Course, lanes: int = LANES) -> Departures | None:
+        """Return what one thread flies beside what deputies know, so many side by side, or None."""
         if self.navigation is None and self.thrusters is None and not course.is_on:
             return None
-        return Departures(self._fixes(), self._firing(), course._replace(varying=self.drag))
+        return Departures(self._fixes(lanes), self._firing(lanes), course._replace(varying=self.drag))
 
-    def _fixes(self) -> Fixes:
+    def _fixes(self, lanes: int) -> Fixes:
         law, errors = self.navigation or (NO_FILTER, ALWAYS_RIGHT)
         return Fixes(
             self.navigation is not None,
             *law,
             *errors,
-            filtered=np.zeros((6, LANES)),
-            covariance=np.zeros((6, 6, LANES)),
-            known=np.zeros((6, LANES)),
-            now=np.zeros((6, 6, LANES)),
-            half=np.zeros((6, 6, LANES)),
-            truth=np.zeros((6, LANES)),
-            turn=np.zeros((4, LANES)),
-            tilt=np.zeros((3, LANES)),
-            attitude=np.zeros((4, LANES)),
-            fixes=np.zeros((errors.of_fixes.shape[1], 3, LANES)),
-            acting=np.zeros((self.num_controls, 3, LANES)),
+            lanes=make_rows(ESTIMATED, lanes)[0],
+            fixes=np.zeros((errors.of_fixes.shape[1], 3, lanes)),
+            acting=np.zeros((self.num_controls, 3, lanes)),
         )
 
-    def _firing(self) -> Firing:
+    def _firing(self, lanes: int) -> Firing:
         law, errors = self.thrusters or (NO_THRUSTERS, NO_ERRORS)
-        commands = np.zeros((self.num_controls, 3, LANES))
+        commands = np.zeros((self.num_controls, 3, lanes))
         return Firing(
             self.thrusters is not None,
             *law,
             *errors,
             commands,
-            errors=np.zeros((9, LANES)),
-            mass=np.zeros(LANES),
-            thrust=np.zeros((len(law.table), LANES)),
+            make_rows(THRUSTING, lanes)[0],
+            thrust=np.zeros((len(law.table), lanes)),
         )
 
 
 def starts_of(scenarios: list[Scenario]) -> Starts:
     """Return some starts as an array, shape (m,)."""
     starts = np.empty(len(scenarios), CASE).view(np.recarray)
-    for case, scenario in zip(starts, scenarios, strict=True):
-        case.position, case.velocity = scenario.position_m, scenario.velocity_m_s
-        case.sun_angle, case.sun_elevation = scenario.sun_angle_rad, scenario.sun_elevation_rad
+    if scenarios:
+        starts.position = [scenario.position_m for scenario in scenarios]
+        starts.velocity = [scenario.velocity_m_s for scenario in scenarios]
+        starts.sun_angle = [scenario.sun_angle_rad for scenario in scenarios]
+        starts.sun_elevation = [scenario.sun_elevation_rad for scenario in scenarios]
     return starts
 
 

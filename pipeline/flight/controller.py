@@ -5,6 +5,7 @@ The names of signals, components and constants are those of `pipeline.flight.sig
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from math import pi
 from typing import Protocol
@@ -112,9 +113,11 @@ class Pilot(Protocol):
         """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Controller:
     """What decides the force: fuzzy systems, a plan, who makes one on the way, a linear law, or a pilot.
+
+    Each is equal to itself alone, so that what follows from one can be kept.
 
     Parameters
     ----------
@@ -143,6 +146,24 @@ class Controller:
     regulator: Regulator | None = None
     pilot: Pilot | None = None
     fuzzy: FuzzyController | None = None
+
+    @cached_property
+    def numbers(self) -> Packed:
+        """Its systems as compiled flights read them; a plan has none."""
+        if self.systems:
+            return with_constants(pack(*self.systems), self)
+        return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
+
+    @cached_property
+    def constants(self) -> Floats:
+        """Its constants, in the order of `CONSTANTS`; zero where it sets none.
+
+        Raises
+        ------
+        ControllerError
+            If one is no finite number, or negative where it measures a length, a force or a time.
+        """
+        return _constants_of(self)
 
     @property
     def plays_turns(self) -> bool:
@@ -206,7 +227,7 @@ def from_fuzzy(fuzzy: FuzzyController) -> Controller:
     except NotCompilable as error:
         raise ControllerError(f"controller {fuzzy.name!r} cannot fly: {error}") from error
     controller = Controller(fuzzy.name, fuzzy.systems, force_axes, fuzzy=fuzzy)
-    constants_of(controller)
+    _constants_of(controller)
     return controller
 
 
@@ -230,7 +251,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
     ControllerError
         If a plan is longer than the flight, or decisions do not keep the flight's clock.
     """
-    num_controls = mission.num_controls
+    num_controls, numbers = mission.num_controls, controller.numbers
     if controller.plan is not None and len(controller.plan) > num_controls:
         raise ControllerError(
             f"the plan of {controller.name!r} has {len(controller.plan)} forces, the flight {num_controls} "
@@ -249,8 +270,8 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         signals=signals,
         needs=needs_of(sensed_by(controller)),
         num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
-        layout=layout_of(controller.systems)[0],
-        constants=layout_of(controller.systems)[1] if has_constants(controller) else -1,
+        layout=numbers.layout,
+        constants=numbers.values.shape[1] - len(CONSTANTS) if has_constants(controller) else -1,
         decision_stride=decision_stride(controller, mission),
         force_axes=FORCE_AXES[controller.force_axes],
         has_plan=controller.plan is not None or controller.is_of_a_kind or controller.pilot is not None,
@@ -269,14 +290,7 @@ def has_constants(controller: Controller) -> bool:
     return controller.fuzzy is not None and any(name in CONSTANTS for name, _ in controller.fuzzy.attributes)
 
 
-def constants_of(controller: Controller) -> Floats:
-    """Return the constants of a controller, in the order of `CONSTANTS`; zero where it sets none.
-
-    Raises
-    ------
-    ControllerError
-        If one is no finite number, or negative where it measures a length, a force or a time.
-    """
+def _constants_of(controller: Controller) -> Floats:
     attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
     values = np.zeros(len(CONSTANTS))
     for place, (name, kind) in enumerate(CONSTANTS.items()):
@@ -313,7 +327,7 @@ def rehearsed_pushes(controller: Controller) -> Floats:
 
     The first of them is no push.
     """
-    reach = float(constants_of(controller)[constant("rehearsal_reach_m_s")])
+    reach = float(controller.constants[constant("rehearsal_reach_m_s")])
     parts = np.array(list(product(*REHEARSED_PARTS)))
     return reach * parts if reach > 0.0 else np.zeros((0, 3))
 
@@ -326,7 +340,7 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
     ControllerError
         If ``decision_period_s`` is no whole number of control periods.
     """
-    decision_period = float(constants_of(controller)[constant("decision_period_s")])
+    decision_period = float(controller.constants[constant("decision_period_s")])
     periods = decision_period / mission.control_period_s
     if abs(periods - round(periods)) > 1e-6:
         raise ControllerError(
@@ -346,7 +360,7 @@ def check_tour(controller: Controller, mission: Mission) -> None:
     """
     half = pi / mission.orbit.mean_motion_rad_s
     for name in ("tour_time_s", "tour_wait_s"):
-        time = float(constants_of(controller)[constant(name)])
+        time = float(controller.constants[constant(name)])
         if time >= half:
             raise ControllerError(
                 f"controller {controller.name!r} has {name} {time:g}; give less than half an orbit, "
@@ -363,12 +377,5 @@ def with_constants(numbers: Packed, controller: Controller) -> Packed:
     """Append a controller's constants to its numbers, or to those of a population of its structure."""
     if not has_constants(controller):
         return numbers
-    rows = np.broadcast_to(constants_of(controller), (len(numbers.values), len(CONSTANTS)))
+    rows = np.broadcast_to(controller.constants, (len(numbers.values), len(CONSTANTS)))
     return replace(numbers, values=np.hstack([numbers.values, rows]))
-
-
-def packed(controller: Controller) -> Packed:
-    """Return the numbers of a controller's systems; a plan has none."""
-    if controller.systems:
-        return with_constants(pack(*controller.systems), controller)
-    return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())

@@ -17,7 +17,6 @@ from math import exp, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from pipeline.flight.log import Scenario
 from pipeline.settings.dispersions import IN_TIME, Distribution
@@ -67,6 +66,8 @@ def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | f
 
 def _values(law: Distribution, scores: Floats) -> Floats:
     """Return values of a distribution as far out as standard normal ones are."""
+    from scipy.special import ndtr, ndtri  # noqa: PLC0415 - as above
+
     if law.kind == "uniform":
         return np.asarray(law.low + (law.high - law.low) * ndtr(scores))
     if law.low == -inf and law.high == inf:

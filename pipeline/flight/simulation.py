@@ -1,22 +1,21 @@
 """Flights as a friend would ask for them: missions, starts and controllers in; outcomes and logs out."""
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import sparingly
-from fis_tools.engines.kernel import LANES, evaluate, make_scratch
+from fis_tools.engines.kernel import FEW_LANES, LANES, evaluate, make_scratch
 from fis_tools.engines.packing import Packed
-from fis_tools.engines.vectors import aligned
+from fis_tools.engines.vectors import make_rows
 from pipeline.flight.cases import Cases, Starts, cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
-    constants_of,
     law_of,
-    packed,
     rehearsed_pushes,
     unanswered,
 )
@@ -26,6 +25,7 @@ from pipeline.flight.kernel import arrays
 from pipeline.flight.kernel.arrays import (
     CARRIED,
     NUM_OUTCOMES,
+    TURNED,
     Beyond,
     Guard,
     Law,
@@ -57,29 +57,27 @@ REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 NO_OPENINGS = np.zeros((0, 3))
 
 
-def make_workspace(world: World) -> Workspace:
-    """Allocate what one thread flies in."""
-    points, width = world.num_points, world.points.shape[2]
+def make_workspace(world: World, lanes: int = LANES) -> Workspace:
+    """Allocate what one thread flies in, so many flights side by side."""
+    points, width, instants = world.num_points, world.points.shape[2], world.num_attitude_steps
     clusters = num_clusters(points)
     return Workspace(
-        lanes=aligned(1, CARRIED).view(np.recarray)[0],
-        aims=np.zeros((4 * world.num_attitude_steps, LANES)),
-        passed=np.zeros((7 * world.num_attitude_steps, LANES)),
-        unseen=np.zeros((LANES, width)),
+        lanes=make_rows(CARRIED, lanes)[0],
+        aims=make_rows(TURNED, lanes, instants),
+        passed=make_rows(TURNED, lanes, instants),
+        unseen=np.zeros((lanes, width)),
         candidate=np.zeros(width),
         lit=np.zeros(width),
         seen=np.zeros(width),
         ahead=np.zeros(width),
-        deadlines=np.zeros((LANES, width)),
+        deadlines=np.zeros((lanes, width)),
         looks=np.zeros((5, width)),
-        signals=np.zeros((len(SIGNALS), LANES)),
-        inputs=np.zeros(3 * LANES),
-        outputs=np.zeros(LANES),
-        scratch=make_scratch(),
+        signals=np.zeros((len(SIGNALS), lanes)),
+        scratch=make_scratch(lanes),
         candidates=np.zeros((3, width)),
-        centres=np.zeros((LANES, clusters, 3)),
-        num_centres=np.zeros(LANES, dtype=np.int64),
-        clustered=np.zeros((LANES, width)),
+        centres=np.zeros((lanes, clusters, 3)),
+        num_centres=np.zeros(lanes, dtype=np.int64),
+        clustered=np.zeros((lanes, width)),
         labels=np.zeros((2, width)),
         distances=np.zeros(width),
         sums=np.zeros((clusters, 4)),
@@ -87,10 +85,11 @@ def make_workspace(world: World) -> Workspace:
     )
 
 
-def inspectable_points(world: World, starts: Starts) -> NDArray[np.uint8]:
+def inspectable_points(
+    world: World, starts: Starts, note: Callable[..., None] = note_inspectable
+) -> NDArray[np.uint8]:
     """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
-    note = sparingly(note_inspectable) if len(starts) == 1 else note_inspectable
     note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return found
 
@@ -114,6 +113,14 @@ def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8])
     return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)
 
 
+def lanes_for(num_starts: int) -> int:
+    """Return how many should fly side by side where few starts are flown often: by many controllers, say.
+
+    A vector half of whose lanes are empty takes as long as a full one; but each width is compiled by itself.
+    """
+    return FEW_LANES if num_starts <= FEW_LANES else LANES
+
+
 def fly_population(
     world: World,
     law: Law,
@@ -122,6 +129,7 @@ def fly_population(
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
     openings: Floats | None = None,
+    lanes: int = LANES,
 ) -> Outcomes:
     """Fly every controller of a population from every start.
 
@@ -144,6 +152,8 @@ def fly_population(
     openings : (m, 3) array, optional
         What is fired from each start in the first control period in place of what the rules decide, N, Hill
         axes.
+    lanes : int
+        Flights side by side. The result does not depend on it; see `lanes_for`.
 
     Returns
     -------
@@ -158,18 +168,20 @@ def fly_population(
     num_pairs = len(numbers.values) * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
-    # four shares a thread, so that a slow share does not hold up the end
-    bounds = np.linspace(0, num_pairs, min(num_pairs, 4 * workers if workers > 1 else 1) + 1).astype(int)
+    # four shares a thread, so that a slow share does not hold up the end; none parts what flies side by side
+    whole = lanes if len(numbers.values) == 1 else max(1, len(cases))
+    bounds = np.linspace(0, num_pairs, (4 * workers if workers > 1 else 1) + 1).astype(int) // whole * whole
+    bounds = np.unique([0, *bounds[1:-1], num_pairs])
     silent = no_log()
     inspectable = inspectable_points(world, cases.starts)
     counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_share(first: int, last: int) -> None:
-        work = make_workspace(world)
+        work = make_workspace(world, lanes)
         fly_many(
             world,
-            *_parts_in_use(world, law, cases),
+            *_parts_in_use(world, law, cases, lanes),
             law,
             numbers.values,
             numbers.rules,
@@ -208,7 +220,7 @@ def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
 
 
 def _parts_in_use(
-    world: World, law: Law, cases: Cases
+    world: World, law: Law, cases: Cases, lanes: int = LANES
 ) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
@@ -216,7 +228,7 @@ def _parts_in_use(
     departs from what the deputy takes to be. In worlds other than the paper's the safety layer and pushes are
     compiled in any case, so that few kinds of flight serve many worlds.
     """
-    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course)
+    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course, lanes)
     is_elsewhere = optics is not None or departures is not None
     return (
         optics,
@@ -262,6 +274,7 @@ def fly_all(
     scenarios: list[Scenario],
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
+    lanes: int = LANES,
 ) -> Outcomes:
     """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest.
 
@@ -275,14 +288,14 @@ def fly_all(
         return _outcomes_of_logs(mission, controller, scenarios, tracks)
     images = tour_images(controller)
     if images:
-        followed = rehearsed_tours(mission, controller, scenarios, workers)
+        followed = rehearsed_tours(mission, controller, scenarios, workers, lanes)
         chosen = np.unique(followed).tolist()
         groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
-        return _fly_groups(groups, scenarios, workers, tracks)
+        return _fly_groups(groups, scenarios, workers, tracks, lanes)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
-    law, numbers = law_for(controller, mission, scenarios, workers), packed(controller)
+    law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings = rehearsed_openings(mission, controller, scenarios, workers)
-    many = fly_population(world, law, numbers, cases, workers, tracks, openings)
+    many = fly_population(world, law, numbers, cases, workers, tracks, openings, lanes)
     return Outcomes(**{name: values[0] for name, values in vars(many).items()})
 
 
@@ -291,13 +304,15 @@ def _fly_groups(
     scenarios: list[Scenario],
     workers: int | None,
     tracks: NDArray[np.float32] | None,
+    lanes: int = LANES,
 ) -> Outcomes:
     """Fly cases in the missions and with the controllers that are their own, given with their places."""
 
     def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
         own, controller, places = group
         found = None if tracks is None else tracks[places]
-        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found)
+        own_lanes = lanes_for(len(places)) if len(groups) > FEW_LANES else lanes
+        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found, own_lanes)
         if tracks is not None and found is not None:
             tracks[places] = found
         return places, outcomes
@@ -339,7 +354,7 @@ def rehearsed_openings(
     ends = fly_population(
         world,
         law_of(controller, known),
-        packed(controller),
+        controller.numbers,
         cases.repeated(len(forces)),
         workers,
         openings=np.tile(forces, (len(cases), 1)),
@@ -349,7 +364,11 @@ def rehearsed_openings(
 
 
 def rehearsed_tours(
-    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    lanes: int = LANES,
 ) -> NDArray[np.int64]:
     """Return which image of its tour a controller follows from each start: that whose flight ends cheapest.
 
@@ -362,10 +381,11 @@ def rehearsed_tours(
     """
     known, starts = as_believed(mission, scenarios)
     world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
-    costs = [
-        _rehearsed_costs(controller, fly_population(world, law, packed(image), cases, workers))[0]
+    flown = [
+        fly_population(world, law, image.numbers, cases, workers, lanes=lanes)
         for image in tour_images(controller)
     ]
+    costs = [_rehearsed_costs(controller, ends)[0] for ends in flown]
     return np.asarray(np.argmin(costs, axis=0))
 
 
@@ -379,7 +399,7 @@ def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) 
 def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
     """Return by what flights ahead are compared, m/s, of the shape of the outcomes."""
     # as many as the controller puts up with cost nothing
-    least = max(1.0, constants_of(controller)[constant("coast_below_points")])
+    least = max(1.0, controller.constants[constant("coast_below_points")])
     missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
     cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
     return np.asarray(cost)
@@ -396,7 +416,7 @@ def law_for(
         return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
     if controller.planner is None:
         return law
-    world, numbers, cases = pack_world(mission), packed(controller), cases_of(mission, scenarios)
+    world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
 
     def fly(periods: int, plans: Plans) -> None:
         fly_population(
@@ -419,7 +439,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
     from pipeline.flight.reference import loop  # noqa: PLC0415 - plain Python, and only here
     from pipeline.flight.reference.channels import channels_of, plan_of  # noqa: PLC0415
 
-    numbers, plans = packed(controller), law_for(controller, mission, [scenario], 1).plans
+    numbers, plans = controller.numbers, law_for(controller, mission, [scenario], 1).plans
 
     def infer(system: int, inputs: Floats) -> float:
         row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
@@ -430,9 +450,7 @@ def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario)
             f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
             "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
         )
-    channels = channels_of(
-        controller.systems, controller.force_axes, plan_of(plans), constants_of(controller)
-    )
+    channels = channels_of(controller.systems, controller.force_axes, plan_of(plans), controller.constants)
     return loop.fly(mission, scenario, channels, infer, turns=controller.turns)
 
 
@@ -482,11 +500,11 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     if images:
         controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
     world = pack_world(mission)
-    law, numbers = law_for(controller, mission, [scenario], 1), packed(controller)
+    law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
     openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
-    inspectable = inspectable_points(world, cases.starts)
+    inspectable = inspectable_points(world, cases.starts, sparingly(note_inspectable))
     sparingly(fly_many)(
         world,
         *_parts_in_use(world, law, cases),

@@ -5,20 +5,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import aligned
+from fis_tools.engines.kernel import FEW_LANES
+from fis_tools.engines.vectors import make_rows
 from pipeline.flight.cases import cases_of
+from pipeline.flight.kernel.actuators import THRUSTING
 from pipeline.flight.kernel.arrays import CARRIED, CASE
-from pipeline.flight.kernel.navigation import Departures
-from pipeline.flight.kernel.optics import note_inspectable
+from pipeline.flight.kernel.navigation import ESTIMATED, Departures
 from pipeline.flight.kernel.step import LEFT, NOT_STARTED, NUM_OBSERVED, Carried, step_many
 from pipeline.flight.log import Scenario, no_log
 from pipeline.flight.simulation import (
     beyond_of,
     counted_points,
+    inspectable_points,
     is_by_the_reference,
     make_workspace,
-    optics_in_use,
 )
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
@@ -71,20 +71,20 @@ class Flights:
         self._mission, self._world = mission, pack_world(mission)
         world, width = self._world, self._world.points.shape[2]
         self._optics = beyond_of(world, is_tilted=is_tilted)
-        self._work = make_workspace(world)
+        self._work = make_workspace(world, FEW_LANES)
         clusters = self._work.centres.shape[1]
         self._carried = Carried(
-            lanes=aligned(num_flights, CARRIED).view(np.recarray),
-            unseen=np.zeros((num_flights, LANES, width)),
-            centres=np.zeros((num_flights, LANES, clusters, 3)),
-            num_centres=np.zeros((num_flights, LANES), dtype=np.int64),
-            clustered=np.zeros((num_flights, LANES, width)),
+            lanes=make_rows(CARRIED, FEW_LANES, num_flights),
+            unseen=np.zeros((num_flights, FEW_LANES, width)),
+            centres=np.zeros((num_flights, FEW_LANES, clusters, 3)),
+            num_centres=np.zeros((num_flights, FEW_LANES), dtype=np.int64),
+            clustered=np.zeros((num_flights, FEW_LANES, width)),
         )
         self._starts = np.zeros(num_flights, CASE).view(np.recarray)
         self._counted = np.zeros((num_flights, width), dtype=np.uint8)
         anywhere = Scenario(np.array([mission.deputy.max_distance_m, 0.0, 0.0]), np.zeros(3), 0.0)
         cases = cases_of(mission, [anywhere] * num_flights)
-        self._departures = _stacked(cases.departures(world.course), num_flights)
+        self._departures = _stacked(cases.departures(world.course, FEW_LANES), num_flights)
         self.observed = np.zeros((num_flights, NUM_OBSERVED))
         self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
@@ -123,8 +123,7 @@ class Flights:
         if self._optics is None and scenario.sun_elevation_rad != 0.0:
             raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
         world, cases = self._world, cases_of(self._mission, [scenario])
-        found = np.empty((1, self._counted.shape[1]), dtype=np.uint8)
-        note_inspectable(world, optics_in_use(world, cases.starts), self._work, cases.starts, found)
+        found = inspectable_points(world, cases.starts)
         self._starts[flight] = cases.starts[0]
         counted = counted_points(world, cases.starts, found)
         self._counted[flight] = counted[0] if self._optics is not None else 1
@@ -158,22 +157,13 @@ def _stacked(departures: Departures | None, num_flights: int) -> Departures | No
     fixes, firing = departures.fixes, departures.firing
     return departures._replace(
         fixes=fixes._replace(
-            filtered=stack(fixes.filtered),
-            covariance=stack(fixes.covariance),
-            known=stack(fixes.known),
-            now=stack(fixes.now),
-            half=stack(fixes.half),
-            truth=stack(fixes.truth),
-            turn=stack(fixes.turn),
-            tilt=stack(fixes.tilt),
-            attitude=stack(fixes.attitude),
+            lanes=make_rows(ESTIMATED, FEW_LANES, num_flights),
             fixes=stack(fixes.fixes),
             acting=stack(fixes.acting),
         ),
         firing=firing._replace(
             commands=stack(firing.commands),
-            errors=stack(firing.errors),
-            mass=stack(firing.mass),
+            lanes=make_rows(THRUSTING, FEW_LANES, num_flights),
             thrust=stack(firing.thrust),
         ),
     )

@@ -7,9 +7,10 @@ a tour has four images, itself among them, and from each start another one is ne
 """
 
 from dataclasses import replace
+from functools import lru_cache
 
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import Controller, constants_of, from_fuzzy
+from pipeline.flight.controller import Controller, from_fuzzy
 from pipeline.flight.signals import TOUR_PLACES, constant
 
 #: what the images are called, in the order in which they are tried
@@ -35,14 +36,15 @@ def sign(name: str, image: int) -> float:
     return -1.0 if flips else 1.0
 
 
-def tour_images(controller: Controller) -> list[Controller]:
+@lru_cache(maxsize=8)
+def tour_images(controller: Controller) -> tuple[Controller, ...]:
     """Return a controller for each image of the tour that one flies ahead; none by default.
 
     Each follows its image without any rehearsal of tours. The first is that of the tour as it is.
     """
-    values = constants_of(controller)
+    values = controller.constants
     images = range(round(values[constant("rehearsal_tours")]))
-    return [_following(controller.fuzzy, image) for image in images if controller.fuzzy is not None]
+    return tuple(_following(controller.fuzzy, image) for image in images if controller.fuzzy is not None)
 
 
 def _following(fuzzy: FuzzyController, image: int) -> Controller:

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
 
@@ -101,6 +100,8 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
 
 def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int64]) -> Step:
     """Solve one linear program; its prices are those of the rows."""
+    from scipy.optimize import linprog  # noqa: PLC0415 - a report, which solves none, would wait for it
+
     matrix, least = _rows(problem, rows, periods)
     num_rows, num_forces = matrix.shape
     cost = np.r_[np.full(2 * num_forces, problem.delta_v_per_force), np.full(num_rows, PRICE_OF_SLACK)]

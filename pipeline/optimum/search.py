@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, differential_evolution
 
 from fis_tools.engines.compiled import compiled
 from pipeline.optimum.problem import Problem
@@ -117,6 +116,8 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
     (K, 3) array
         Forces, N, Hill axes.
     """
+    from scipy.optimize import Bounds, differential_evolution  # noqa: PLC0415 - as in `polish`
+
     deputy = problem.mission.deputy
     reach = min(REACH_M_S / problem.delta_v_per_force, deputy.max_force_n)
     last = max(1, int(LATEST * problem.num_controls)) - 0.5

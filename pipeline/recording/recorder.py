@@ -22,7 +22,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.controllers.played import to_mapping
-from pipeline.flight.controller import Controller, packed, rehearsed_pushes
+from pipeline.flight.controller import Controller, rehearsed_pushes
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of, filter_of, measured
 from pipeline.flight.reference.sight import lit_and_seen_points
@@ -111,7 +111,7 @@ class FlightRecorder:
         # whether flights depend on what their cases have drawn besides the start
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
-        self._numbers = packed(controller)
+        self._numbers = controller.numbers
         self._compiled = [compile(system) for system in controller.systems]
         self._logic = thrust_logic(controller.fuzzy) if controller.fuzzy is not None else None
         self._num_rehearsed = len(rehearsed_pushes(controller))
@@ -174,6 +174,7 @@ class FlightRecorder:
         distances = np.linalg.norm(log.position_m, axis=1)
         inferences = self._inferences(log)
         fixes = self._fixes(scenario, log)
+        inspectable_count = int(log.is_inspectable.sum())
         words: dict[int, list[Event]] = {}
         tour = tour_followed(self._mission, self._controller, scenario)
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
@@ -202,7 +203,7 @@ class FlightRecorder:
                 delta_v_m_s=float(log.delta_v_m_s[k]),
                 sun_elevation_rad=float(log.sun_elevation_rad[k]),
                 sun_hidden_share=1.0 - float(log.visible_sun_share[k]),
-                inspectable_count=int(log.is_inspectable.sum()),
+                inspectable_count=inspectable_count,
                 mass_kg=float(log.mass_kg[k]),
             )
             if k < len(log.force_hill_n):

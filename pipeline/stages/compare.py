@@ -3,9 +3,10 @@
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import product
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Event, Lock
 from typing import Any, cast
 
 import numpy as np
@@ -40,6 +41,8 @@ from pipeline.run.progress import Progress
 from pipeline.settings.experiment import UNGUARDED, Experiment, Mission
 from pipeline.settings.worlds import in_world
 
+Row = tuple[ComparisonRow, dict[str, Column]]
+
 #: flights between two looks at the clock
 PART = 100
 
@@ -48,21 +51,13 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Fly all, and write the table."""
     reported = published.TEST
     rows = [published_row("the paper", reported.num_cases, reported.means, reported.standard_deviations)]
-    flown: list[tuple[ComparisonRow, dict[str, Column]]] = []
-    worlds = list(experiment.compare.worlds) or [""]
-    for world, sun in product(worlds, experiment.compare.suns):
-        there = in_world(experiment, world)
-        under = replace(there, sun=replace(there.sun, mode=cast(Any, sun)))
-        scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
-        solved = None if world else _solved(under)
-        for name in experiment.compare.controllers:
-            controller = remembering(named(name, under.mission))
-            for layer in experiment.compare.safety:
-                row, episodes = _row(under, name, controller, layer, scenarios, solved, world)
-                flown.append((row, episodes))
-                rows.append(row)
-        if solved is not None:
-            rows.append(_planned(under, solved))
+    flown: list[Row] = []
+    lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
+    for lot, of_lot in zip(lots, _fly(lots), strict=True):
+        flown += of_lot
+        rows += [row for row, _ in of_lot]
+        if lot.solved is not None:
+            rows.append(_planned(lot.experiment, lot.solved))
     tables.write_csv(folder / artifacts.COMPARISON_TABLE, HEADER, [as_cells(row) for row in rows])
     tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, joined(flown))
     summary = {
@@ -75,6 +70,25 @@ def run(experiment: Experiment, folder: Path) -> None:
     sys.stderr.write(_told(experiment, rows))
 
 
+@dataclass(frozen=True)
+class Lot:
+    """The rows of one world and Sun, which fly from the same starts."""
+
+    experiment: Experiment
+    world: str
+    scenarios: list[Scenario]
+    solved: Solved | None
+
+
+def _lots(experiment: Experiment, world: str) -> list[Lot]:
+    there, lots = in_world(experiment, world), []
+    for sun in experiment.compare.suns:
+        under = replace(there, sun=replace(there.sun, mode=cast(Any, sun)))
+        scenarios = evaluation_scenarios(under.monte_carlo, under.sun, under.seed)
+        lots.append(Lot(under, world, scenarios, None if world else _solved(under)))
+    return lots
+
+
 def _solved(experiment: Experiment) -> Solved | None:
     """Return the minimum-fuel plans for a Sun setting, or print why there are none."""
     try:
@@ -84,36 +98,73 @@ def _solved(experiment: Experiment) -> Solved | None:
         return None
 
 
-def _row(
-    experiment: Experiment,
-    name: str,
-    controller: Controller,
-    layer: str,
-    scenarios: list[Scenario],
-    solved: Solved | None,
-    world: str,
-) -> tuple[ComparisonRow, dict[str, Column]]:
-    """Fly one controller under one layer."""
-    mission, workers = guarded(experiment.mission, layer), experiment.monte_carlo.workers
-    label = f"{name}, {world}{', ' if world else ''}Sun {experiment.sun.mode}, safety {layer}"
-    episodes = _fly(mission, controller, scenarios, workers, label)
-    times = None
-    if solved is not None:
-        beside, _ = fly_cases(mission, controller, solved.scenarios, workers)
-        times = summarise_times(beside_optimum(beside, solved.cases, solved.harder))
-    summary = summarise(episodes, experiment.monte_carlo.confidence_percent)
-    row = ComparisonRow(
-        label_of(name, experiment.compare.controllers),
-        FLOWN,
-        experiment.sun.mode,
-        layer,
-        len(scenarios),
-        rules_of(controller),
-        summary,
-        times,
-        world,
-    )
-    return row, episodes
+class _Flights:
+    """The flights of all rows: shows how many are flown, until somebody ends them."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._lock, self._flown = progress, Lock(), 0
+        self.has_ended = Event()
+
+    def note(self, count: int, label: str) -> None:
+        if self.has_ended.is_set():
+            raise CancelledError
+        with self._lock:
+            self._flown += count
+            self._progress.show(self._flown, label)
+
+
+def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
+    """Fly the controllers of all lots; rows in their order.
+
+    Those that plan in Python keep one processor busy, whatever the number of threads, and are flown while
+    compiled ones fly on the others.
+    """
+    compare = lots[0].experiment.compare
+    rows_of_lot = len(compare.controllers) * len(compare.safety)
+    with Progress("flights", rows_of_lot * sum(len(lot.scenarios) for lot in lots), 0) as progress:
+        flights, planning, compiled = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        try:
+            futures = []
+            for lot in lots:
+                controllers = [named(name, lot.experiment.mission) for name in compare.controllers]
+                futures.append(
+                    [
+                        (planning if one.planner else compiled).submit(_rows, lot, name, one, flights)
+                        for name, one in zip(compare.controllers, controllers, strict=True)
+                    ]
+                )
+            return [[row for future in of_lot for row in future.result()] for of_lot in futures]
+        finally:
+            flights.has_ended.set()
+            for pool in (planning, compiled):
+                pool.shutdown(cancel_futures=True)
+
+
+def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> list[Row]:
+    """Fly one controller under all layers."""
+    experiment, controller = lot.experiment, remembering(controller)
+    workers, rows = experiment.monte_carlo.workers, []
+    for layer in experiment.compare.safety:
+        mission = guarded(experiment.mission, layer)
+        label = ", ".join(filter(None, [name, lot.world, f"Sun {experiment.sun.mode}", f"safety {layer}"]))
+        episodes = _fly_cases(mission, controller, lot.scenarios, workers, label, flights)
+        times = None
+        if lot.solved is not None:
+            beside, _ = fly_cases(mission, controller, lot.solved.scenarios, workers)
+            times = summarise_times(beside_optimum(beside, lot.solved.cases, lot.solved.harder))
+        row = ComparisonRow(
+            label_of(name, experiment.compare.controllers),
+            FLOWN,
+            experiment.sun.mode,
+            layer,
+            len(lot.scenarios),
+            rules_of(controller),
+            summarise(episodes, experiment.monte_carlo.confidence_percent),
+            times,
+            lot.world,
+        )
+        rows.append((row, episodes))
+    return rows
 
 
 def label_of(name: str, names: Sequence[str]) -> str:
@@ -127,17 +178,21 @@ def guarded(mission: Mission, layer: str) -> Mission:
     return replace(mission, safety=UNGUARDED if layer == "none" else replace(mission.safety, kind="filter"))
 
 
-def _fly(
-    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None, label: str
+def _fly_cases(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    label: str,
+    flights: _Flights,
 ) -> dict[str, Column]:
-    """Fly all starts part by part, with a line now and then and one at the end."""
+    """Fly all starts part by part, with a line at the end."""
     started = time.perf_counter()
     parts: list[Outcomes] = []
-    with Progress(f"{label}:", len(scenarios), 0) as progress:
-        for first in range(0, len(scenarios), PART):
-            parts.append(fly_all(mission, controller, scenarios[first : first + PART], workers))
-            if (done := first + PART) < len(scenarios):
-                progress.show(done)
+    for first in range(0, len(scenarios), PART):
+        part = scenarios[first : first + PART]
+        parts.append(fly_all(mission, controller, part, workers))
+        flights.note(len(part), label)
     outcomes = Outcomes(
         **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
     )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import law_of
-from pipeline.flight.simulation import fly_population
+from pipeline.flight.simulation import fly_population, lanes_for
 from pipeline.flight.starts import given_start
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment
@@ -51,7 +51,7 @@ class ChampionFlights:
     def _fly(self, genome: Floats) -> NDArray[np.float32]:
         tracks = np.empty((1, self._world.num_controls + 1, 3), dtype=np.float32)
         numbers = self._genome.pack(genome[np.newaxis])
-        fly_population(self._world, self._law, numbers, self._start, workers=1, tracks=tracks)
+        fly_population(self._world, self._law, numbers, self._start, 1, tracks, lanes=lanes_for(1))
         track: NDArray[np.float32] = tracks[0]
         return track
 

@@ -13,7 +13,6 @@ from fis_tools.model import FuzzyController
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
-    constants_of,
     from_fuzzy,
     has_constants,
 )
@@ -69,7 +68,7 @@ class Genome:
         numbers = self.systems.pack(self._system_genes(genomes))
         if not has_constants(self.template):
             return numbers
-        rows = np.repeat(constants_of(self.template)[np.newaxis], len(genomes), axis=0)
+        rows = np.repeat(self.template.constants[np.newaxis], len(genomes), axis=0)
         order = list(CONSTANTS)
         for gene, (name, low, high) in enumerate(self.constants, start=self._num_system_genes):
             values = low + (high - low) * genomes[:, gene]

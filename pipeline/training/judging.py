@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import from_fuzzy, law_of
 from pipeline.flight.log import Outcomes, Scenario
-from pipeline.flight.simulation import fly_all, fly_population
+from pipeline.flight.simulation import fly_all, fly_population, lanes_for
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.tours import tour_images
 from pipeline.flight.world import pack_world
@@ -99,7 +99,8 @@ def _flights_from(
 
         return fly_ahead
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
-    return lambda genomes: fly_population(world, law, genome.pack(genomes), cases, workers)
+    lanes = lanes_for(len(scenarios))
+    return lambda genomes: fly_population(world, law, genome.pack(genomes), cases, workers, lanes=lanes)
 
 
 def _limits(mission: Mission) -> tuple[float, float]:

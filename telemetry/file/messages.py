@@ -78,14 +78,9 @@ def point_cloud(time_ns: int, points_m: ArrayLike, states: ArrayLike) -> PointCl
     RecordingError
         If the shapes do not match or a state is not a `topics.PointState`.
     """
-    return PointCloud(
-        timestamp=_timestamp(time_ns),
-        frame_id=topics.CHIEF_FRAME,
-        pose=Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
-        point_stride=POINT_DTYPE.itemsize,
-        fields=_POINT_FIELDS,
-        data=_packed_points(points_m, states).tobytes(),
-    )
+    cloud = PointCloud(timestamp=_timestamp(time_ns), data=_packed_points(points_m, states).tobytes())
+    cloud.MergeFrom(_EMPTY_CLOUD)
+    return cloud
 
 
 def log(time_ns: int, level: str, text: str) -> Log:
@@ -139,4 +134,9 @@ def _point_field(name: str) -> PackedElementField:
     return PackedElementField(name=name, offset=offset, type=kind)
 
 
-_POINT_FIELDS: Final = [_point_field(name) for name in POINT_DTYPE.names or ()]
+_EMPTY_CLOUD: Final = PointCloud(
+    frame_id=topics.CHIEF_FRAME,
+    pose=Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
+    point_stride=POINT_DTYPE.itemsize,
+    fields=[_point_field(name) for name in POINT_DTYPE.names or ()],
+)

@@ -13,6 +13,7 @@ motion alone meets all that is asked, no force is the solution.
 """
 
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,8 @@ NEAR_REACH, FAR_REACH = 30.0, 40.0
 ROUNDS = 3
 #: by which a path may miss its margin before planes are set, m
 ROUGHNESS = 0.5
+#: one thread solves at a time: those that share Python's lock wait for one another longer than they solve
+ALONE = Lock()
 #: forces below this are rounding, N
 LEAST_FORCE = 1e-9
 
@@ -122,7 +125,8 @@ class RecedingHorizonPlanner:
         """Return the forces up to the next solution, shape (rows, 3), N, Hill axes; see `Planner`."""
         length = self.lengths[decision]
         horizon = self.horizons[length]
-        solved = self.solve(horizon, state, self.wanted(scenario, decision + length))
+        with ALONE:
+            solved = self.solve(horizon, state, self.wanted(scenario, decision + length))
         forces = np.zeros((self.solution_period, 3))
         is_next = horizon.periods < self.solution_period
         forces[horizon.periods[is_next]] = solved[is_next]

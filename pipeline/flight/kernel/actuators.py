@@ -1,13 +1,12 @@
 """Thrusters with errors on lanes, by the law of `pipeline.flight.actuators`."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import Vector, least, load, most, select, splat, store
+from fis_tools.engines.vectors import Rows, Vector, least, load, most, select, splat, store, width_of
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.attitude import clip
 from pipeline.flight.kernel.lanes import four, one, three, write_three
@@ -15,6 +14,13 @@ from pipeline.flight.kernel.sight import to_body, to_hill
 from pipeline.flight.log import FlightLog
 
 Floats = NDArray[np.float64]
+
+
+#: What thrusters are off by and what is left, a lane for each flight.
+THRUSTING: Rows = {
+    "errors": (9,),  # of the flights that are flown, by rows
+    "mass": (),  # of that at the start
+}
 
 
 class Firing(NamedTuple):
@@ -30,10 +36,9 @@ class Firing(NamedTuple):
     layout: Floats
     matrices: Floats
     arms: Floats
-    commands: Floats  # (K, 3, LANES) so far
-    errors: Floats  # (9, LANES) of the flights that are flown, by rows
-    mass: Floats  # (LANES,) of that at the start
-    thrust: Floats  # (N, LANES) of each thruster, where these are a layout
+    commands: Floats  # (K, 3, L) so far
+    lanes: Any  # a record of `THRUSTING`
+    thrust: Floats  # (N, L) of each thruster, where these are a layout
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -46,15 +51,16 @@ def in_impulses(force: Vector, step: float, least: float) -> Vector:
 @compiled(error_model="numpy")
 def note_errors(firing: Firing, work: Workspace, first: int, num_lanes: int, k: int) -> None:
     """Note of all lanes, which are flights from `first` on, what their thrusters are off by from now on."""
-    for lane in range(LANES if k < firing.matrices.shape[1] else 0):
+    width = width_of(work.lanes)
+    for lane in range(width if k < firing.matrices.shape[1] else 0):
         case = first + min(lane, num_lanes - 1)
         for row in range(3):
             for column in range(3):
-                firing.errors[3 * row + column, lane] = firing.matrices[case, k, row, column]
+                firing.lanes.errors[3 * row + column, lane] = firing.matrices[case, k, row, column]
             if k == 0:
                 work.lanes.arm[row, lane], work.lanes.twist[row, lane] = firing.arms[case, row], 0.0
         if k == 0:
-            firing.mass[lane] = 1.0
+            firing.lanes.mass[lane] = 1.0
 
 
 @compiled(error_model="numpy")
@@ -62,23 +68,25 @@ def fire(
     world: World, firing: Firing, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:
     """Turn the commands of all lanes into what they fire."""
+    width = width_of(work.lanes)
     force = work.lanes.force
     note_errors(firing, work, first, num_lanes, k)
     for axis in range(3):
-        store(firing.commands, (k, axis, 0), load(force, axis, LANES))
-    fx, fy, fz = splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES)
+        store(firing.commands, (k, axis, 0), load(force, axis, width))
+    fx, fy, fz = splat(0.0, width), splat(0.0, width), splat(0.0, width)
     if k >= firing.delay:
         then = k - firing.delay
-        fx, fy = load(firing.commands, (then, 0, 0), LANES), load(firing.commands, (then, 1, 0), LANES)
-        fz = load(firing.commands, (then, 2, 0), LANES)
+        fx, fy = load(firing.commands, (then, 0, 0), width), load(firing.commands, (then, 1, 0), width)
+        fz = load(firing.commands, (then, 2, 0), width)
     for axis in range(3):
-        turned = load(firing.errors, 3 * axis, LANES) * fx
+        turned = load(firing.lanes.errors, 3 * axis, width) * fx
         turned += (
-            load(firing.errors, 3 * axis + 1, LANES) * fy + load(firing.errors, 3 * axis + 2, LANES) * fz
+            load(firing.lanes.errors, 3 * axis + 1, width) * fy
+            + load(firing.lanes.errors, 3 * axis + 2, width) * fz
         )
         if len(firing.table) == 0:
             turned = clip(in_impulses(turned, firing.step, firing.least), world.max_force)
-        store(force, axis, select(one(firing.mass) > firing.dry, turned, 0.0))
+        store(force, axis, select(one(firing.lanes.mass) > firing.dry, turned, 0.0))
     if len(firing.table) > 0:
         divide(firing, work)
     if len(log.position_m) > 0:
@@ -89,10 +97,11 @@ def fire(
 @compiled(error_model="numpy")
 def divide(firing: Firing, work: Workspace) -> None:
     """Divide forces among the thrusters of a layout, and let these fire."""
-    lanes, layout, table, nothing = work.lanes, firing.layout, firing.table, splat(0.0, LANES)
-    q = four(lanes.attitude, 0)
+    width = width_of(work.lanes)
+    lanes, layout, table, nothing = work.lanes, firing.layout, firing.table, splat(0.0, width)
+    q = four(lanes.attitude)
     x, y, z = to_body(q, three(lanes.force))
-    share = splat(1.0, LANES)
+    share = splat(1.0, width)
     for i in range(len(table)):
         thrust = most(x, 0.0) * table[i, 0] + most(y, 0.0) * table[i, 1] + most(z, 0.0) * table[i, 2]
         thrust += most(-x, 0.0) * table[i, 3] + most(-y, 0.0) * table[i, 4] + most(-z, 0.0) * table[i, 5]
@@ -100,7 +109,7 @@ def divide(firing: Firing, work: Workspace) -> None:
         share = least(share, layout[i, 6] / most(thrust, layout[i, 6]))
     fx, fy, fz, mx, my, mz = nothing, nothing, nothing, nothing, nothing, nothing
     for i in range(len(table)):
-        thrust = in_impulses(load(firing.thrust, (i, 0), LANES) * share, firing.step, firing.least)
+        thrust = in_impulses(load(firing.thrust, (i, 0), width) * share, firing.step, firing.least)
         store(firing.thrust, (i, 0), thrust)
         fx, fy, fz = fx + layout[i, 0] * thrust, fy + layout[i, 1] * thrust, fz + layout[i, 2] * thrust
         mx, my, mz = mx + layout[i, 3] * thrust, my + layout[i, 4] * thrust, mz + layout[i, 5] * thrust
@@ -114,6 +123,7 @@ def burn(world: World, firing: Firing, work: Workspace, k: int, log: FlightLog) 
 
     Thrusters of a layout spend what they fire, which `spend` does not know of.
     """
+    width = width_of(work.lanes)
     if firing.exhaust_speed == np.inf and len(firing.table) == 0:
         return
     lanes = work.lanes
@@ -121,15 +131,15 @@ def burn(world: World, firing: Firing, work: Workspace, k: int, log: FlightLog) 
     along_axes = abs(fx) + abs(fy) + abs(fz)
     fired = along_axes
     if len(firing.table) > 0:
-        fired = splat(0.0, LANES)
+        fired = splat(0.0, width)
         for i in range(len(firing.table)):
-            fired += load(firing.thrust, (i, 0), LANES)
+            fired += load(firing.thrust, (i, 0), width)
     spent_per_force = world.control_period * world.acceleration_per_force
     used = fired * (spent_per_force / firing.exhaust_speed)
-    before = one(firing.mass)
+    before = one(firing.lanes.mass)
     per_mass = 1.0 / (before - 0.5 * used)
     store(lanes.spent, 0, one(lanes.spent) + (fired - along_axes) * (per_mass * spent_per_force))
     write_three(lanes.force, 0, fx * per_mass, fy * per_mass, fz * per_mass)
-    store(firing.mass, 0, before - used)
+    store(firing.lanes.mass, 0, before - used)
     if len(log.position_m) > 0:
-        log.mass_kg[k + 1] = firing.mass[0] / world.acceleration_per_force
+        log.mass_kg[k + 1] = firing.lanes.mass[0] / world.acceleration_per_force

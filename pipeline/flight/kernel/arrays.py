@@ -1,6 +1,6 @@
 """What compiled flights work on: what they share, what they carry, and what they write down, as arrays.
 
-Up to `LANES` flights of one controller run side by side: every number that a flight carries is a vector with
+Up to L flights of one controller run side by side: every number that a flight carries is a vector with
 a lane for each of them (`fis_tools.engines.vectors`).
 """
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import Rows
 from pipeline.physics.motion import Motion, Stop
 from pipeline.physics.orbit import Course
 from pipeline.physics.reflection import Reflection
@@ -141,65 +141,63 @@ CASE = np.dtype(
     align=True,
 )
 
-#: What flights carry, a column a lane. Positions, velocities, forces and directions in Hill axes, SI units.
-CARRIED = np.dtype(
-    [
-        ("position", np.float64, (3, LANES)),
-        ("velocity", np.float64, (3, LANES)),
-        ("attitude", np.float64, (4, LANES)),  # body from Hill, scalar last
-        ("rate", np.float64, (3, LANES)),  # inertial, body axes
-        ("asked", np.float64, (3, LANES)),  # forces as the controller's systems ask for them, in its axes
-        ("force", np.float64, (3, LANES)),  # as fired
-        ("arm", np.float64, (3, LANES)),  # where it acts, body axes, where that turns the deputy
-        ("twist", np.float64, (3, LANES)),  # by which torque single thrusters turn it besides, body axes
-        ("coasts", np.float64, LANES),  # 1 where nothing is fired
-        ("sun_at_start", np.float64, (2, LANES)),  # cosine and sine of its angle
-        ("sun", np.float64, (2, LANES)),  # the same now
-        ("sun_height", np.float64, (2, LANES)),  # cosine and sine of its elevation
-        ("shine", np.float64, (3, LANES)),  # what of its disc is visible at the instants of a step
-        ("drag", np.float64, (3, LANES)),  # what it adds where it varies, m/s^2
-        ("boresight", np.float64, (3, LANES)),
-        ("target", np.float64, (3, LANES)),  # zero where there are no candidates
-        ("num_counted", np.float64, LANES),  # points that the flight is about
-        ("num_unseen", np.float64, LANES),
-        ("num_candidates", np.float64, LANES),
-        ("spent", np.float64, LANES),  # delta-v
-        ("travelled", np.float64, LANES),  # sum of the distances
-        ("nearest", np.float64, LANES),
-        ("farthest", np.float64, LANES),
-        ("beyond", np.float64, LANES),  # the limits at worst
-        ("num_acted", np.float64, LANES),  # periods in which the safety layer did
-        ("corrected", np.float64, LANES),  # delta-v of its changes
-        ("is_unsafe", np.float64, LANES),  # 1 where it looks closer
-        ("y_before", np.float64, (3, LANES)),  # the desired attitude's y axis at the last instant
-        ("is_near_pole", np.float64, LANES),  # 1 where that follows from the one before
-        ("turns_fast", np.float64, LANES),  # 1 where attitude is integrated the general way
-    ],
-    align=True,
-)
+#: What flights carry, a lane each. Positions, velocities, forces and directions in Hill axes, SI units.
+CARRIED: Rows = {
+    "position": (3,),
+    "velocity": (3,),
+    "attitude": (4,),  # body from Hill, scalar last
+    "rate": (3,),  # inertial, body axes
+    "asked": (3,),  # forces as the controller's systems ask for them, in its axes
+    "force": (3,),  # as fired
+    "arm": (3,),  # where it acts, body axes, where that turns the deputy
+    "twist": (3,),  # by which torque single thrusters turn it besides, body axes
+    "coasts": (),  # 1 where nothing is fired
+    "sun_at_start": (2,),  # cosine and sine of its angle
+    "sun": (2,),  # the same now
+    "sun_height": (2,),  # cosine and sine of its elevation
+    "shine": (3,),  # what of its disc is visible at the instants of a step
+    "drag": (3,),  # what it adds where it varies, m/s^2
+    "boresight": (3,),
+    "target": (3,),  # zero where there are no candidates
+    "num_counted": (),  # points that the flight is about
+    "num_unseen": (),
+    "num_candidates": (),
+    "spent": (),  # delta-v
+    "travelled": (),  # sum of the distances
+    "nearest": (),
+    "farthest": (),
+    "beyond": (),  # the limits at worst
+    "num_acted": (),  # periods in which the safety layer did
+    "corrected": (),  # delta-v of its changes
+    "is_unsafe": (),  # 1 where it looks closer
+    "y_before": (3,),  # the desired attitude's y axis at the last instant
+    "is_near_pole": (),  # 1 where that follows from the one before
+    "turns_fast": (),  # 1 where attitude is integrated the general way
+}
+
+#: How flights are turned at an instant of the attitude clock.
+TURNED: Rows = {"attitude": (4,), "rate": (3,)}
 
 
 class Workspace(NamedTuple):
     """Arrays that flights work in; any content is right."""
 
-    lanes: Any  # a record of `CARRIED`
-    aims: Floats  # (4 S, LANES) desired attitudes at the instants of a control period
-    passed: Floats  # (7 S, LANES) attitudes and rates at them
-    unseen: Floats  # (LANES, P padded) 1 where a point counts and is not inspected
+    lanes: Any  # a record of `CARRIED`, whose rows hold L lanes
+    aims: Any  # (S,) records of `TURNED`: desired attitudes at the instants of a control period
+    passed: Any  # (S,) records of `TURNED`: attitudes and rates at them
+    unseen: Floats  # (L, P padded) 1 where a point counts and is not inspected
     candidate: Floats  # (P padded,) 1 where it is lit and not inspected
     lit: Floats  # (P padded,) 1 where a point that is asked for is lit, of `kernel.optics`
     seen: Floats  # (P padded,) 1 where one of these is seen
     ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
-    deadlines: Floats  # (LANES, P padded) when a point is lit for the last time, s
+    deadlines: Floats  # (L, P padded) when a point is lit for the last time, s
     looks: Floats  # (5, P padded) of the cheapest look at each point: cost, how short it falls, slopes
-    signals: Floats  # (signals, LANES) in the order of `pipeline.flight.signals.SIGNALS`
-    inputs: Floats  # (3 * LANES,)
-    outputs: Floats  # (LANES,)
+    signals: Floats  # (signals, L) in the order of `pipeline.flight.signals.SIGNALS`
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
     candidates: Floats  # (3, P padded) those of this sample, packed
-    centres: Floats  # (LANES, C, 3)
-    num_centres: Integers  # (LANES,)
-    clustered: Floats  # (LANES, P padded) the candidates that the centres are of, as in `candidate`
+    centres: Floats  # (L, C, 3)
+    num_centres: Integers  # (L,)
+    clustered: Floats  # (L, P padded) the candidates that the centres are of, as in `candidate`
     labels: Floats  # (2, P padded)
     distances: Floats  # (P padded,)
     sums: Floats  # (C, 4)

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import Vector, least, most, select, some, splat, store
+from fis_tools.engines.vectors import Vector, least, most, select, some, splat, store, width_of
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import four, one, three, write_four, write_three
 from pipeline.flight.log import FlightLog
@@ -45,10 +44,11 @@ def aim(world: World, work: Workspace, last: int) -> None:
 
     Marks the lanes that come so near a pole that the position does not define y*.
     """
+    width = width_of(work.lanes)
     rx, ry, rz = three(work.lanes.position)
     vx, vy, vz = three(work.lanes.velocity)
     fx, fy, fz = three(work.lanes.force)
-    is_near = splat(0.0, LANES) > 0.0
+    is_near = splat(0.0, width) > 0.0
     for j in range(last):
         x, y, z = place_after(step_of(world.instants, j), rx, ry, rz, vx, vy, vz, fx, fy, fz)
         flat_square = x * x + y * y
@@ -60,7 +60,7 @@ def aim(world: World, work: Workspace, last: int) -> None:
         side, up = flat + abs(x), distance + flat
         scale = 1.0 / np.sqrt(4.0 * (flat * distance) * (side * up))
         cos_a, sin_a = select(x >= 0.0, side, y) * scale, select(x >= 0.0, y, side) * scale
-        write_four(work.aims, 4 * j, sin_a * z, -(cos_a * z), sin_a * up, cos_a * up)
+        write_four(work.aims[j].attitude, sin_a * z, -(cos_a * z), sin_a * up, cos_a * up)
     store(work.lanes.is_near_pole, 0, select(is_near, 1.0, 0.0))
 
 
@@ -97,7 +97,7 @@ def aim_plainly(world: World, work: Workspace, lane: int, last: int, is_start: b
         is_start = False
         quaternion = from_dcm(desired_dcm(place, y))
         for i in range(4):
-            work.aims[4 * j + i, lane] = quaternion[i]
+            work.aims[j].attitude[i, lane] = quaternion[i]
     for i in range(3):
         work.lanes.y_before[i, lane] = y[i]
 
@@ -105,13 +105,14 @@ def aim_plainly(world: World, work: Workspace, lane: int, last: int, is_start: b
 @compiled(error_model="numpy", forceinline=True)
 def aim_by_rules(world: World, work: Workspace, num_lanes: int, last: int, is_start: bool) -> None:
     """Aim those lanes anew that the rules for poles are for, and note y* of all at the last instant."""
+    width = width_of(work.lanes)
     lanes = work.lanes
     # of attitudes that follow from the position, y* is (k x r)/|k x r|
-    a1, a2, a3, a4 = four(work.aims, 4 * (last - 1))
+    a1, a2, a3, a4 = four(work.aims[last - 1].attitude)
     last_x, last_y = 2.0 * (a1 * a2 - a3 * a4), -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
     follows = one(lanes.is_near_pole) > 0.0
     if not (some(follows) or world.has_pole_blending):
-        write_three(lanes.y_before, 0, last_x, last_y, splat(0.0, LANES))
+        write_three(lanes.y_before, 0, last_x, last_y, splat(0.0, width))
         return
     for lane in range(num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
@@ -140,8 +141,8 @@ def aim_at_once(world: World, work: Workspace, num_lanes: int, k: int) -> None:
     aim(world, work, 1)
     aim_by_rules(world, work, num_lanes, 1, k == 0)
     write_three(work.lanes.y_before, 0, *before)
-    q1, q2, q3, q4 = four(work.aims, 0)
-    write_four(work.lanes.attitude, 0, q1, q2, q3, q4)
+    q1, q2, q3, q4 = four(work.aims[0].attitude)
+    write_four(work.lanes.attitude, q1, q2, q3, q4)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -341,12 +342,12 @@ def turn_balls(world: World, work: Workspace) -> None:
         world.derivative_gain[0, 0],
         world.inverse_inertia[0, 0],
     )
-    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    q1, q2, q3, q4 = four(lanes.attitude)
     wx, wy, wz = three(lanes.rate)
     for j in range(world.num_attitude_steps):
-        write_four(work.passed, 7 * j, q1, q2, q3, q4)
-        write_three(work.passed, 7 * j + 4, wx, wy, wz)
-        a1, a2, a3, a4 = four(work.aims, 4 * j)
+        write_four(work.passed[j].attitude, q1, q2, q3, q4)
+        write_three(work.passed[j].rate, 0, wx, wy, wz)
+        a1, a2, a3, a4 = four(work.aims[j].attitude)
         e1, e2, e3, ux, uy, uz = error_and_rate(q1, q2, q3, q4, a1, a2, a3, a4, wx, wy, wz, n)
         mx = clip(-kp * e1 - kd * ux, world.max_torque)
         my = clip(-kp * e2 - kd * uy, world.max_torque)
@@ -354,19 +355,23 @@ def turn_balls(world: World, work: Workspace) -> None:
         q1, q2, q3, q4, wx, wy, wz = turn_ball(
             q1, q2, q3, q4, wx, wy, wz, mx, my, mz, h, inverse_inertia, hill_sin, hill_cos
         )
-    write_four(lanes.attitude, 0, q1, q2, q3, q4)
+    write_four(lanes.attitude, q1, q2, q3, q4)
     write_three(lanes.rate, 0, wx, wy, wz)
 
 
 @compiled(error_model="numpy")
 def turn_any(world: World, work: Workspace, lane: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
-    state = np.empty(7)
-    for component in range(7):
-        state[component] = work.passed[component, lane]
+    state, start = np.empty(7), work.passed[0]
+    for component in range(4):
+        state[component] = start.attitude[component, lane]
+    for component in range(3):
+        state[4 + component] = start.rate[component, lane]
     for j in range(world.num_attitude_steps):
-        for component in range(7):
-            work.passed[7 * j + component, lane] = state[component]
+        for component in range(4):
+            work.passed[j].attitude[component, lane] = state[component]
+        for component in range(3):
+            work.passed[j].rate[component, lane] = state[4 + component]
         mx, my, mz, _, _, _ = torque_at(world, work, lane, j)
         if world.turns_by_thrust:
             ax, ay, az = thrust_torque(work, lane, state)
@@ -398,19 +403,19 @@ def torque_at(
     world: World, work: Workspace, lane: int, instant: int
 ) -> tuple[float, float, float, float, float, float]:
     """Return one lane's torque at an instant that it passed, N m, and its rate relative to Hill, rad/s."""
-    aims, passed, at = work.aims, work.passed, 7 * instant
+    q, aim, w = work.passed[instant].attitude, work.aims[instant].attitude, work.passed[instant].rate
     e1, e2, e3, ux, uy, uz = error_and_rate(
-        passed[at, lane],
-        passed[at + 1, lane],
-        passed[at + 2, lane],
-        passed[at + 3, lane],
-        aims[4 * instant, lane],
-        aims[4 * instant + 1, lane],
-        aims[4 * instant + 2, lane],
-        aims[4 * instant + 3, lane],
-        passed[at + 4, lane],
-        passed[at + 5, lane],
-        passed[at + 6, lane],
+        q[0, lane],
+        q[1, lane],
+        q[2, lane],
+        q[3, lane],
+        aim[0, lane],
+        aim[1, lane],
+        aim[2, lane],
+        aim[3, lane],
+        w[0, lane],
+        w[1, lane],
+        w[2, lane],
         world.mean_motion,
     )
     px, py, pz = times3(world.proportional_gain, e1, e2, e3)
@@ -425,9 +430,9 @@ def write_instants(world: World, work: Workspace, log: FlightLog, k: int) -> Non
     for j in range(world.num_attitude_steps):
         for component in range(4):
             if world.is_attitude_ideal:
-                log.attitude_quaternion[k, j, component] = work.aims[4 * j + component, 0]
+                log.attitude_quaternion[k, j, component] = work.aims[j].attitude[component, 0]
             else:
-                log.attitude_quaternion[k, j, component] = work.passed[7 * j + component, 0]
+                log.attitude_quaternion[k, j, component] = work.passed[j].attitude[component, 0]
         if not world.is_attitude_ideal:
             torques = torque_at(world, work, 0, j)
             for component in range(3):
@@ -450,14 +455,14 @@ def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
     if slow > 0.0:
         turn_balls(world, work)
     else:
-        q1, q2, q3, q4 = four(lanes.attitude, 0)
-        write_four(work.passed, 0, q1, q2, q3, q4)
-        write_three(work.passed, 4, wx, wy, wz)
+        q1, q2, q3, q4 = four(lanes.attitude)
+        write_four(work.passed[0].attitude, q1, q2, q3, q4)
+        write_three(work.passed[0].rate, 0, wx, wy, wz)
     if some(is_fast):
         for lane in range(num_lanes):
             if lanes.turns_fast[lane] > 0.0:
                 turn_any(world, work, lane)
     # exponentials keep the norm but for rounding
-    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    q1, q2, q3, q4 = four(lanes.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
-    write_four(lanes.attitude, 0, q1 * scale, q2 * scale, q3 * scale, q4 * scale)
+    write_four(lanes.attitude, q1 * scale, q2 * scale, q3 * scale, q4 * scale)

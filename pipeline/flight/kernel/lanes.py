@@ -4,39 +4,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import Vector, load, store
+from fis_tools.engines.vectors import Vector, load, store, width_of
 
 Floats = NDArray[np.float64]
 
 
 @compiled(forceinline=True)
 def one(row: Floats) -> Vector:
-    """Return a row of shape (LANES,)."""
-    return load(row, 0, LANES)
+    """Return a field of one row."""
+    return load(row, 0, width_of(row))
 
 
 @compiled(forceinline=True)
 def two(rows: Floats) -> tuple[Vector, Vector]:
-    """Return the rows of shape (2, LANES)."""
-    return load(rows, 0, LANES), load(rows, 1, LANES)
+    """Return the first two rows of a field."""
+    width = width_of(rows)
+    return load(rows, 0, width), load(rows, 1, width)
 
 
 @compiled(forceinline=True)
 def three(rows: Floats) -> tuple[Vector, Vector, Vector]:
-    """Return the rows of shape (3, LANES)."""
-    return load(rows, 0, LANES), load(rows, 1, LANES), load(rows, 2, LANES)
+    """Return the first three rows of a field."""
+    width = width_of(rows)
+    return load(rows, 0, width), load(rows, 1, width), load(rows, 2, width)
 
 
 @compiled(forceinline=True)
-def four(rows: Floats, first: int) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return four rows of shape (n, LANES), from one on."""
-    return (
-        load(rows, first, LANES),
-        load(rows, first + 1, LANES),
-        load(rows, first + 2, LANES),
-        load(rows, first + 3, LANES),
-    )
+def four(rows: Floats) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return the first four rows of a field."""
+    width = width_of(rows)
+    return load(rows, 0, width), load(rows, 1, width), load(rows, 2, width), load(rows, 3, width)
 
 
 @compiled(forceinline=True)
@@ -55,9 +52,9 @@ def write_three(rows: Floats, first: int, x: Vector, y: Vector, z: Vector) -> No
 
 
 @compiled(forceinline=True)
-def write_four(rows: Floats, first: int, a: Vector, b: Vector, c: Vector, d: Vector) -> None:
-    """Write four rows, from one on."""
-    store(rows, first, a)
-    store(rows, first + 1, b)
-    store(rows, first + 2, c)
-    store(rows, first + 3, d)
+def write_four(rows: Floats, a: Vector, b: Vector, c: Vector, d: Vector) -> None:
+    """Write the first four rows."""
+    store(rows, 0, a)
+    store(rows, 1, b)
+    store(rows, 2, c)
+    store(rows, 3, d)

@@ -1,7 +1,7 @@
 """Flights, compiled: the closed loop of dynamics, sight, guidance, inference and attitude control.
 
 What is computed is what `pipeline.flight.reference.loop` writes out plainly; the two are tested to agree. Up
-to `LANES` flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
+to L flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
 work on all of them; every flight comes out the same in any company.
 
 A state moves exactly, by `pipeline.physics.motion`, or about the Earth, by `pipeline.physics.two_body`.
@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import borrowed, splat, store
+from fis_tools.engines.vectors import borrowed, splat, store, width_of
 from pipeline.flight.kernel.actuators import burn, fire
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
@@ -142,11 +141,12 @@ def start_lanes(
     world: World, work: Workspace, cases: Any, counted: Bytes, first: int, num_lanes: int
 ) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite."""
-    lanes, nothing = work.lanes, splat(0.0, LANES)
+    width = width_of(work.lanes)
+    lanes, nothing = work.lanes, splat(0.0, width)
     work.unseen[:] = 0.0
     work.num_centres[:] = 0
     work.clustered[:] = 0.0
-    for lane in range(LANES):
+    for lane in range(width):
         row = first + min(lane, num_lanes - 1)
         case = cases[row]
         for component in range(3):
@@ -163,12 +163,12 @@ def start_lanes(
             num_counted += counts[j]
         lanes.num_counted[lane], lanes.num_unseen[lane] = num_counted, num_counted
     for component in range(4):
-        store(lanes.attitude, component, splat(world.attitude_at_start[component], LANES))
+        store(lanes.attitude, component, splat(world.attitude_at_start[component], width))
     for component in range(3):
-        store(lanes.rate, component, splat(world.rate_at_start[component], LANES))
+        store(lanes.rate, component, splat(world.rate_at_start[component], width))
     write_three(lanes.force, 0, nothing, nothing, nothing)
-    write_three(lanes.y_before, 0, nothing, splat(1.0, LANES), nothing)
-    store(lanes.nearest, 0, splat(np.inf, LANES))
+    write_three(lanes.y_before, 0, nothing, splat(1.0, width), nothing)
+    store(lanes.nearest, 0, splat(np.inf, width))
     for total in (
         lanes.coasts,
         lanes.spent,
@@ -271,13 +271,14 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     cases : (m,) starts, of `CASE`
     counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
     openings : (m, 3) forces of the first control period, N, Hill axes; no rows where the rules decide it
-    first, num_lanes : which starts, at most `LANES`
+    first, num_lanes : which starts, at most L
     work : Workspace
     log : FlightLog, whose arrays are filled unless they are empty; for one flight alone
     tracks : (n, K+1, NUM_PLACED or NUM_TRACKED) float32, filled from row `flight` on, unless it is empty
     flight : row of the first flight
     outcomes : (n, NUM_OUTCOMES), filled from row `flight` on
     """
+    width = width_of(work.lanes)
     is_logged = len(log.position_m) > 0
     needs_angles = law.needs & ANGLES != 0 or is_logged
     needs_preview = law.needs & PREVIEW != 0 or may_coast(law, values)
@@ -288,7 +289,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     for k in range(world.num_controls + 1):
         decides = is_decision(law, k)
         if world.is_attitude_ideal:
-            write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
+            write_three(lanes.force, 0, splat(0.0, width), splat(0.0, width), splat(0.0, width))
             aim_at_once(world, work, num_lanes, k)
             if departures is not None and departures.fixes.is_on:
                 point_beside(departures.fixes, work, first, num_lanes, k)
@@ -380,13 +381,14 @@ def fly_many(
     be given and yet be off: fewer kinds of flight are compiled so.
     """
     # not what may be None: what is left out then hangs on the argument itself
+    width = width_of(work.lanes)
     world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
     work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))
     num_starts = len(cases)
     flight = first
     while flight < last:
         row, start = flight // num_starts, flight % num_starts
-        num_lanes = min(LANES, num_starts - start, last - flight)
+        num_lanes = min(width, num_starts - start, last - flight)
         fly(
             world,
             optics,

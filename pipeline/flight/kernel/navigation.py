@@ -5,14 +5,13 @@ and `lanes.velocity` are its estimate; while it is seen, judged and moved, they 
 """
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import Vector, load, select, splat, store
+from fis_tools.engines.vectors import Rows, Vector, load, select, splat, store, width_of
 from pipeline.flight.kernel.actuators import Firing, in_impulses
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.attitude import clip
@@ -24,6 +23,20 @@ from pipeline.physics.motion import place_after, step_of, velocity_after
 from pipeline.physics.orbit import Course
 
 Floats = NDArray[np.float64]
+
+
+#: What navigation works with, a lane for each flight.
+ESTIMATED: Rows = {
+    "filtered": (6,),  # what the filter made of the fixes up to `delay` periods ago
+    "covariance": (6, 6),  # of that
+    "known": (6,),  # that, brought to now
+    "now": (6, 6),  # its covariance, where a flight is logged
+    "half": (6, 6),  # scratch
+    "truth": (6,),  # while the estimate stands in its place
+    "turn": (4,),  # from the true attitude to the one that is sensed
+    "tilt": (3,),  # the same as an angle about each axis, Hill axes
+    "attitude": (4,),  # the true one while the one sensed stands in its place
+}
 
 
 class Fixes(NamedTuple):
@@ -43,17 +56,9 @@ class Fixes(NamedTuple):
     of_fixes: Floats
     of_sight: Floats
     of_attitude: Floats
-    filtered: Floats  # (6, LANES) what the filter made of the fixes up to `delay` periods ago
-    covariance: Floats  # (6, 6, LANES) of that
-    known: Floats  # (6, LANES) that, brought to now
-    now: Floats  # (6, 6, LANES) its covariance, where a flight is logged
-    half: Floats  # (6, 6, LANES) scratch
-    truth: Floats  # (6, LANES) while the estimate stands in its place
-    turn: Floats  # (4, LANES) from the true attitude to the one that is sensed
-    tilt: Floats  # (3, LANES) the same as an angle about each axis, Hill axes
-    attitude: Floats  # (4, LANES) the true one while the one sensed stands in its place
-    fixes: Floats  # (F, 3, LANES) measured so far
-    acting: Floats  # (K, 3, LANES) commanded forces, in the periods in which they act
+    lanes: Any  # a record of `ESTIMATED`
+    fixes: Floats  # (F, 3, L) measured so far
+    acting: Floats  # (K, 3, L) commanded forces, in the periods in which they act
 
 
 class Departures(NamedTuple):
@@ -67,20 +72,21 @@ class Departures(NamedTuple):
 @compiled(error_model="numpy")
 def entry(matrix: Floats, row: int, column: int) -> Vector:
     """Return an entry of the matrices of all lanes."""
-    return load(matrix, (row, column, 0), LANES)
+    return load(matrix, (row, column, 0), width_of(matrix))
 
 
 @compiled(error_model="numpy")
 def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> None:
     """Move covariances through a control period: ``P <- Phi P Phi' + Q``."""
-    phi, half = world.motion.transition, fixes.half
-    f = load(fixes.acting, (period, 0, 0), LANES)
-    g = load(fixes.acting, (period, 1, 0), LANES)
-    h = load(fixes.acting, (period, 2, 0), LANES)
+    width = width_of(fixes.lanes)
+    phi, half = world.motion.transition, fixes.lanes.half
+    f = load(fixes.acting, (period, 0, 0), width)
+    g = load(fixes.acting, (period, 1, 0), width)
+    h = load(fixes.acting, (period, 2, 0), width)
     square = f * f + g * g + h * h
     for row in range(6):
         for column in range(6):
-            entries = splat(0.0, LANES)
+            entries = splat(0.0, width)
             for i in range(6):
                 entries += phi[0, row, i] * entry(covariance, i, column)
             store(half, (row, column, 0), entries)
@@ -96,12 +102,13 @@ def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> N
 @compiled(error_model="numpy")
 def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
     """Move an estimate through a control period under what was commanded."""
+    width = width_of(fixes.lanes)
     step = step_of(world.motion, 0)
     x, y, z = three(state)
-    u, v, w = load(state, 3, LANES), load(state, 4, LANES), load(state, 5, LANES)
-    f = load(fixes.acting, (period, 0, 0), LANES)
-    g = load(fixes.acting, (period, 1, 0), LANES)
-    h = load(fixes.acting, (period, 2, 0), LANES)
+    u, v, w = load(state, 3, width), load(state, 4, width), load(state, 5, width)
+    f = load(fixes.acting, (period, 0, 0), width)
+    g = load(fixes.acting, (period, 1, 0), width)
+    h = load(fixes.acting, (period, 2, 0), width)
     px, py, pz = place_after(step, x, y, z, u, v, w, f, g, h)
     vx, vy, vz = velocity_after(step, x, z, u, v, w, f, g, h)
     write_three(state, 0, px, py, pz)
@@ -111,11 +118,12 @@ def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
 @compiled(error_model="numpy")
 def correct(fixes: Fixes, which: int) -> None:
     """Correct the filtered state by a fix, unless it lies beyond the gate: ``K = P H' S^-1``."""
-    state, p = fixes.filtered, fixes.covariance
+    width = width_of(fixes.lanes)
+    state, p, gain = fixes.lanes.filtered, fixes.lanes.covariance, fixes.lanes.half
     x, y, z = three(state)
-    dx = load(fixes.fixes, (which, 0, 0), LANES) - x
-    dy = load(fixes.fixes, (which, 1, 0), LANES) - y
-    dz = load(fixes.fixes, (which, 2, 0), LANES) - z
+    dx = load(fixes.fixes, (which, 0, 0), width) - x
+    dy = load(fixes.fixes, (which, 1, 0), width) - y
+    dz = load(fixes.fixes, (which, 2, 0), width) - z
     # the inverse of S, which is symmetric, by cofactors; its fix varies across the line of sight, and more or
     # less along it
     square = x * x + y * y + z * z
@@ -138,18 +146,14 @@ def correct(fixes: Fixes, which: int) -> None:
     is_believed = wx * dx + wy * dy + wz * dz <= fixes.gate
     for row in range(6):
         px, py, pz = entry(p, row, 0), entry(p, row, 1), entry(p, row, 2)
-        before = load(state, row, LANES)
+        before = load(state, row, width)
         store(state, row, select(is_believed, before + (px * wx + py * wy + pz * wz), before))
-        write_three(
-            fixes.half[row],
-            0,
-            (px * aa + py * ab + pz * ac) * scale,
-            (px * ab + py * bb + pz * bc) * scale,
-            (px * ac + py * bc + pz * cc) * scale,
-        )
+        store(gain, (row, 0, 0), (px * aa + py * ab + pz * ac) * scale)
+        store(gain, (row, 1, 0), (px * ab + py * bb + pz * bc) * scale)
+        store(gain, (row, 2, 0), (px * ac + py * bc + pz * cc) * scale)
     # P <- P - K H P, below the diagonal from what is above it
     for row in range(5, -1, -1):
-        kx, ky, kz = three(fixes.half[row])
+        kx, ky, kz = entry(gain, row, 0), entry(gain, row, 1), entry(gain, row, 2)
         for column in range(row + 1):
             before = entry(p, column, row)
             less = kx * entry(p, 0, column) + ky * entry(p, min(1, column), max(1, column))
@@ -165,7 +169,7 @@ def measured(
     fixes: Fixes, which: int, case: int, lane: int, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
     """Return the place of a lane by range and bearing, as `pipeline.flight.navigation.measured` has it."""
-    tilt, errors = fixes.tilt, fixes.of_sight[case, which]
+    tilt, errors = fixes.lanes.tilt, fixes.of_sight[case, which]
     wx, wy, wz = errors[1] + tilt[0, lane], errors[2] + tilt[1, lane], errors[3] + tilt[2, lane]
     tx, ty, tz = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
     scale = (sqrt(x * x + y * y + z * z) + errors[0]) / sqrt(tx * tx + ty * ty + tz * tz)
@@ -190,12 +194,13 @@ def times_turn(
 @compiled(error_model="numpy")
 def note_turn(fixes: Fixes, first: int, num_lanes: int, k: int) -> None:
     """Note by how much the attitudes that are sensed from sample k on are turned from the true ones."""
-    for lane in range(LANES):
+    width = width_of(fixes.lanes)
+    for lane in range(width):
         error = fixes.of_attitude[first + min(lane, num_lanes - 1), k]
         scale = 1.0 / sqrt(1.0 + 0.25 * (error[0] * error[0] + error[1] * error[1] + error[2] * error[2]))
         for axis in range(3):
-            fixes.turn[axis, lane] = 0.5 * error[axis] * scale
-        fixes.turn[3, lane] = scale
+            fixes.lanes.turn[axis, lane] = 0.5 * error[axis] * scale
+        fixes.lanes.turn[3, lane] = scale
 
 
 @compiled(error_model="numpy")
@@ -203,37 +208,38 @@ def point_beside(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: i
     """Turn deputies that point ideally to where they only sense that they do."""
     if fixes.of_attitude.shape[1] > 0:
         note_turn(fixes, first, num_lanes, k)
-        turned = times_turn(four(work.lanes.attitude, 0), four(fixes.turn, 0), -1.0)
-        write_four(work.lanes.attitude, 0, *turned)
+        turned = times_turn(four(work.lanes.attitude), four(fixes.lanes.turn), -1.0)
+        write_four(work.lanes.attitude, *turned)
 
 
 @compiled(error_model="numpy")
 def sense_attitude(world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
     """Put the true attitude aside, and what is sensed in its place."""
+    width = width_of(work.lanes)
     note_turn(fixes, first, num_lanes, k)
-    q = four(work.lanes.attitude, 0)
-    write_four(fixes.attitude, 0, *q)
-    sensed = times_turn(q, four(fixes.turn, 0), 1.0)
-    write_four(work.lanes.attitude, 0, *sensed)
+    q = four(work.lanes.attitude)
+    write_four(fixes.lanes.attitude, *q)
+    sensed = times_turn(q, four(fixes.lanes.turn), 1.0)
+    write_four(work.lanes.attitude, *sensed)
     b1, b2, b3 = world.boresight[0], world.boresight[1], world.boresight[2]
-    boresight = splat(b1, LANES), splat(b2, LANES), splat(b3, LANES)
+    boresight = splat(b1, width), splat(b2, width), splat(b3, width)
     write_three(work.lanes.boresight, 0, *to_hill(sensed, boresight))
-    a, b, c, d = four(fixes.turn, 0)
+    a, b, c, d = four(fixes.lanes.turn)
     # angles are twice the quotient of the turn's parts
-    write_three(fixes.tilt, 0, *to_hill(q, (2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
+    write_three(fixes.lanes.tilt, 0, *to_hill(q, (2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
 
 
 @compiled(error_model="numpy")
 def turn_out_so(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
     """Put the true attitude back, aim as it will be taken for the desired one, and turn what is fired."""
-    lanes, turn = work.lanes, four(fixes.turn, 0)
-    true, meant = four(fixes.attitude, 0), to_body(four(lanes.attitude, 0), three(lanes.force))
+    lanes, turn = work.lanes, four(fixes.lanes.turn)
+    true, meant = four(fixes.lanes.attitude), to_body(four(lanes.attitude), three(lanes.force))
     fx, fy, fz = to_hill(true, meant)
     limit = world.max_force
     write_three(lanes.force, 0, clip(fx, limit), clip(fy, limit), clip(fz, limit))
-    write_four(lanes.attitude, 0, *true)
+    write_four(lanes.attitude, *true)
     for j in range(world.num_attitude_steps):
-        write_four(work.aims, 4 * j, *times_turn(four(work.aims, 4 * j), turn, -1.0))
+        write_four(work.aims[j].attitude, *times_turn(four(work.aims[j].attitude), turn, -1.0))
     if len(log.position_m) > 0:
         for axis in range(3):
             log.force_hill_n[k, axis] = lanes.force[axis, 0]
@@ -242,15 +248,16 @@ def turn_out_so(world: World, fixes: Fixes, work: Workspace, k: int, log: Flight
 @compiled(error_model="numpy")
 def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
     """Put the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
+    width = width_of(work.lanes)
     lanes = work.lanes
-    for lane in range(LANES):
+    for lane in range(width):
         case = first + min(lane, num_lanes - 1)
         for axis in range(3):
             place, speed = lanes.position[axis, lane], lanes.velocity[axis, lane]
-            fixes.truth[axis, lane], fixes.truth[3 + axis, lane] = place, speed
+            fixes.lanes.truth[axis, lane], fixes.lanes.truth[3 + axis, lane] = place, speed
             if k == 0:
-                fixes.filtered[axis, lane] = place + fixes.at_start[case, axis]
-                fixes.filtered[3 + axis, lane] = speed + fixes.at_start[case, 3 + axis]
+                fixes.lanes.filtered[axis, lane] = place + fixes.at_start[case, axis]
+                fixes.lanes.filtered[3 + axis, lane] = speed + fixes.at_start[case, 3 + axis]
             if k % fixes.stride == 0:
                 which = k // fixes.stride
                 fixes.fixes[which, axis, lane] = place + fixes.of_fixes[case, which, axis]
@@ -264,7 +271,11 @@ def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -
     if k == 0:
         for row in range(6):
             for column in range(6):
-                store(fixes.covariance, (row, column, 0), splat(fixes.start_covariance[row, column], LANES))
+                store(
+                    fixes.lanes.covariance,
+                    (row, column, 0),
+                    splat(fixes.start_covariance[row, column], width),
+                )
 
 
 @compiled(error_model="numpy")
@@ -272,15 +283,15 @@ def write_estimate(world: World, fixes: Fixes, work: Workspace, k: int, log: Fli
     """Log what lane 0 knows, and how well."""
     for row in range(6):
         for column in range(6):
-            store(fixes.now, (row, column, 0), entry(fixes.covariance, row, column))
+            store(fixes.lanes.now, (row, column, 0), entry(fixes.lanes.covariance, row, column))
     for period in range(max(k - fixes.delay, 0), k):
-        spread_out(world, fixes, fixes.now, period)
+        spread_out(world, fixes, fixes.lanes.now, period)
     for component in range(4):
         log.sensed_quaternion_b_from_h[k, component] = work.lanes.attitude[component, 0]
     for row in range(6):
-        log.estimate[k, row] = fixes.known[row, 0]
+        log.estimate[k, row] = fixes.lanes.known[row, 0]
         for column in range(6):
-            log.estimate_covariance[k, row, column] = fixes.now[row, column, 0]
+            log.estimate_covariance[k, row, column] = fixes.lanes.now[row, column, 0]
 
 
 @compiled(error_model="numpy")
@@ -288,22 +299,23 @@ def believe(
     world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:
     """Measure, filter, and put what is known in the place of the truth, until `recover_truth`."""
+    width = width_of(work.lanes)
     if fixes.of_attitude.shape[1] > 0:
         sense_attitude(world, fixes, work, first, num_lanes, k)
     measure(fixes, work, first, num_lanes, k)
     filtered_to = k - fixes.delay
     if filtered_to > 0:
-        advance(world, fixes, fixes.filtered, filtered_to - 1)
-        spread_out(world, fixes, fixes.covariance, filtered_to - 1)
+        advance(world, fixes, fixes.lanes.filtered, filtered_to - 1)
+        spread_out(world, fixes, fixes.lanes.covariance, filtered_to - 1)
     if filtered_to >= 0 and filtered_to % fixes.stride == 0:
         correct(fixes, filtered_to // fixes.stride)
     for row in range(6):
-        store(fixes.known, row, load(fixes.filtered, row, LANES))
+        store(fixes.lanes.known, row, load(fixes.lanes.filtered, row, width))
     for period in range(max(filtered_to, 0), k):
-        advance(world, fixes, fixes.known, period)
+        advance(world, fixes, fixes.lanes.known, period)
     for row in range(3):
-        store(work.lanes.position, row, load(fixes.known, row, LANES))
-        store(work.lanes.velocity, row, load(fixes.known, 3 + row, LANES))
+        store(work.lanes.position, row, load(fixes.lanes.known, row, width))
+        store(work.lanes.velocity, row, load(fixes.lanes.known, 3 + row, width))
     if len(log.position_m) > 0:
         write_estimate(world, fixes, work, k, log)
 
@@ -311,9 +323,10 @@ def believe(
 @compiled(error_model="numpy")
 def recover_truth(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
     """Put the truth back, once the deputy is aimed and what it commands is noted."""
+    width = width_of(work.lanes)
     for row in range(3):
-        store(work.lanes.position, row, load(fixes.truth, row, LANES))
-        store(work.lanes.velocity, row, load(fixes.truth, 3 + row, LANES))
+        store(work.lanes.position, row, load(fixes.lanes.truth, row, width))
+        store(work.lanes.velocity, row, load(fixes.lanes.truth, 3 + row, width))
     if fixes.of_attitude.shape[1] > 0:
         turn_out_so(world, fixes, work, k, log)
 
@@ -321,12 +334,13 @@ def recover_truth(world: World, fixes: Fixes, work: Workspace, k: int, log: Flig
 @compiled(error_model="numpy")
 def note_command(fixes: Fixes, firing: Firing, work: Workspace, k: int, num_controls: int) -> None:
     """Note when the command of a sample acts, and as what force but for errors of the thrusters."""
+    width = width_of(work.lanes)
     delay = firing.delay
     for axis in range(3):
-        force = load(work.lanes.force, axis, LANES)
+        force = load(work.lanes.force, axis, width)
         if firing.is_on and len(firing.table) == 0:
             force = in_impulses(force, firing.step, firing.least)
         if k < delay:
-            store(fixes.acting, (k, axis, 0), splat(0.0, LANES))
+            store(fixes.acting, (k, axis, 0), splat(0.0, width))
         if k + delay < num_controls:
             store(fixes.acting, (k + delay, axis, 0), force)

@@ -34,8 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import least, most, select, some, splat, store
+from fis_tools.engines.vectors import least, most, select, some, splat, store, width_of
 from pipeline.flight.kernel.arrays import Guard, Workspace, World
 from pipeline.flight.kernel.lanes import three
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog
@@ -80,6 +79,7 @@ HALVINGS = 30
 @compiled(error_model="numpy")
 def look_ahead(world: World, work: Workspace) -> bool:
     """Mark the lanes that their forces may lead out of what is safe; tell whether there are any."""
+    width = width_of(work.lanes)
     guard, lanes, step = world.guard, work.lanes, step_of(world.motion, 0)
     rx, ry, rz = three(lanes.position)
     vx, vy, vz = three(lanes.velocity)
@@ -89,7 +89,7 @@ def look_ahead(world: World, work: Workspace) -> bool:
     speed, distance = np.sqrt(u * u + v * v + w * w), np.sqrt(x * x + y * y + z * z)
     stop_x, stop_y, stop_z = stopping_forces(guard.stop, x, z, u, v, w)
     braking = most(most(abs(stop_x), abs(stop_z)), abs(stop_y))
-    closest, reach = splat(np.inf, LANES), splat(0.0, LANES)
+    closest, reach = splat(np.inf, width), splat(0.0, width)
     for row in range(len(guard.places.transition)):
         px, py, pz = drifted_place(place_of(guard.places, row), x, y, z, u, v, w)
         square = px * px + py * py + pz * pz

@@ -255,7 +255,7 @@ def sense_again(work: Workspace, needs_angles: bool) -> None:
     """Write the signals of position and velocity anew, of what stands in the place of the truth."""
     place, velocity = three(work.lanes.position), three(work.lanes.velocity)
     rx, ry, rz = place
-    q1, q2, q3, q4 = four(work.lanes.attitude, 0)
+    q1, q2, q3, q4 = four(work.lanes.attitude)
     distance = np.sqrt(rx * rx + ry * ry + rz * rz)
     write_signals(work, place, velocity, distance, dcm_of(q1, q2, q3, q4), needs_angles)
 
@@ -275,7 +275,7 @@ def sense(
     turn_suns(world, work, k)
     rx, ry, rz = three(lanes.position)
     vx, vy, vz = three(lanes.velocity)
-    q1, q2, q3, q4 = four(lanes.attitude, 0)
+    q1, q2, q3, q4 = four(lanes.attitude)
     distance = np.sqrt(rx * rx + ry * ry + rz * rz)
     store(lanes.travelled, 0, one(lanes.travelled) + distance)
     store(lanes.nearest, 0, least(distance, one(lanes.nearest)))

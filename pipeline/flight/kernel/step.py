@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import borrowed, splat, store
+from fis_tools.engines.vectors import borrowed, splat, store, width_of
 from pipeline.flight.kernel.actuators import Firing, burn, fire
 from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
 from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, clip, turn_deputies
@@ -48,13 +47,13 @@ class Carried(NamedTuple):
     """What flights carry from one period to the next, a row each; see `Workspace`."""
 
     lanes: Any  # (n,) of `CARRIED`
-    unseen: Floats  # (n, LANES, P padded)
-    centres: Floats  # (n, LANES, C, 3)
-    num_centres: Integers  # (n, LANES)
-    clustered: Floats  # (n, LANES, P padded)
+    unseen: Floats  # (n, L, P padded)
+    centres: Floats  # (n, L, C, 3)
+    num_centres: Integers  # (n, L)
+    clustered: Floats  # (n, L, P padded)
 
 
-# Inlined: a compiled function cannot return a tuple with a record in it.
+# These are inlined: a compiled function cannot return a tuple with a record in it.
 @compiled(error_model="numpy", inline="always")
 def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
     """Return a workspace with what one flight carries in its place."""
@@ -70,8 +69,6 @@ def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
         work.deadlines,
         work.looks,
         work.signals,
-        work.inputs,
-        work.outputs,
         work.scratch,
         work.candidates,
         carried.centres[flight],
@@ -84,7 +81,7 @@ def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
     )
 
 
-@compiled(error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", inline="always")
 def fixes_of(fixes: Fixes, flight: int) -> Fixes:
     """Return the navigation of one flight, of arrays with a row each."""
     return Fixes(
@@ -102,21 +99,13 @@ def fixes_of(fixes: Fixes, flight: int) -> Fixes:
         fixes.of_fixes,
         fixes.of_sight,
         fixes.of_attitude,
-        fixes.filtered[flight],
-        fixes.covariance[flight],
-        fixes.known[flight],
-        fixes.now[flight],
-        fixes.half[flight],
-        fixes.truth[flight],
-        fixes.turn[flight],
-        fixes.tilt[flight],
-        fixes.attitude[flight],
+        fixes.lanes[flight],
         fixes.fixes[flight],
         fixes.acting[flight],
     )
 
 
-@compiled(error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", inline="always")
 def firing_of(firing: Firing, flight: int) -> Firing:
     """Return the thrusters of one flight, of arrays with a row each."""
     return Firing(
@@ -131,8 +120,7 @@ def firing_of(firing: Firing, flight: int) -> Firing:
         firing.matrices,
         firing.arms,
         firing.commands[flight],
-        firing.errors[flight],
-        firing.mass[flight],
+        firing.lanes[flight],
         firing.thrust[flight],
     )
 
@@ -149,9 +137,10 @@ def act(
     silent: FlightLog,
 ) -> None:
     """Fly the control period after sample k with a force, N, Hill axes."""
+    width = width_of(work.lanes)
     lanes = work.lanes
     for axis in range(3):
-        asked = splat(force[axis], LANES)
+        asked = splat(force[axis], width)
         store(lanes.asked, axis, asked)
         store(lanes.force, axis, clip(asked, world.max_force))
     if guard is not None and guard.is_on:
@@ -186,9 +175,10 @@ def look_about(
     silent: FlightLog,
 ) -> None:
     """Inspect and navigate at sample k; what the deputy knows then takes the place of the truth."""
+    width = width_of(work.lanes)
     lanes = work.lanes
     if world.is_attitude_ideal:
-        write_three(lanes.force, 0, splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES))
+        write_three(lanes.force, 0, splat(0.0, width), splat(0.0, width), splat(0.0, width))
         aim_at_once(world, work, 1, k)
         if departures is not None and departures.fixes.is_on:
             point_beside(fixes_of(departures.fixes, flight), work, flight, 1, k)

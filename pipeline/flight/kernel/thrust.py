@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES, infer
-from fis_tools.engines.vectors import load, select, some, splat, store
+from fis_tools.engines.kernel import infer
+from fis_tools.engines.vectors import load, select, some, splat, store, width_of
 from fis_tools.model.thrust import SILENT_N
 from pipeline.flight.kernel.arrays import Law, Plans, Workspace, World
 from pipeline.flight.kernel.attitude import clip
@@ -52,13 +52,14 @@ def may_coast(law: Law, values: Floats) -> bool:
 @compiled(error_model="numpy", forceinline=True)
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
+    width = width_of(work.lanes)
     lanes, signals = work.lanes, work.signals
     coasts = one(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
     if may_coast(law, values):
         margin = values[law.constants + COAST_MARGIN]
-        is_enough = load(signals, MISSED, LANES) < values[law.constants + COAST_BELOW]
-        is_enough &= load(signals, NEAREST, LANES) >= world.min_distance + margin
-        is_enough &= load(signals, FARTHEST, LANES) <= world.max_distance - margin
+        is_enough = load(signals, MISSED, width) < values[law.constants + COAST_BELOW]
+        is_enough &= load(signals, NEAREST, width) >= world.min_distance + margin
+        is_enough &= load(signals, FARTHEST, width) <= world.max_distance - margin
         coasts |= is_enough
     store(lanes.coasts, 0, select(coasts, 1.0, 0.0))
 
@@ -66,8 +67,9 @@ def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> 
 @compiled(error_model="numpy")
 def follow_plans(plans: Plans, work: Workspace, first: int, num_lanes: int, k: int) -> None:
     """Ask for what is planned, and for the answer to being off the path as far as the deputies know."""
+    width = width_of(work.lanes)
     lanes, state = work.lanes, np.empty(6)
-    for lane in range(LANES):
+    for lane in range(width):
         flight = first + min(lane, num_lanes - 1)
         for axis in range(3):
             state[axis], state[3 + axis] = lanes.position[axis, lane], lanes.velocity[axis, lane]
@@ -96,33 +98,34 @@ def command(
     k: int,
 ) -> None:
     """Infer the forces of all lanes, where one is decided on, and turn them to Hill axes, clipped."""
-    lanes, inputs, outputs = work.lanes, work.inputs, work.outputs
+    width = width_of(work.lanes)
+    lanes, room = work.lanes, work.scratch[0]
     is_logged = len(log.position_m) > 0
     for axis in range(3):
-        store(lanes.asked, axis, splat(0.0, LANES))
+        store(lanes.asked, axis, splat(0.0, width))
     if law.has_plan:
         follow_plans(law.plans, work, first, num_lanes, k)
     fires = one(lanes.coasts) == 0.0
     if not law.has_plan and is_decision(law, k) and some(fires):
         for system in range(len(law.axes)):
             for place in range(3):
-                store(inputs, LANES * place, load(work.signals, law.signals[system, place], LANES))
-            infer(values, rules, law.layout, system, inputs, work.scratch, outputs)
+                store(room.inputs, place, load(work.signals, law.signals[system, place], width))
+            infer(values, rules, law.layout, system, work.scratch)
             axis = law.axes[system]
             dead_band = values[law.constants + FIRST_DEAD_BAND + axis] if law.constants >= 0 else 0.0
-            output = one(outputs)
+            output = one(room.output)
             fired = select(fires & (abs(output) >= dead_band), output, 0.0)
-            store(lanes.asked, axis, load(lanes.asked, axis, LANES) + fired)
+            store(lanes.asked, axis, load(lanes.asked, axis, width) + fired)
             if is_logged and lanes.coasts[0] == 0.0:
                 log.is_decided[k] = True
-                log.force_asked_n[k, axis] = outputs[0]
-                log.fis_output_n[k, system] = outputs[0]
+                log.force_asked_n[k, axis] = room.output[0]
+                log.fis_output_n[k, system] = room.output[0]
                 for place in range(law.num_inputs[system]):
-                    log.fis_input[k, system, place] = inputs[LANES * place]
+                    log.fis_input[k, system, place] = room.inputs[place, 0]
     fx, fy, fz = three(lanes.asked)
     if law.force_axes == BODY:
         gx, gy, gz = fx, fy, fz
-        q1, q2, q3, q4 = four(lanes.attitude, 0)
+        q1, q2, q3, q4 = four(lanes.attitude)
         fx = (q1 * q1 - q2 * q2 - q3 * q3 + q4 * q4) * gx
         fx += 2 * (q1 * q2 - q3 * q4) * gy + 2 * (q1 * q3 + q2 * q4) * gz
         fy = 2 * (q1 * q2 + q3 * q4) * gx + (-q1 * q1 + q2 * q2 - q3 * q3 + q4 * q4) * gy

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
+from fis_tools.engines.vectors import width_of
 from pipeline.flight.kernel.arrays import Law, Workspace, World
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import drifted_place, place_over, push_by
@@ -64,9 +64,10 @@ def time_ahead(
 @compiled(error_model="numpy")
 def sense_tour(world: World, law: Law, values: Floats, work: Workspace) -> None:
     """Write the push that leads every lane onto the tour."""
+    width = width_of(work.lanes)
     lanes, signals, own = work.lanes, work.signals, law.constants
     lean, skirt = values[own + TOUR_LEAN], values[own + SKIRT_DISTANCE]
-    for lane in range(LANES):
+    for lane in range(width):
         x, y = lanes.sun[0, lane], lanes.sun[1, lane]
         level, height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
         time = time_ahead(

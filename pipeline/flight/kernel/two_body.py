@@ -1,8 +1,7 @@
 """Motion about the Earth on lanes, by `pipeline.physics.two_body`."""
 
 from fis_tools.engines.compiled import compiled
-from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import splat, store
+from fis_tools.engines.vectors import splat, store, width_of
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import three, two, write_three
 from pipeline.physics.illumination import share_at
@@ -22,17 +21,18 @@ def suns(work: Workspace) -> Three:
 @compiled(error_model="numpy")
 def note_sunshine(course: Course, work: Workspace, row: int) -> None:
     """Write what share of the Sun's disc is visible in each lane at the three rows of a step."""
+    width = width_of(work.lanes)
     shines = work.lanes.shine
     if course.radiation == 0.0 or not course.has_shadow:
         for part in range(3):
-            store(shines, part, splat(1.0, LANES))
+            store(shines, part, splat(1.0, width))
         return
     sx, sy, sz = suns(work)
     for part in range(3):
         upward = course.axes[row + part, 0]
         store(shines, part, upward[0] * sx + upward[1] * sy + upward[2] * sz)
         radius = norm(course.places[row + part])
-        for lane in range(LANES):
+        for lane in range(width):
             shines[part, lane] = share_at(shines[part, lane], radius)
 
 
@@ -41,13 +41,14 @@ def move_about_earth(
     world: World, course: Course, work: Workspace, first: int, num_lanes: int, k: int
 ) -> None:
     """Move all lanes, which are flights from `first` on, by a control period."""
+    width = width_of(work.lanes)
     lanes, row = work.lanes, 2 * course.num_steps * k
     place, velocity = entered(course, row, three(lanes.position), three(lanes.velocity))
     fx, fy, fz = three(lanes.force)
     per_force, push_of_sun = world.acceleration_per_force, -course.radiation
     force = fx * per_force, fy * per_force, fz * per_force
     if len(course.varying) > 0:
-        for lane in range(LANES):
+        for lane in range(width):
             for axis in range(3):
                 lanes.drag[axis, lane] = course.varying[first + min(lane, num_lanes - 1), k, axis]
         dx, dy, dz = three(lanes.drag)

@@ -12,7 +12,7 @@ from pipeline.physics.illumination import (
     sun_direction_h,
     visible_share,
 )
-from pipeline.physics.occlusion import cell_of
+from pipeline.physics.occlusion import Occlusion, cell_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.reflection import intensities
 from pipeline.physics.vectors import dot, norm, times, transposed_times
@@ -23,13 +23,11 @@ Booleans = NDArray[np.bool_]
 
 
 @compiled
-def is_free(world: PlainWorld, point: int, dcm_c_from_h: Floats, direction_h: Floats) -> bool:
-    """Tell whether no part of the chief stands between a point and what lies in a direction."""
-    if not world.is_mesh:
-        return True
+def is_free(occlusion: Occlusion, point: int, dcm_c_from_h: Floats, direction_h: Floats) -> bool:
+    """Tell whether no part of a mesh stands between a point and what lies in a direction."""
     direction = times(dcm_c_from_h, direction_h)
-    cell = cell_of(world.occlusion.edge, direction[0], direction[1], direction[2])
-    return bool(world.occlusion.is_free[cell, point] > 0)
+    cell = cell_of(occlusion.edge, direction[0], direction[1], direction[2])
+    return bool(occlusion.is_free[cell, point] > 0)
 
 
 @compiled
@@ -50,7 +48,7 @@ def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) ->
             outward = transposed_times(dcm_c_from_h, world.normals_c[i])
             towards = sun_h - point_h / ASTRONOMICAL_UNIT_M
             is_lit[i] = is_lit[i] or dot(outward, towards) > -world.past_terminator
-        is_lit[i] = is_lit[i] and is_free(world, i, dcm_c_from_h, sun_h)
+        is_lit[i] = is_lit[i] and (not world.is_mesh or is_free(world.occlusion, i, dcm_c_from_h, sun_h))
     return is_lit
 
 
@@ -73,7 +71,7 @@ def seen_points(
         normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
         if world.is_mesh:
             sight = point_h - position_h
-            is_facing = dot(normal_h, sight) <= 0.0 and is_free(world, i, dcm_c_from_h, -sight)
+            is_facing = dot(normal_h, sight) <= 0.0 and is_free(world.occlusion, i, dcm_c_from_h, -sight)
             is_seen[i] = is_facing and dot(sight, boresight_h) >= world.cos_half_angle * norm(sight)
         else:
             is_seen[i] = is_in_view(

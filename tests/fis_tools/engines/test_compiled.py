@@ -139,6 +139,16 @@ def test_nothing_imports_numba_before_the_first_call(package: Package) -> None:
     assert package.run(look).stdout.strip() == "False 7 True Take two steps. twice"
 
 
+@pytest.mark.slow
+def test_scipys_linear_algebra_is_imported_by_whoever_uses_it(package: Package) -> None:
+    look = (
+        "import sys, numba, numpy as np\nfrom kernels.other import double\n"
+        "print(double(3), 'scipy.linalg' in sys.modules, end=' ')\n"
+        "print(numba.njit(lambda a: a @ a)(3.0 * np.eye(2)).sum(), 'scipy.linalg' in sys.modules)"
+    )
+    assert package.run(look).stdout.strip() == "6 False 18.0 True"
+
+
 def test_no_kernel_is_left_to_numbas_own_cache() -> None:
     for package in ("fis_tools", "pipeline", "telemetry"):
         for path in (PROJECT / package).rglob("*.py"):

@@ -31,6 +31,7 @@ from fis_tools.engines.vectors import (
     highest,
     least,
     load,
+    make_rows,
     most,
     padded,
     power_of_two,
@@ -40,6 +41,7 @@ from fis_tools.engines.vectors import (
     spread,
     store,
     total,
+    width_of,
 )
 from tests.places import PROJECT
 
@@ -273,16 +275,31 @@ def test_a_function_for_floats_works_on_vectors() -> None:
 
 @njit(error_model="numpy")
 def record_total(room: NDArray[np.void]) -> float:
-    rows = room[0].rows
-    store(rows, 1, 2.0 * load(rows, 0, 8))
-    return total(load(rows, 1, 8))
+    square, lane = room[0].square, 0.0
+    width = width_of(room[0])
+    store(square, (1, 1, 0), 2.0 * load(square, (0, 1, 0), width))
+    for place in range(width_of(room[0].row)):
+        lane += place
+    return total(load(square, (1, 1, 0), width_of(square))) + lane
 
 
-def test_rows_of_a_record_are_read_and_written() -> None:
-    room = aligned(1, np.dtype([("rows", np.float64, (2, 8))])).view(np.recarray)
-    room[0].rows[0] = np.arange(8.0)
-    assert record_total(room) == 56.0
-    same(room[0].rows[1], 2.0 * np.arange(8.0))
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_type_of_a_record_tells_how_wide_its_rows_are(width: int) -> None:
+    room = make_rows({"row": (), "square": (2, 2)}, width, 3)
+    assert (room.shape, room.row.shape, room.square.shape) == ((3,), (3, width), (3, 2, 2, width))
+    room[0].square[0, 1] = np.arange(float(width))
+    assert record_total(room) == 1.5 * width * (width - 1)
+    same(room[0].square[1, 1], 2.0 * np.arange(width))
+
+
+@when_compiled
+def test_the_width_of_other_arrays_is_no_constant() -> None:
+    @njit
+    def run(rows: Floats) -> int:
+        return width_of(rows)
+
+    with pytest.raises(TypingError, match="width_of"):
+        run(np.zeros((2, 8)))
 
 
 @pytest.mark.parametrize("length", [1, 3, 1000])
@@ -441,7 +458,7 @@ def run(command: list[str], **variables: str) -> subprocess.CompletedProcess[str
 
 @when_compiled
 def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
-    program = "import numba.extending as e\ndel e.type_callable\nimport fis_tools.engines.vector_code\n"
+    program = "import numba.extending as e\ndel e.register_model\nimport fis_tools.engines.vector_code\n"
     done = run([sys.executable, "-c", program])
     assert done.returncode != 0
     assert "lacks what compiled vectors are made with" in done.stderr

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fis_tools.engines import cache, compiled
-from pipeline.flight.controller import Controller, coast, constants_of, law_of, open_loop
+from pipeline.flight.controller import Controller, coast, law_of, open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.reference.channels import channels_of, plan_of
 from pipeline.flight.reference.loop import fly, inference_of
@@ -257,7 +257,7 @@ def named(cases: Iterable[str]) -> list[object]:
 
 def fly_both(what: Mission, controller: Controller, start: Scenario) -> tuple[FlightLog, FlightLog]:
     plan = plan_of(law_of(controller, what).plans)
-    channels = channels_of(controller.systems, controller.force_axes, plan, constants_of(controller))
+    channels = channels_of(controller.systems, controller.force_axes, plan, controller.constants)
     return fly_logged(what, controller, start), fly(what, start, channels, inference_of(controller.systems))
 
 

@@ -12,7 +12,6 @@ from pipeline.flight.controller import (
     from_fuzzy,
     law_of,
     open_loop,
-    packed,
 )
 from pipeline.flight.signals import AXES, slot
 from tests.pipeline.flight.cases import mission
@@ -93,7 +92,7 @@ def test_a_plan_is_flown_without_force_after_its_last_row() -> None:
     np.testing.assert_array_equal(law.plans.forces, [[[1, 1, 1], [1, 1, 1], [0, 0, 0], [0, 0, 0]]])
     assert law.has_plan
     assert law_of(coast(), SHORT).plans.forces.shape == (1, 4, 3)
-    assert packed(coast()).values.shape == (1, 0)
+    assert coast().numbers.values.shape == (1, 0)
 
 
 def test_a_plan_longer_than_the_flight_is_refused() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import ControllerError, constants_of, from_fuzzy
+from pipeline.flight.controller import ControllerError, from_fuzzy
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.simulation import fly_logged
 from tests.pipeline.flight.cases import (
@@ -111,7 +111,7 @@ def test_directions_are_those_of_the_log() -> None:
 
 def test_forces_below_a_dead_band_are_not_fired() -> None:
     log = fly_logged(mission(), ORBITAL, STARTS[2])
-    bands = constants_of(ORBITAL)[2:5]
+    bands = ORBITAL.constants[2:5]
     kept = np.where(np.abs(log.fis_output_n) < bands, 0.0, log.fis_output_n)
     np.testing.assert_array_equal(log.force_hill_n, kept)
     is_dropped = log.fis_output_n != kept
@@ -126,9 +126,9 @@ def test_a_constant_that_is_no_length_is_told(text: str) -> None:
 
 
 def test_constants_go_with_the_controller() -> None:
-    np.testing.assert_array_equal(constants_of(ORBITAL)[:6], [31.0, 0.4, 0.002, 0.004, 0.001, 0.0])
-    np.testing.assert_array_equal(constants_of(LOOKING_AHEAD)[:6], [0, 0, 0.001, 0, 0, 800.0])
-    assert not constants_of(ORBITAL)[6:].any()
-    assert not constants_of(LOOKING_AHEAD)[6:].any()
+    np.testing.assert_array_equal(ORBITAL.constants[:6], [31.0, 0.4, 0.002, 0.004, 0.001, 0.0])
+    np.testing.assert_array_equal(LOOKING_AHEAD.constants[:6], [0, 0, 0.001, 0, 0, 800.0])
+    assert not ORBITAL.constants[6:].any()
+    assert not LOOKING_AHEAD.constants[6:].any()
     plain = replace(ORBITAL, fuzzy=FuzzyController("tried", ORBITAL.systems, (("force_axes", "hill"),)))
-    np.testing.assert_array_equal(constants_of(plain), 0.0)
+    np.testing.assert_array_equal(plain.constants, 0.0)

@@ -1,12 +1,16 @@
 """A flight is the same to the last bit alone, in any company, in any order, on any number of threads."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.controller import Controller, open_loop
+from pipeline.flight.cases import cases_of
+from pipeline.flight.controller import Controller, law_of, open_loop
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.simulation import fly_all, fly_logged, fly_population, lanes_for
+from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import (
     COMPLETED,
@@ -102,6 +106,18 @@ def test_the_same_flight_in_every_lane_is_the_same() -> None:
     rows, tracks = fly(what, controller, [COMPLETED] * (LANES + 1))
     np.testing.assert_array_equal(rows, np.tile(rows[0], (LANES + 1, 1)))
     np.testing.assert_array_equal(tracks, np.tile(tracks[0], (LANES + 1, 1, 1)))
+
+
+def test_a_population_flies_from_few_starts_as_one_controller_does() -> None:
+    what, controller = mission(duration_s=600.0), STEERING
+    starts = STARTS[LANES - 5 : LANES + 2]
+    one = controller.numbers
+    two = replace(one, values=one.values.repeat(2, axis=0), rules=one.rules.repeat(2, axis=0))
+    world, law, cases = pack_world(what), law_of(controller, what), cases_of(what, starts)
+    many = fly_population(world, law, two, cases, lanes=lanes_for(len(starts)))
+    assert lanes_for(len(starts)) < lanes_for(LANES) == LANES
+    rows = np.stack([values.astype(np.float64) for values in vars(many).values()], axis=-1)
+    np.testing.assert_array_equal(rows, [fly(what, controller, starts)[0]] * 2)
 
 
 def test_without_starts_there_are_no_outcomes() -> None:

@@ -10,10 +10,8 @@ from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import (
     Controller,
     ControllerError,
-    constants_of,
     from_fuzzy,
     law_of,
-    packed,
     rehearsed_pushes,
 )
 from pipeline.flight.navigation import FIXES
@@ -55,7 +53,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     controller = rehearsing(0.12)
     forces = rehearsed_pushes(controller) * 12.0 / 10.0
     flown = fly_all(MISSION, controller, STARTS)
-    world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), packed(SEEING)
+    world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), SEEING.numbers
     for case, start in enumerate(STARTS):
         cases = cases_of(MISSION, [start])
         ends = [fly_population(world, law, numbers, cases, 1, openings=force[np.newaxis]) for force in forces]
@@ -72,7 +70,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
         log = fly_logged(MISSION, controller, start)
         np.testing.assert_array_equal(log.force_hill_n[0], forces[best])
         assert not log.is_decided[0]
-        channels = channels_of(SEEING.systems, "hill", None, constants_of(SEEING))
+        channels = channels_of(SEEING.systems, "hill", None, SEEING.constants)
         plain = fly(MISSION, start, channels, inference_of(SEEING.systems), opening_h=forces[best])
         assert_same(log, plain, metres=1e-9, others=1e-9)
 
@@ -102,7 +100,7 @@ def test_it_is_along_hills_axes() -> None:
 
 @pytest.mark.parametrize("image", range(4))
 def test_an_image_of_a_tour_is_its_mirror_image(image: int) -> None:
-    tour, reflected = (constants_of(tour_images(touring(rehearsal_tours=4))[i]) for i in (0, image))
+    tour, reflected = (tour_images(touring(rehearsal_tours=4))[i].constants for i in (0, image))
     mirror = np.array([1.0, -1.0 if image >= 2 else 1.0, -1.0 if image % 2 else 1.0])
     # the other way round, the Sun comes to every angle from the other side; below the plane it was above it
     round_way, up = (-1.0 if image >= 2 else 1.0), (-1.0 if image % 2 else 1.0)
@@ -116,7 +114,7 @@ def test_the_image_that_ends_cheapest_is_followed(count: int) -> None:
     controller, starts = touring(rehearsal_tours=count), random_starts(6, seed=1)
     images = tour_images(controller)
     assert len(images) == count <= len(IMAGES)
-    assert constants_of(images[0]).tolist() == constants_of(TOURING).tolist()
+    assert images[0].constants.tolist() == TOURING.constants.tolist()
     ends = [fly_all(MISSION, image, starts) for image in images]
     # all but one point are asked for
     cost = [

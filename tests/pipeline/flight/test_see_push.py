@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pipeline.flight.controller import ControllerError, constants_of, from_fuzzy
+from pipeline.flight.controller import ControllerError, from_fuzzy
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.signals import constant
 from pipeline.flight.simulation import fly_all, fly_logged
@@ -87,7 +87,7 @@ def test_it_must_say_how_urgent_and_how_damped() -> None:
         silent = tuple(pair for pair in SEEING.fuzzy.attributes if pair[0] != name)
         with pytest.raises(ControllerError, match=f"senses .*see_push.* sets no {name}; give it"):
             from_fuzzy(replace(SEEING.fuzzy, attributes=silent))
-    assert constants_of(SEEING)[constant("see_damping_ks2")] == DAMPING
+    assert SEEING.constants[constant("see_damping_ks2")] == DAMPING
 
 
 def test_flights_side_by_side_are_those_flown_alone() -> None:

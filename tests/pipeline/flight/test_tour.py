@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from pipeline.flight.controller import ControllerError, constants_of
+from pipeline.flight.controller import ControllerError
 from pipeline.flight.log import FlightLog
 from pipeline.flight.signals import constant
 from pipeline.flight.simulation import fly_logged
@@ -83,9 +83,9 @@ def test_where_it_would_be_dark_it_leads_to_where_the_tour_is_when_light_returns
 
 
 def test_a_controller_on_tour_must_say_how_far_it_looks_ahead() -> None:
-    assert constants_of(TOURING)[constant("tour_time_s")] == TIME_S
+    assert TOURING.constants[constant("tour_time_s")] == TIME_S
     with pytest.raises(ControllerError, match="sets no tour_time_s; give it"):
-        constants_of(touring(tour_time_s=0.0))
+        _ = touring(tour_time_s=0.0).constants
 
 
 def test_from_half_an_orbit_on_no_push_across_the_track_leads_anywhere() -> None:

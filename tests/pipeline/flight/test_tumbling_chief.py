@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.flight.cases import cases_of
 from pipeline.flight.chief import num_chief_steps
-from pipeline.flight.controller import coast, law_of, packed
+from pipeline.flight.controller import coast, law_of
 from pipeline.flight.log import Scenario
 from pipeline.flight.reference.world import turn_chief, world_of
 from pipeline.flight.simulation import FlightError, fly_all, fly_logged, fly_population
@@ -75,7 +75,7 @@ def test_an_attitude_that_does_not_stay_finite_is_no_result():
     world = pack_world(replace(PAPER, duration_s=60.0))
     gain = 1e300 * np.eye(3)
     wild = world._replace(proportional_gain=gain, derivative_gain=gain, max_torque=1e300)
-    law, numbers = law_of(coast(), replace(PAPER, duration_s=60.0)), packed(coast())
+    law, numbers = law_of(coast(), replace(PAPER, duration_s=60.0)), coast().numbers
     cases = cases_of(PAPER, [Scenario(np.array([40.0, 30.0, 20.0]), np.zeros(3), 0.0)])
     assert np.isfinite(fly_population(world, law, numbers, cases).delta_v_m_s).all()
     with pytest.raises(FlightError, match="did not stay finite"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller, ControllerError, constants_of, from_fuzzy
+from pipeline.flight.controller import Controller, ControllerError, from_fuzzy
 from pipeline.flight.log import FlightLog
 from pipeline.flight.signals import constant
 from pipeline.flight.simulation import fly_all, fly_logged
@@ -68,7 +68,7 @@ def test_a_short_time_singles_out_what_goes_first_and_a_long_one_takes_the_middl
 def test_a_controller_that_senses_urgency_must_say_how_urgent() -> None:
     with pytest.raises(ControllerError, match="sets no urgency_time_s; give it"):
         with_attributes(urgency_time_s=None)
-    constants = constants_of(HURRYING)
+    constants = HURRYING.constants
     assert constants[constant("urgency_time_s")] == TIME_S
     assert constants[constant("skirt_distance_m")] == SKIRT_M
 

@@ -12,9 +12,7 @@ from pipeline.flight.controller import (
     Controller,
     ControllerError,
     coast,
-    constants_of,
     from_fuzzy,
-    packed,
 )
 from pipeline.flight.signals import CONSTANTS
 from pipeline.settings.experiment import Encoding
@@ -52,7 +50,7 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(
     genomes = np.random.default_rng(2).random((5, genome.num_genes))
     population = genome.pack(genomes)
     for row, genes in enumerate(genomes):
-        one = packed(flown(genome.decode(genes)))
+        one = flown(genome.decode(genes)).numbers
         np.testing.assert_array_equal(population.values[row], one.values[0])
         np.testing.assert_array_equal(population.rules[row], one.rules[0])
 
@@ -60,10 +58,10 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(
 def test_constants_run_from_their_least_to_their_greatest_and_others_stay() -> None:
     genome = genome_of(flown(ELLIPSE), encoding(**CONSTANT_BOUNDS))
     genes = np.zeros(genome.num_genes)
-    values = dict(zip(CONSTANTS, constants_of(flown(genome.decode(genes))), strict=True))
+    values = dict(zip(CONSTANTS, flown(genome.decode(genes)).constants, strict=True))
     assert (values["ring_size_m"], values["ring_lead_rad"], values["dead_band_force_y_n"]) == (5.0, -2.0, 0.0)
     assert values["prediction_time_s"] == float(dict(ELLIPSE.attributes)["prediction_time_s"])
-    values = dict(zip(CONSTANTS, constants_of(flown(genome.decode(genes + 1.0))), strict=True))
+    values = dict(zip(CONSTANTS, flown(genome.decode(genes + 1.0)).constants, strict=True))
     assert (values["ring_size_m"], values["dead_band_force_z_n"]) == (60.0, 0.06)
     assert values["coast_below_points"] == 6.0
 
@@ -97,4 +95,4 @@ def test_what_is_not_fuzzy_has_nothing_to_tune() -> None:
 def test_a_population_of_a_controller_without_constants_carries_none() -> None:
     genome = genome_of(flown(PAPER), encoding())
     bare = replace(PAPER, attributes=(("force_axes", "body"),))
-    assert genome.pack(genome.encode()[np.newaxis]).values.shape == packed(flown(bare)).values.shape
+    assert genome.pack(genome.encode()[np.newaxis]).values.shape == flown(bare).numbers.values.shape
