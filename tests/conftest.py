@@ -33,9 +33,6 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 # flights of nearly every kind are flown more than once here: none is worth flying as plain Python first
 cache.was_asked = lambda *_: True
 
-# numba colours each message of a kind that does not fit, and there are thousands while it compiles
-os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
-
 # what modules and compilers hold is looked through for garbage a tenth as often
 gc.set_threshold(50_000, 20, 10)
 

@@ -31,10 +31,22 @@ def tumbling(rate, **changes):
 def inertial(rate, duration):
     """The chief's inertial attitude by Euler's equation, scalar last."""
 
+    i, j, k = MOMENTS.tolist()
+
     def rates(_time, state):
-        q, w = state[:4], state[4:]
-        turning = 0.5 * np.append(q[3] * w + np.cross(q[:3], w), -(q[:3] @ w))
-        return np.append(turning, -np.cross(w, MOMENTS * w) / MOMENTS)
+        a, b, c, d, x, y, z = state.tolist()
+        turning = (
+            d * x + b * z - c * y,
+            d * y + c * x - a * z,
+            d * z + a * y - b * x,
+            -a * x - b * y - c * z,
+        )
+        return (
+            *(0.5 * part for part in turning),
+            (j - k) / i * y * z,
+            (k - i) / j * z * x,
+            (i - j) / k * x * y,
+        )
 
     start = [0.0, 0.0, 0.0, 1.0, *rate]
     return solve_ivp(rates, (0.0, duration), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:4, -1]
