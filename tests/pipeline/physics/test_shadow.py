@@ -22,7 +22,7 @@ RADIUS = orbit_radius(MEAN_MOTION)
 def integrated_share(sun_h: np.ndarray) -> float:
     """Rays from the chief to a fine lattice on the Sun's disc, each missing the Earth's sphere or not."""
     reach = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M
-    ticks = np.linspace(-1.0, 1.0, 1001)
+    ticks = np.linspace(-1.0, 1.0, 501)
     u, v = np.meshgrid(ticks, ticks)
     inside = u**2 + v**2 <= 1.0
     across = np.linalg.svd(sun_h[np.newaxis])[2][1:]
