@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from fis_tools.formats import serialize
 from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.controllers.played import read_played
@@ -20,6 +18,7 @@ from pipeline.flight.controller import (
     decision_stride,
     from_fuzzy,
 )
+from pipeline.run.artifacts import parse_config
 from pipeline.settings.controllers import PLANNED, check_controller, planned_settings
 from pipeline.settings.experiment import Mission
 from pipeline.settings.nearest import choices_of
@@ -94,7 +93,7 @@ def named(name: str, mission: Mission) -> Controller:
             "path of its file, .json, .yaml, .onnx or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
-    source = yaml.safe_load(path.read_text(encoding="utf-8"))
+    source = parse_config(path.read_bytes())
     if "kind" not in source:
         return load({"path": str(path)}, mission)
     check_controller(source)
