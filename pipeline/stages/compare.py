@@ -1,5 +1,6 @@
 """Fly several controllers from the same starts, under several Suns and safety layers: compare/."""
 
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -116,34 +117,37 @@ class _Flights:
 def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
     """Fly the controllers of all lots; rows in their order.
 
-    Those that plan in Python keep one processor busy, whatever the number of threads, and are flown while
-    compiled ones fly on the others.
+    Those that plan again and again, in Python, keep one processor busy, whatever the number of threads; the
+    others are flown meanwhile on the processors that are left.
     """
     compare = lots[0].experiment.compare
     rows_of_lot = len(compare.controllers) * len(compare.safety)
     with Progress("flights", rows_of_lot * sum(len(lot.scenarios) for lot in lots), 0) as progress:
-        flights, planning, compiled = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        flights, planning, others = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
         try:
             futures = []
             for lot in lots:
                 controllers = [named(name, lot.experiment.mission) for name in compare.controllers]
+                plans = [one.planner is not None and len(one.planner.decisions) > 1 for one in controllers]
+                workers = lot.experiment.monte_carlo.workers or os.cpu_count() or 1
+                left = max(1, workers - any(plans))
                 futures.append(
                     [
-                        (planning if one.planner else compiled).submit(_rows, lot, name, one, flights)
-                        for name, one in zip(compare.controllers, controllers, strict=True)
+                        (planning if is_planned else others).submit(_rows, lot, name, one, left, flights)
+                        for name, one, is_planned in zip(compare.controllers, controllers, plans, strict=True)
                     ]
                 )
             return [[row for future in of_lot for row in future.result()] for of_lot in futures]
         finally:
             flights.has_ended.set()
-            for pool in (planning, compiled):
+            for pool in (planning, others):
                 pool.shutdown(cancel_futures=True)
 
 
-def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> list[Row]:
+def _rows(lot: Lot, name: str, controller: Controller, workers: int, flights: _Flights) -> list[Row]:
     """Fly one controller under all layers."""
     experiment, controller = lot.experiment, remembering(controller)
-    workers, rows = experiment.monte_carlo.workers, []
+    rows = []
     for layer in experiment.compare.safety:
         mission = guarded(experiment.mission, layer)
         label = ", ".join(filter(None, [name, lot.world, f"Sun {experiment.sun.mode}", f"safety {layer}"]))
@@ -182,7 +186,7 @@ def _fly_cases(
     mission: Mission,
     controller: Controller,
     scenarios: list[Scenario],
-    workers: int | None,
+    workers: int,
     label: str,
     flights: _Flights,
 ) -> dict[str, Column]:
