@@ -17,21 +17,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.optimum.linear_program import least_forces
 from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
 
 Floats = NDArray[np.float64]
 Constraint = tuple[Floats, int, float]
 
-#: m/s for a metre that a demand is missed by: many times what a metre ever costs
-PRICE_OF_SLACK = 0.05
 #: m by which demands are set tighter: for rounding, and, as planes cut a convex limit but roughly, beyond it
 SIGHT_MARGIN, CURVED_MARGIN, NEAR_MARGIN, FAR_MARGIN = 1e-6, 0.02, 1e-3, 0.05
 #: tangent planes are set where the last path is nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 40.0, 60.0
 #: how often planes are added at most
 CUT_ROUNDS = 5
-#: forces below this are rounding, N
-LEAST_FORCE = 1e-9
+#: demands that are turned into rows at once
+ROWS_AT_ONCE = 32
 
 
 @dataclass(frozen=True)
@@ -100,29 +99,16 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
 
 def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int64]) -> Step:
     """Solve one linear program; its prices are those of the rows."""
-    from scipy.optimize import linprog  # noqa: PLC0415 - a report, which solves none, would wait for it
-
     matrix, least = _rows(problem, rows, periods)
-    num_rows, num_forces = matrix.shape
-    cost = np.r_[np.full(2 * num_forces, problem.delta_v_per_force), np.full(num_rows, PRICE_OF_SLACK)]
-    upper = np.r_[np.full(2 * num_forces, problem.mission.deputy.max_force_n), np.full(num_rows, np.inf)]
-    solved = linprog(
-        cost,
-        A_ub=np.hstack([-matrix, matrix, -np.eye(num_rows)]),
-        b_ub=-least,
-        bounds=[(0.0, most) for most in upper.tolist()],
-        method="highs-ds",
-        # a handful of forces is all that moves: preparing the program takes longer than solving it
-        options={"presolve": False},
-    )
     forces = np.zeros((problem.num_controls, 3))
-    # slacks make it feasible and costs bounded, so that only a numerical failure leaves no solution
-    if solved.x is None:
-        return Step(forces, 0.0, np.inf, np.zeros(num_rows))
-    forces[periods] = (solved.x[:num_forces] - solved.x[num_forces : 2 * num_forces]).reshape(-1, 3)
-    forces[np.abs(forces) < LEAST_FORCE] = 0.0
+    max_force = problem.mission.deputy.max_force_n
+    # a handful of forces is all that moves: preparing the program takes longer than solving it
+    solved = least_forces(-matrix, -least, problem.delta_v_per_force, max_force, presolves=False)
+    if solved is None:
+        return Step(forces, 0.0, np.inf, np.zeros(len(least)))
+    forces[periods] = solved.forces.reshape(-1, 3)
     spent = float(np.abs(forces).sum() * problem.delta_v_per_force)
-    return Step(forces, spent, float(solved.x[2 * num_forces :].sum()), -solved.ineqlin.marginals)
+    return Step(forces, spent, solved.slack, solved.prices)
 
 
 def choose(best: Floats, needed: int, prices: Floats) -> NDArray[np.int64]:
@@ -157,14 +143,16 @@ def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constr
 
 
 def _rows(
-    problem: Problem, demands: Iterable[Constraint], periods: NDArray[np.int64]
+    problem: Problem, demands: Sequence[Constraint], periods: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Turn demands ``direction . position_k >= least`` into rows over the forces of some periods."""
-    matrix, least = [], []
-    for direction, k, bound in demands:
-        row = np.zeros((len(periods), 3))
-        before = periods[periods < k]
-        row[: len(before)] = direction @ problem.gain[k - before]
-        matrix.append(row.ravel())
-        least.append(bound - float(direction @ problem.free[k]))
-    return np.array(matrix), np.array(least)
+    directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
+    gain = problem.gain.transpose(1, 0, 2).reshape(3, -1)
+    # what a force leads to for each sample since; in parts, as a greater product wakes the threads of BLAS
+    parts = np.array_split(directions, len(directions) // ROWS_AT_ONCE + 1)
+    slopes = np.concatenate([part @ gain for part in parts]).reshape(len(demands), -1, 3)
+    # a force that is fired then, or later, leads to nothing
+    since = np.maximum(np.array(samples)[:, np.newaxis] - periods, 0)
+    matrix = slopes[np.arange(len(demands))[:, np.newaxis], since].reshape(len(demands), -1)
+    least = [bound - float(direction @ problem.free[k]) for direction, k, bound in demands]
+    return matrix, np.array(least)

@@ -1,8 +1,8 @@
 """The receding-horizon controller: solves repeatedly for the least fuel to a place on the ring.
 
 Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, set
-where a solution would break them. What is solved is a linear program (HiGHS, in SciPy) over the forces of the
-horizon,
+where a solution would break them. What is solved is a linear program (`pipeline.optimum.linear_program`)
+over the forces of the horizon,
 
 ``min sum |f| T/m  +  price of what is missed``, with ``|f| <= f_max``,
 
@@ -13,11 +13,9 @@ motion alone meets all that is asked, no force is the solution.
 """
 
 from dataclasses import dataclass
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, milp
 
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
@@ -25,24 +23,19 @@ from pipeline.controllers.planned.route import Routes
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.log import Scenario
 from pipeline.flight.world import pack_world
+from pipeline.optimum.linear_program import least_forces
 from pipeline.physics.motion import Reading, last_of, positions_of, read, repeated
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: m/s for a metre by which a demand is missed: many times what a metre costs
-PRICE_OF_SLACK = 0.05
 #: tangent planes are set where a solution comes nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 30.0, 40.0
 #: how often planes are set about a solution that leaves the limits, at most
 ROUNDS = 3
 #: by which a path may miss its margin before planes are set, m
 ROUGHNESS = 0.5
-#: one thread solves at a time: those that share Python's lock wait for one another longer than they solve
-ALONE = Lock()
-#: forces below this are rounding, N
-LEAST_FORCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -125,8 +118,7 @@ class RecedingHorizonPlanner:
         """Return the forces up to the next solution, shape (rows, 3), N, Hill axes; see `Planner`."""
         length = self.lengths[decision]
         horizon = self.horizons[length]
-        with ALONE:
-            solved = self.solve(horizon, state, self.wanted(scenario, decision + length))
+        solved = self.solve(horizon, state, self.wanted(scenario, decision + length))
         forces = np.zeros((self.solution_period, 3))
         is_next = horizon.periods < self.solution_period
         forces[horizon.periods[is_next]] = solved[is_next]
@@ -185,18 +177,5 @@ class RecedingHorizonPlanner:
 
     def _least(self, rows: Floats, most: Floats) -> Floats:
         """Return the forces of least fuel, flat, with ``rows forces <= most`` as far as can be."""
-        num_rows, num_forces = rows.shape
-        cost = np.r_[np.full(2 * num_forces, self.delta_v_per_force), np.full(num_rows, PRICE_OF_SLACK)]
-        upper = np.r_[np.full(2 * num_forces, self.max_force), np.full(num_rows, np.inf)]
-        # without whole numbers, `milp` is the shorter way to the solver that `linprog` calls
-        solved = milp(
-            cost,
-            constraints=LinearConstraint(np.hstack([rows, -rows, -np.eye(num_rows)]), -np.inf, most),
-            bounds=Bounds(0.0, upper),
-        )
-        # slacks make it feasible and costs bounded, so that only a numerical failure leaves no solution
-        if solved.x is None:
-            return np.zeros(num_forces)
-        forces: Floats = solved.x[:num_forces] - solved.x[num_forces : 2 * num_forces]
-        forces[np.abs(forces) < LEAST_FORCE] = 0.0
-        return forces
+        solved = least_forces(rows, most, self.delta_v_per_force, self.max_force, presolves=True)
+        return np.zeros(rows.shape[1]) if solved is None else solved.forces

@@ -172,3 +172,8 @@ def test_under_several_layers_what_is_known_alike_is_planned_once() -> None:
         expected = fly_all(mission, again, STARTS[:2], 1)
         np.testing.assert_array_equal(found.delta_v_m_s, expected.delta_v_m_s)
         np.testing.assert_array_equal(found.inspected_count, expected.inspected_count)
+
+
+def test_where_no_solution_is_found_nothing_is_fired(plans):
+    plan_for, _ = plans
+    assert plan_for._least(np.ones((2, 3)), np.array([-1.0, np.nan])).tolist() == [0.0, 0.0, 0.0]
