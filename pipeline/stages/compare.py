@@ -1,6 +1,5 @@
 """Fly several controllers from the same starts, under several Suns and safety layers: compare/."""
 
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -117,8 +116,8 @@ class _Flights:
 def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
     """Fly the controllers of all lots; rows in their order.
 
-    Those that plan again and again, in Python, keep one processor busy, whatever the number of threads; the
-    others are flown meanwhile on the processors that are left.
+    Those that plan again and again, half of the time in Python, keep less than two processors busy, whatever
+    the number of threads: compiled ones are flown meanwhile.
     """
     compare = lots[0].experiment.compare
     rows_of_lot = len(compare.controllers) * len(compare.safety)
@@ -129,11 +128,9 @@ def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
             for lot in lots:
                 controllers = [named(name, lot.experiment.mission) for name in compare.controllers]
                 plans = [one.planner is not None and len(one.planner.decisions) > 1 for one in controllers]
-                workers = lot.experiment.monte_carlo.workers or os.cpu_count() or 1
-                left = max(1, workers - any(plans))
                 futures.append(
                     [
-                        (planning if is_planned else others).submit(_rows, lot, name, one, left, flights)
+                        (planning if is_planned else others).submit(_rows, lot, name, one, flights)
                         for name, one, is_planned in zip(compare.controllers, controllers, plans, strict=True)
                     ]
                 )
@@ -144,10 +141,10 @@ def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
                 pool.shutdown(cancel_futures=True)
 
 
-def _rows(lot: Lot, name: str, controller: Controller, workers: int, flights: _Flights) -> list[Row]:
+def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> list[Row]:
     """Fly one controller under all layers."""
     experiment, controller = lot.experiment, remembering(controller)
-    rows = []
+    workers, rows = experiment.monte_carlo.workers, []
     for layer in experiment.compare.safety:
         mission = guarded(experiment.mission, layer)
         label = ", ".join(filter(None, [name, lot.world, f"Sun {experiment.sun.mode}", f"safety {layer}"]))
@@ -186,7 +183,7 @@ def _fly_cases(
     mission: Mission,
     controller: Controller,
     scenarios: list[Scenario],
-    workers: int,
+    workers: int | None,
     label: str,
     flights: _Flights,
 ) -> dict[str, Column]:
