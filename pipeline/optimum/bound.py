@@ -20,7 +20,7 @@ Distance limits, camera, what a mesh hides and the greatest force are dropped, s
 any of them. It is no estimate: it says what is impossible, and may be far below what is possible.
 """
 
-from math import cos, inf, pi, sin
+from math import inf, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,23 +170,30 @@ def price_pair(
         Directions to try, rad.
     ceiling : float
     """
-    least = ceiling
+    least, place = ceiling, 0
+    cosines, sines = np.cos(weights), np.sin(weights)
     for k in range(len(one_costs)):
         if one_costs[k] >= least:
             continue
         for m in range(len(other_costs)):
             cost = max(one_costs[k], other_costs[m])
-            for angle in weights:
+            # in any order: the direction that told enough of the last samples is likely to of these
+            for _ in range(len(weights)):
                 if cost >= least:
                     break
-                u, w = cos(angle), sin(angle)
+                u, w = cosines[place], sines[place]
                 asked = u * one_missing[k] + w * other_missing[m]
                 steepest = 0.0
                 for i in range(max(k, m) if asked > 0.0 else 0):
                     for axis in range(3):
                         slope = u * one_slopes[k, i, axis] + w * other_slopes[m, i, axis]
                         steepest = max(steepest, abs(slope))
+                    # what moves it more can only make it take less
+                    if steepest > 0.0 and asked / steepest <= cost:
+                        break
                 if steepest > 0.0:
                     cost = max(cost, asked / steepest)
+                if cost < least:
+                    place = (place + 1) % len(weights)
             least = min(least, cost)
     return least
