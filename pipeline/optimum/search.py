@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.vectors import least, load, most, store
 from pipeline.optimum.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -24,6 +25,44 @@ LATEST = 0.75
 PERSONS_PER_GENE, GENERATIONS = 8, 100
 #: of a point that is never lit while the camera is at work, m
 NEVER = -1e3
+#: plans that are priced side by side
+PLANS = 16
+
+
+@compiled(error_model="numpy")
+def lead_along(genes: Floats, num_burns: int, free: Floats, effects: Floats, path: Floats) -> float:
+    """Write the positions that a plan leads through, one after the other; return the sum of its forces, N.
+
+    Parameters
+    ----------
+    genes : (4 num_burns - 1,)
+        The plan.
+    num_burns : int
+    free, path : (3K+3,)
+        Positions without force and with it, m.
+    effects : (3, 3K+3)
+        What 1 N along each axis adds from the sample on at which it is fired, m/N.
+    """
+    path[:] = free
+    spent = 0.0
+    for burn in range(num_burns):
+        begin = 0 if burn == 0 else int(genes[3 * num_burns + burn - 1])
+        f, g, h = genes[3 * burn], genes[3 * burn + 1], genes[3 * burn + 2]
+        spent = spent + abs(f) + abs(g) + abs(h)
+        after = path[3 * begin :]
+        for i in range(len(after)):
+            after[i] = after[i] + effects[0, i] * f + effects[1, i] * g + effects[2, i] * h
+    return spent
+
+
+@compiled(error_model="numpy")
+def missed(best: Floats, needed: int) -> float:
+    """Return by how much so many points fall short, those that come nearest, in all, m."""
+    short = 0.0
+    shortfalls = np.sort(-best)
+    for j in range(needed):
+        short += max(0.0, shortfalls[j])
+    return short
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -59,43 +98,37 @@ def price_burns(
     costs : (n,)
         Filled.
     """
-    num_samples, num_points = len(free), normals.shape[2]
-    path, best = np.empty((num_samples, 3)), np.empty(num_points)
+    num_samples, num_points, num_plans = len(free), normals.shape[2], genes.shape[1]
+    starts, effects = free.ravel(), np.ascontiguousarray(gain.transpose(2, 0, 1)).reshape(3, -1)
+    path, spent, outside = np.empty(3 * num_samples), np.empty(PLANS), np.empty(PLANS)
+    places, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
     is_flat = cos_incidence == 0.0 and max_range == np.inf
-    for plan in range(genes.shape[1]):
-        path[:] = free
-        spent = 0.0
-        for burn in range(num_burns):
-            begin = 0 if burn == 0 else int(genes[3 * num_burns + burn - 1, plan])
-            for axis in range(3):
-                force = genes[3 * burn + axis, plan]
-                spent += abs(force)
-                for k in range(begin + 1, num_samples):
-                    for row in range(3):
-                        path[k, row] += gain[k - begin, row, axis] * force
-        best[:] = NEVER
-        outside = 0.0
+    for first in range(0, num_plans, PLANS):
+        for lane in range(PLANS):
+            # lanes that are left over repeat the last plan
+            plan = min(first + lane, num_plans - 1)
+            spent[lane] = lead_along(genes[:, plan], num_burns, starts, effects, path)
+            places[:, :, lane] = path.reshape(-1, 3)
+        best[:], outside[:] = NEVER, 0.0
         for k in range(num_samples):
-            x, y, z = path[k, 0], path[k, 1], path[k, 2]
+            x, y = load(places, (k, 0, 0), PLANS), load(places, (k, 1, 0), PLANS)
+            z = load(places, (k, 2, 0), PLANS)
             distance = np.sqrt(x * x + y * y + z * z)
             if k > 0:
-                outside = max(outside, limits[0] - distance, distance - limits[1])
-            beyond = distance - sight[k]
-            if beyond < NEVER:
-                continue
-            for j in range(num_points):
-                height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
-                if not is_flat and is_lit[k, j]:
-                    dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
-                    apart = np.sqrt(dx * dx + dy * dy + dz * dz)
-                    height = min(height - cos_incidence * apart, max_range - apart)
-                seen = min(height, beyond) if is_lit[k, j] else NEVER
-                best[j] = max(best[j], seen)
-        short = 0.0
-        shortfalls = np.sort(-best)
-        for j in range(needed):
-            short += max(0.0, shortfalls[j])
-        costs[plan] = spent * delta_v_per_force + PRICE_OF_HEIGHT * short + PRICE_OF_DISTANCE * outside
+                beyond = most(limits[0] - distance, distance - limits[1])
+                store(outside, 0, most(beyond, load(outside, 0, PLANS)))
+            room = distance - sight[k]
+            for j in range(num_points if sight[k] < np.inf else 0):
+                if is_lit[k, j]:
+                    height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
+                    if not is_flat:
+                        dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
+                        apart = np.sqrt(dx * dx + dy * dy + dz * dz)
+                        height = least(height - cos_incidence * apart, max_range - apart)
+                    store(best, (j, 0), most(least(height, room), load(best, (j, 0), PLANS)))
+        for lane in range(min(PLANS, num_plans - first)):
+            cost = spent[lane] * delta_v_per_force + PRICE_OF_HEIGHT * missed(best[:, lane], needed)
+            costs[first + lane] = cost + PRICE_OF_DISTANCE * outside[lane]
 
 
 def search(problem: Problem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:

@@ -9,7 +9,7 @@ from pipeline.flight.starts import evaluation_scenarios
 from pipeline.optimum.plan import solve
 from pipeline.optimum.polish import _rows
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
-from pipeline.optimum.search import NEVER, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT, price_burns
+from pipeline.optimum.search import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT, price_burns
 from tests.pipeline.optimum.cases import composed, problem, random_forces
 
 
@@ -90,24 +90,11 @@ def test_a_camera_that_looks_away_sees_nothing():
     assert margins_along(case, case.free)[0].max() == -np.inf
 
 
-@pytest.mark.parametrize("world", [(), STRICT])
-def test_the_search_pays_for_what_is_spent_short_and_outside(world):
-    # what blinds the camera is left to the polishing
-    case = replace(problem(0, *world), most_sunward=np.inf)
-    burns = np.array([[0.2, -0.1, 0.05], [0.0, 0.3, -0.2]])
-    forces = np.zeros((case.num_controls, 3))
-    forces[0], forces[40] = burns
-    path = path_of(case, forces)
-    best = np.maximum(margins_along(case, path).max(axis=0), NEVER)
-    distances = np.linalg.norm(path[1:], axis=1)
-    short = np.sort(np.maximum(0.0, -best))[:95].sum()
-    outside = max(0.0, distances.max() - 120.0, 60.0 - distances.min())
-    assert short > 0
-    assert outside > 0
-    spent = np.abs(burns).sum() * 10.0 / 12.0
-    costs = np.empty(1)
+def priced(case, genes):
+    """The costs of plans of two burns, one a column, with 95 points to be seen and limits of 60 and 120 m."""
+    costs = np.empty(genes.shape[1])
     price_burns(
-        np.array([[*burns[0], *burns[1], 40.7]]).T.copy(),
+        genes,
         2,
         95,
         case.free,
@@ -123,8 +110,32 @@ def test_the_search_pays_for_what_is_spent_short_and_outside(world):
         case.delta_v_per_force,
         costs,
     )
+    return costs
+
+
+@pytest.mark.parametrize("world", [(), STRICT])
+def test_the_search_pays_for_what_is_spent_short_and_outside(world):
+    # what blinds the camera is left to the polishing
+    case = replace(problem(0, *world), most_sunward=np.inf)
+    burns = np.array([[0.2, -0.1, 0.05], [0.0, 0.3, -0.2]])
+    forces = np.zeros((case.num_controls, 3))
+    forces[0], forces[40] = burns
+    path = path_of(case, forces)
+    best = np.maximum(margins_along(case, path).max(axis=0), NEVER)
+    distances = np.linalg.norm(path[1:], axis=1)
+    short = np.sort(np.maximum(0.0, -best))[:95].sum()
+    outside = max(0.0, distances.max() - 120.0, 60.0 - distances.min())
+    assert short > 0
+    assert outside > 0
+    spent = np.abs(burns).sum() * 10.0 / 12.0
+    genes = np.array([*burns[0], *burns[1], 40.7])
+    # more plans than are priced side by side: some that burn less, and later
+    many = np.array([[*(genes[:6] / (1 + i)), 40.7 + 3 * i] for i in range(PLANS + 2)]).T.copy()
+    costs = priced(case, many)
     expected = spent + PRICE_OF_HEIGHT * short + PRICE_OF_DISTANCE * outside
     assert costs[0] == pytest.approx(expected, rel=1e-9)
+    for place in (1, PLANS - 1, PLANS, PLANS + 1):
+        assert costs[place] == priced(case, many[:, place : place + 1].copy())[0] != costs[0]
 
 
 def test_rows_are_the_slopes_of_what_is_demanded():
