@@ -1,11 +1,13 @@
 """``python -m pipeline``."""
 
+import atexit
 import gc
 import sys
 
 
 def main() -> int:
     """Load the program and run its command line; return the exit code."""
+    atexit.register(gc.freeze)  # nothing need be taken apart in the end, which takes a fifth of a second
     # what is loaded stays to the end; looking through it for garbage takes a sixth of the start
     gc.disable()
     try:
