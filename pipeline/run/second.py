@@ -4,6 +4,7 @@ Functions with their arguments, and what they return, go as pickles through pipe
 It is no copy of the first process, whose threads and compiled code a copy might not survive.
 """
 
+import gc
 import os
 import pickle
 import signal
@@ -71,6 +72,7 @@ def _shared(
 def serve() -> None:
     """Be the second process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first is interrupted, and ends this one
+    gc.disable()  # it lives for a moment
     with ThreadPoolExecutor(1) as reading:
         given = reading.submit(sys.stdin.buffer.read)  # a pipe holds little: nobody is to wait for the import
         import_module(sys.argv[1])
