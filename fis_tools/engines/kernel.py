@@ -26,6 +26,7 @@ from fis_tools.engines.packing import (
     MAX_TERMS,
     MAXIMUM,
     MINIMUM,
+    PIECE,
     STEP,
     STEPS_A_UNIT,
     WIDTH_OF_STEP,
@@ -124,10 +125,28 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
+def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratch: Any) -> int:
+    """Return how many terms, the highest first, tell the aggregated height in a piece of the grid.
+
+    As soon as they come to more everywhere in it than the next one anywhere, the others are hidden.
+    """
+    width = width_of(scratch)
+    terms = system.output_terms
+    bounds, ranks = system.pieces + 2 * terms * piece, system.ranks + terms * piece
+    floor = splat(0.0, width)
+    rank = 0
+    while rank == 0 or (rank < terms and some(floor < values[bounds + 2 * rank])):
+        cut = load(scratch.cuts, rules[ranks + rank], width)
+        floor = most(least(cut, values[bounds + 2 * rank + 1]), floor)
+        rank += 1
+    return rank
+
+
+@compiled(error_model="numpy", forceinline=True)
 def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the sum of the aggregated heights on the grid, and area and moment below the lines between them.
 
-    The moment is about the centre of the universe. Terms that are zero at a point are left out there.
+    The moment is about the centre of the universe. Write the heights.
     """
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
@@ -135,15 +154,21 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
     middle = 0.5 * (points - 1)
     total, moment = splat(0.0, width), splat(0.0, width)
     first, last = total, total
-    for point in range(points):
-        height = splat(0.0, width)
-        for term in range(rules[system.reach + 2 * point], rules[system.reach + 2 * point + 1]):
-            membership = spread(values, by_point + terms * point + term, width)
-            height = most(least(membership, load(scratch.cuts, term, width)), height)
-        first = height if point == 0 else first
-        last = height
-        total += height
-        moment += height * (point - middle)
+    for piece in range(-(-points // PIECE)):
+        num_ranks = count_ranks(values, rules, piece, system, scratch)
+        ranks = system.ranks + terms * piece
+        for point in range(PIECE * piece, min(PIECE * (piece + 1), points)):
+            row = by_point + terms * point
+            term = rules[ranks]
+            height = least(spread(values, row + term, width), load(scratch.cuts, term, width))
+            for rank in range(1, num_ranks):
+                term = rules[ranks + rank]
+                cut = load(scratch.cuts, term, width)
+                height = most(least(spread(values, row + term, width), cut), height)
+            first = height if point == 0 else first
+            last = height
+            total += height
+            moment += height * (point - middle)
     area = total - 0.5 * (first + last)
     return total, area, moment - middle * (0.5 * (last - first)) + (first - last) / 6.0
 
@@ -215,13 +240,14 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
         peak = rules[system.rules + term]
         for side, direction in enumerate((1, -1)):  # the rising flank, then the falling one
             climb = peak if side == 0 else points - 1 - peak
-            below = points_below(values, row + side * (points - 1), direction, climb, cut, scratch)
-            segment = side * (points - 2) + direction * (below - 1.0)
-            crosses = (below > 0.0) & (cut <= values[row + peak])
-            if some(crosses):
-                store(scratch.segments, found, select(crosses, segment, -1.0))
-                scratch.cut_terms[found] = term
-                found += 1
+            if climb > 0:
+                below = points_below(values, row + side * (points - 1), direction, climb, cut, scratch)
+                segment = side * (points - 2) + direction * (below - 1.0)
+                crosses = (below > 0.0) & (cut <= values[row + peak])
+                if some(crosses):
+                    store(scratch.segments, found, select(crosses, segment, -1.0))
+                    scratch.cut_terms[found] = term
+                    found += 1
     return found
 
 
