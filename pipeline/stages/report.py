@@ -20,7 +20,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     pipeline.run.artifacts.ArtifactError
         If a file of the run is there and cannot be read.
     """
-    with second_process("pipeline.report.pictures") as share:
+    with second_process("pipeline.report.figures.side_by_side") as share:  # with all that figures load
         _write(experiment, folder, share)
 
 
