@@ -7,7 +7,7 @@ import sys
 
 def main() -> int:
     """Load the program and run its command line; return the exit code."""
-    atexit.register(gc.freeze)  # nothing need be taken apart in the end, which takes a fifth of a second
+    atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
     # what is loaded stays to the end; looking through it for garbage takes a sixth of the start
     gc.disable()
     try:
