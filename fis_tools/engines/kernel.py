@@ -64,8 +64,7 @@ LANES, FEW_LANES = 16, 8
 #: and what comes out.
 SCRATCH: Rows = {
     "memberships": (ANY + 1,),
-    "here": (MAX_TERMS,),
-    "there": (MAX_TERMS,),
+    "ends": (2 * MAX_TERMS,),
     "cuts": (MAX_TERMS,),
     "segments": (2 * MAX_TERMS,),
     "fractions": (2 * MAX_TERMS,),
@@ -79,11 +78,10 @@ SCRATCH: Rows = {
 
 @compiled(error_model="numpy", forceinline=True)
 def gather_terms(values: Floats, by_point: int, segment: Vector, terms: int, scratch: Any) -> None:
-    """Write the memberships in all terms at the left and at the right end of a segment of a universe."""
-    for first in range(0, terms, ROW):
-        at, count = by_point + first, min(ROW, terms - first)
-        gather_rows(values, at, segment * terms, count, scratch.here[first:])
-        gather_rows(values, at + terms, segment * terms, count, scratch.there[first:])
+    """Write the memberships in all terms at the left end of a segment of a universe, then at its right."""
+    for first in range(0, 2 * terms, ROW):
+        count = min(ROW, 2 * terms - first)
+        gather_rows(values, by_point + first, segment * terms, count, scratch.ends[first:])
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -100,7 +98,7 @@ def fuzzify(values: Floats, system: Any, scratch: Any) -> None:
         fraction = (x - (minimum + left * values[at + STEP])) * values[at + STEPS_A_UNIT]
         gather_terms(values, at + HEADER, left, terms, scratch)
         for term in range(terms):
-            here, there = load(scratch.here, term, width), load(scratch.there, term, width)
+            here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
             store(scratch.memberships, slot, here + fraction * (there - here))
             slot += 1
 
@@ -185,10 +183,10 @@ def points_below(
     below = splat(0.0, width)
     for point in range(ROW - 1, num_points, ROW):
         below = select(spread(values, foot + direction * point, width) < cut, point + 1.0, below)
-    gather_rows(values, foot if direction > 0 else foot - ROW + 1, direction * below, ROW, scratch.here)
+    gather_rows(values, foot if direction > 0 else foot - ROW + 1, direction * below, ROW, scratch.ends)
     is_below = below >= 0.0
     for point in range(ROW):
-        is_below &= load(scratch.here, point if direction > 0 else ROW - 1 - point, width) < cut
+        is_below &= load(scratch.ends, point if direction > 0 else ROW - 1 - point, width) < cut
         below += select(is_below, 1.0, 0.0)
     return below
 
@@ -200,7 +198,7 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
     left, inside, right = splat(0.0, width), splat(0.0, width), splat(0.0, width)
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
-        here, there = load(scratch.here, term, width), load(scratch.there, term, width)
+        here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
         left = most(least(here, cut), left)
         inside = most(least(here + fraction * (there - here), cut), inside)
         right = most(least(there, cut), right)
@@ -266,8 +264,8 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
         crosses = segment >= 0.0
         segment = most(segment, 0.0)
         gather_terms(values, by_point, segment, terms, scratch)
-        own = load(scratch.here, term, width)
-        rise = select(crosses, load(scratch.there, term, width) - own, 1.0)
+        own = load(scratch.ends, term, width)
+        rise = select(crosses, load(scratch.ends, terms + term, width) - own, 1.0)
         fraction = select(crosses, (load(scratch.cuts, term, width) - own) / rise, 0.0)
         left, height, right = heights_in(terms, fraction, scratch)
         store(scratch.fractions, flank, fraction)
