@@ -259,7 +259,7 @@ class Report:
 class Experiment:
     """Everything a run depends on.
 
-    Parameters
+    Attributes
     ----------
     name : str
         Names the run's folder.
