@@ -185,8 +185,8 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     term_of = terms.astype(np.int64)
     num_terms = len(match.compiled.system.outputs[match.place].terms)
     sample, rule = np.nonzero(match.plays)
-    counts = np.zeros((len(match.plays), num_terms), np.int64)
-    np.add.at(counts, (sample, term_of[rule]), 1)
+    counts = np.bincount(num_terms * sample + term_of[rule], minlength=num_terms * len(match.plays))
+    counts = counts.reshape(-1, num_terms)
     # blocks with fewer players first, so that structures are met again
     rank = np.argsort(np.argsort(counts, axis=1, kind="stable"), axis=1)
     block, heights = rank[sample, term_of[rule]], (match.firing * weights)[sample, rule]
@@ -195,7 +195,7 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     is_next = (np.diff(block, prepend=-1) != 0) | (np.diff(sample, prepend=-1) != 0)
     is_lower = is_next | (np.diff(heights, prepend=-1.0) != 0.0)
     pattern = 2 * block + is_lower
-    ends = np.cumsum(counts.sum(axis=1))
+    ends = np.cumsum(np.count_nonzero(match.plays, axis=1))
     met: dict[bytes, list[int]] = {}
     for number, (start, end) in enumerate(pairwise([0, *ends.tolist()])):
         if end > start:

@@ -53,7 +53,7 @@ class Subsets:
             self._packed.layout,
             self._always[samples],
             self._terms[rules],
-            np.take_along_axis(self._firing[samples], rules, axis=1),
+            self._firing[samples[:, np.newaxis], rules],
             members,
             self._scratch,
             out,

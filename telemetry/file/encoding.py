@@ -16,23 +16,20 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from numpy.typing import NDArray
 
-#: how values of a fixed size are written
-_FIXED: Final[Mapping[int, np.dtype[Any]]] = {
+#: in what size numbers of a type are written, or, for None, seven bits at a time
+_SIZES: Final[Mapping[int, np.dtype[Any] | None]] = {
     FieldDescriptor.TYPE_DOUBLE: np.dtype("<f8"),
     FieldDescriptor.TYPE_FLOAT: np.dtype("<f4"),
     FieldDescriptor.TYPE_FIXED64: np.dtype("<u8"),
     FieldDescriptor.TYPE_FIXED32: np.dtype("<u4"),
     FieldDescriptor.TYPE_BYTES: np.dtype("u1"),
+    FieldDescriptor.TYPE_INT64: None,
+    FieldDescriptor.TYPE_INT32: None,
+    FieldDescriptor.TYPE_UINT64: None,
+    FieldDescriptor.TYPE_UINT32: None,
+    FieldDescriptor.TYPE_BOOL: None,
+    FieldDescriptor.TYPE_ENUM: None,
 }
-#: types that are written seven bits at a time
-_SEVENS: Final = (
-    FieldDescriptor.TYPE_INT64,
-    FieldDescriptor.TYPE_INT32,
-    FieldDescriptor.TYPE_UINT64,
-    FieldDescriptor.TYPE_UINT32,
-    FieldDescriptor.TYPE_BOOL,
-    FieldDescriptor.TYPE_ENUM,
-)
 #: what a tag says of a value: seven bits at a time, a length before it, or one of these sizes
 _BY_SEVENS, _BY_LENGTH, _BY_SIZE = 0, 2, {8: 1, 4: 5}
 #: every byte of every row
@@ -56,9 +53,10 @@ class _Rows(NamedTuple):
 
     def only(self, is_set: NDArray[np.bool_]) -> Self:
         """Return the same with nothing where a field, (n,), is not set."""
-        return self._replace(
-            is_written=self.is_written & is_set[:, np.newaxis], lengths=self.lengths * is_set
-        )
+        if is_set.all():
+            return self
+        is_written = self.is_written & is_set[:, np.newaxis]
+        return self._replace(is_written=is_written, lengths=self.lengths * is_set)
 
 
 def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> list[bytes]:
@@ -107,42 +105,57 @@ def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Rows]:
     if isinstance(value, Mapping):
         assert field.message_type is not None  # noqa: S101 - mappings are for messages inside
         inside = _message(field.message_type, value, count)
-        yield from (_tag(field.number, _BY_LENGTH), _by_sevens(_length(inside)), *inside)
+        yield from (*_before(field.number, _length(inside)), *inside)
         return
     if not isinstance(value, np.ndarray):
         assert field.containing_type is not None  # noqa: S101 - it is no extension
         yield _alike(GetMessageClass(field.containing_type)(**{field.name: value}).SerializeToString())
         return
-    content = _content(field, value.reshape(count, math.prod(value.shape[1:])))
+    values = value.reshape(count, math.prod(value.shape[1:]))
+    dtype = _SIZES[field.type]
+    content = _by_sevens(values) if dtype is None else _of_size(values, dtype)
     if field.is_repeated or field.type == FieldDescriptor.TYPE_BYTES:
         if content.lengths.any():
-            yield from (_tag(field.number, _BY_LENGTH), _by_sevens(content.lengths), content)
+            yield from (*_before(field.number, content.lengths), content)
         return
-    way = _BY_SIZE[_FIXED[field.type].itemsize] if field.type in _FIXED else _BY_SEVENS
-    is_set = np.asarray(~np.isnan(value) if field.has_presence else content.content.any(axis=1))
-    yield from (_tag(field.number, way).only(is_set), content.only(is_set))
+    if field.has_presence:
+        is_set = ~np.isnan(values[:, 0])
+    else:
+        # bit by bit, for a negative zero is written
+        is_set = (values if dtype is None else content.content.view(f"u{dtype.itemsize}"))[:, 0] != 0
+    tag = _tag(field.number, _BY_SEVENS if dtype is None else _BY_SIZE[dtype.itemsize])
+    yield from (tag.only(is_set), content.only(is_set))
 
 
-def _content(field: FieldDescriptor, values: NDArray[Any]) -> _Rows:
-    if field.type in _SEVENS:
-        return _by_sevens(values)
-    content = np.ascontiguousarray(values, _FIXED[field.type]).view(np.uint8)
-    return _Rows(content, _ALL, np.array([content.shape[1]]))
+def _before(number: int, lengths: NDArray[np.int64]) -> Iterator[_Rows]:
+    """Yield tag and length of what has a length."""
+    if len(lengths) == 1:
+        yield _tag(number, _BY_LENGTH, int(lengths[0]))
+    else:
+        yield from (_tag(number, _BY_LENGTH), _by_sevens(lengths))
 
 
 @cache
-def _tag(number: int, way: int) -> _Rows:
-    return _by_sevens(np.array([number << 3 | way]))
+def _tag(number: int, way: int, *length: int) -> _Rows:
+    return _by_sevens(np.array([[number << 3 | way, *length]]))
 
 
 def _alike(content: bytes) -> _Rows:
     return _Rows(np.frombuffer(content, np.uint8)[np.newaxis], _ALL, np.array([len(content)]))
 
 
+def _of_size(values: NDArray[Any], dtype: np.dtype[Any]) -> _Rows:
+    """Write numbers, (n, k), of a fixed size."""
+    content = np.ascontiguousarray(values, dtype).view(np.uint8)
+    return _Rows(content, _ALL, np.array([content.shape[1]]))
+
+
 def _by_sevens(values: NDArray[Any]) -> _Rows:
     """Write integers, (n,) or (n, k), seven bits at a time, the least first; an eighth says if more come."""
     whole = values.astype(np.int64).reshape(len(values), -1, 1).view(np.uint64)
     most = max(1, -(-int(whole.max(initial=0)).bit_length() // 7))
+    if most == 1:
+        return _Rows(whole[:, :, 0].astype(np.uint8), _ALL, np.array([whole.shape[1]]))
     sevens = whole >> np.arange(0, 7 * most, 7, dtype=np.uint64)
     is_written = sevens > 0
     is_written[:, :, 0] = True

@@ -32,7 +32,7 @@ POINT_DTYPE: Final = np.dtype(
 )
 
 #: the same bytes, as they are written
-_PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
+_PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "<u4")])
 
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
 
@@ -130,7 +130,7 @@ def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> NDArra
         )
     clouds = np.empty((count, len(points)), dtype=_PACKED_DTYPE)
     clouds["position"] = points
-    clouds["colour"] = topics.POINT_COLOURS_RGBA[state.reshape(count, len(points))]
+    clouds["colour"] = topics.POINT_COLOURS_RGBA.view("<u4")[state.reshape(count, len(points)), 0]
     return clouds.view(np.uint8)
 
 

@@ -34,15 +34,15 @@ class Waiting:
         RecordingError
             If one is earlier than the one before it, or than those that have been given.
         """
-        times = batch.time_ns.tolist()
-        for before, after in pairwise([self._given_until_ns, *times]):
-            if after < before:
-                raise RecordingError(
-                    f"a record of {after / NANOSECONDS} s follows one of {before / NANOSECONDS} s, but "
-                    "recordings are in order of time; write the records of a sample together"
-                )
+        times = [self._given_until_ns, *batch.time_ns.tolist()]
+        if times != sorted(times):
+            before, after = next(pair for pair in pairwise(times) if pair[1] < pair[0])
+            raise RecordingError(
+                f"a record of {after / NANOSECONDS} s follows one of {before / NANOSECONDS} s, but "
+                "recordings are in order of time; write the records of a sample together"
+            )
         self._batches.append(batch)
-        self._samples.update(times)
+        self._samples.update(times[1:])
 
     def give(self, until_ns: int | None = None) -> Iterator[Messages]:
         """Yield chunks of all messages up to a time, by default all; those of one time as they came."""
