@@ -26,6 +26,7 @@ from fis_tools.engines.packing import (
     MAX_TERMS,
     MAXIMUM,
     MINIMUM,
+    PIECE,
     STEP,
     STEPS_A_UNIT,
     WIDTH_OF_STEP,
@@ -63,8 +64,7 @@ LANES, FEW_LANES = 16, 8
 #: and what comes out.
 SCRATCH: Rows = {
     "memberships": (ANY + 1,),
-    "here": (MAX_TERMS,),
-    "there": (MAX_TERMS,),
+    "ends": (2 * MAX_TERMS,),
     "cuts": (MAX_TERMS,),
     "segments": (2 * MAX_TERMS,),
     "fractions": (2 * MAX_TERMS,),
@@ -78,11 +78,10 @@ SCRATCH: Rows = {
 
 @compiled(error_model="numpy", forceinline=True)
 def gather_terms(values: Floats, by_point: int, segment: Vector, terms: int, scratch: Any) -> None:
-    """Write the memberships in all terms at the left and at the right end of a segment of a universe."""
-    for first in range(0, terms, ROW):
-        at, count = by_point + first, min(ROW, terms - first)
-        gather_rows(values, at, segment * terms, count, scratch.here[first:])
-        gather_rows(values, at + terms, segment * terms, count, scratch.there[first:])
+    """Write the memberships in all terms at the left end of a segment of a universe, then at its right."""
+    for first in range(0, 2 * terms, ROW):
+        count = min(ROW, 2 * terms - first)
+        gather_rows(values, by_point + first, segment * terms, count, scratch.ends[first:])
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -99,7 +98,7 @@ def fuzzify(values: Floats, system: Any, scratch: Any) -> None:
         fraction = (x - (minimum + left * values[at + STEP])) * values[at + STEPS_A_UNIT]
         gather_terms(values, at + HEADER, left, terms, scratch)
         for term in range(terms):
-            here, there = load(scratch.here, term, width), load(scratch.there, term, width)
+            here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
             store(scratch.memberships, slot, here + fraction * (there - here))
             slot += 1
 
@@ -124,10 +123,28 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
+def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratch: Any) -> int:
+    """Return how many terms, the highest first, tell the aggregated height in a piece of the grid.
+
+    As soon as they come to more everywhere in it than the next one anywhere, the others are hidden.
+    """
+    width = width_of(scratch)
+    terms = system.output_terms
+    bounds, ranks = system.pieces + 2 * terms * piece, system.ranks + terms * piece
+    floor = splat(0.0, width)
+    rank = 0
+    while rank == 0 or (rank < terms and some(floor < values[bounds + 2 * rank])):
+        cut = load(scratch.cuts, rules[ranks + rank], width)
+        floor = most(least(cut, values[bounds + 2 * rank + 1]), floor)
+        rank += 1
+    return rank
+
+
+@compiled(error_model="numpy", forceinline=True)
 def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the sum of the aggregated heights on the grid, and area and moment below the lines between them.
 
-    The moment is about the centre of the universe. Terms that are zero at a point are left out there.
+    The moment is about the centre of the universe. Write the heights.
     """
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
@@ -135,15 +152,21 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
     middle = 0.5 * (points - 1)
     total, moment = splat(0.0, width), splat(0.0, width)
     first, last = total, total
-    for point in range(points):
-        height = splat(0.0, width)
-        for term in range(rules[system.reach + 2 * point], rules[system.reach + 2 * point + 1]):
-            membership = spread(values, by_point + terms * point + term, width)
-            height = most(least(membership, load(scratch.cuts, term, width)), height)
-        first = height if point == 0 else first
-        last = height
-        total += height
-        moment += height * (point - middle)
+    for piece in range(-(-points // PIECE)):
+        num_ranks = count_ranks(values, rules, piece, system, scratch)
+        ranks = system.ranks + terms * piece
+        for point in range(PIECE * piece, min(PIECE * (piece + 1), points)):
+            row = by_point + terms * point
+            term = rules[ranks]
+            height = least(spread(values, row + term, width), load(scratch.cuts, term, width))
+            for rank in range(1, num_ranks):
+                term = rules[ranks + rank]
+                cut = load(scratch.cuts, term, width)
+                height = most(least(spread(values, row + term, width), cut), height)
+            first = height if point == 0 else first
+            last = height
+            total += height
+            moment += height * (point - middle)
     area = total - 0.5 * (first + last)
     return total, area, moment - middle * (0.5 * (last - first)) + (first - last) / 6.0
 
@@ -160,10 +183,10 @@ def points_below(
     below = splat(0.0, width)
     for point in range(ROW - 1, num_points, ROW):
         below = select(spread(values, foot + direction * point, width) < cut, point + 1.0, below)
-    gather_rows(values, foot if direction > 0 else foot - ROW + 1, direction * below, ROW, scratch.here)
+    gather_rows(values, foot if direction > 0 else foot - ROW + 1, direction * below, ROW, scratch.ends)
     is_below = below >= 0.0
     for point in range(ROW):
-        is_below &= load(scratch.here, point if direction > 0 else ROW - 1 - point, width) < cut
+        is_below &= load(scratch.ends, point if direction > 0 else ROW - 1 - point, width) < cut
         below += select(is_below, 1.0, 0.0)
     return below
 
@@ -175,7 +198,7 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
     left, inside, right = splat(0.0, width), splat(0.0, width), splat(0.0, width)
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
-        here, there = load(scratch.here, term, width), load(scratch.there, term, width)
+        here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
         left = most(least(here, cut), left)
         inside = most(least(here + fraction * (there - here), cut), inside)
         right = most(least(there, cut), right)
@@ -215,13 +238,14 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
         peak = rules[system.rules + term]
         for side, direction in enumerate((1, -1)):  # the rising flank, then the falling one
             climb = peak if side == 0 else points - 1 - peak
-            below = points_below(values, row + side * (points - 1), direction, climb, cut, scratch)
-            segment = side * (points - 2) + direction * (below - 1.0)
-            crosses = (below > 0.0) & (cut <= values[row + peak])
-            if some(crosses):
-                store(scratch.segments, found, select(crosses, segment, -1.0))
-                scratch.cut_terms[found] = term
-                found += 1
+            if climb > 0:
+                below = points_below(values, row + side * (points - 1), direction, climb, cut, scratch)
+                segment = side * (points - 2) + direction * (below - 1.0)
+                crosses = (below > 0.0) & (cut <= values[row + peak])
+                if some(crosses):
+                    store(scratch.segments, found, select(crosses, segment, -1.0))
+                    scratch.cut_terms[found] = term
+                    found += 1
     return found
 
 
@@ -240,8 +264,8 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
         crosses = segment >= 0.0
         segment = most(segment, 0.0)
         gather_terms(values, by_point, segment, terms, scratch)
-        own = load(scratch.here, term, width)
-        rise = select(crosses, load(scratch.there, term, width) - own, 1.0)
+        own = load(scratch.ends, term, width)
+        rise = select(crosses, load(scratch.ends, terms + term, width) - own, 1.0)
         fraction = select(crosses, (load(scratch.cuts, term, width) - own) / rise, 0.0)
         left, height, right = heights_in(terms, fraction, scratch)
         store(scratch.fractions, flank, fraction)

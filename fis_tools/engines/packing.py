@@ -37,7 +37,8 @@ LAYOUT = np.dtype(
         ("output_terms", np.int64),
         ("output_points", np.int64),
         ("output_values", np.int64),
-        ("reach", np.int64),
+        ("pieces", np.int64),
+        ("ranks", np.int64),
         ("rules", np.int64),
     ],
     align=True,
@@ -48,6 +49,9 @@ MINIMUM, MAXIMUM, STEP, STEPS_A_UNIT = range(4)
 # The numbers of the output are these, then its memberships term by term, then the same point by point.
 CENTRE, WIDTH_OF_STEP, DEFAULT = range(3)
 HEADER = 4
+
+#: points of a piece of the grid, in all of which the same terms are looked at
+PIECE = 8
 
 
 @dataclass(frozen=True)
@@ -105,10 +109,16 @@ def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
         output = system.outputs[0]
         terms, points = len(output.terms), output.num_points
         row.output_terms, row.output_points, row.output_values = terms, points, value
-        value += HEADER + 2 * terms * points
-        row.reach, row.rules = entry, entry + 2 * points
+        row.pieces = value + HEADER + 2 * terms * points
+        value = int(row.pieces) + 2 * terms * num_pieces(points)
+        row.ranks, row.rules = entry, entry + terms * num_pieces(points)
         entry = int(row.rules) + 2 * terms + 1 + len(system.rules) * len(system.inputs)
     return layout, value + ROW, entry
+
+
+def num_pieces(points: int) -> int:
+    """Return how many pieces a grid of so many points has."""
+    return -(-points // PIECE)
 
 
 def _require_compilable(system: FuzzySystem) -> None:
@@ -189,16 +199,31 @@ def fill_output(
     """Write the output of n controllers: ends and default of shape (n,), memberships (n, terms, points)."""
     num_terms, num_points = int(row.output_terms), int(row.output_points)
     rules[:, row.rules : row.rules + num_terms] = terms.argmax(axis=2)
-    is_reached = terms > 0.0
-    first, last = is_reached.argmax(axis=1), num_terms - is_reached[:, ::-1].argmax(axis=1)
-    reach = np.stack([first, np.where(is_reached.any(axis=1), last, first)], axis=2)
-    _write(rules, int(row.reach), reach)
+    ranks, ends = ranks_of(terms)
+    _write(rules, int(row.ranks), ranks)
+    _write(values, int(row.pieces), ends)
     at = int(row.output_values)
     values[:, at + CENTRE] = 0.5 * (low + high)
     values[:, at + WIDTH_OF_STEP] = (high - low) / (num_points - 1)
     values[:, at + DEFAULT] = default
     _write(values, at + HEADER, terms)
     _write(values, at + HEADER + num_terms * num_points, terms.transpose(0, 2, 1))
+
+
+def ranks_of(terms: Floats) -> tuple[Integers, Floats]:
+    """Order terms, shape (n, terms, points), in each piece of the universe by the highest they come to there.
+
+    Returns
+    -------
+    ranks : (n, pieces, terms) int
+        The highest first.
+    bounds : (n, pieces, terms, 2)
+        In this order, the most and the least that each comes to.
+    """
+    firsts = np.arange(0, terms.shape[2], PIECE)
+    most, least = (np.swapaxes(end.reduceat(terms, firsts, axis=2), 1, 2) for end in (np.maximum, np.minimum))
+    ranks = np.argsort(-most, axis=2, kind="stable")
+    return ranks, np.stack([np.take_along_axis(end, ranks, axis=2) for end in (most, least)], axis=3)
 
 
 def _write(values: NDArray[Any], at: int, table: NDArray[Any]) -> None:

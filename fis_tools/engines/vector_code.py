@@ -40,6 +40,9 @@ with needed_of_numba():
 
 MOST_LANES = 64
 
+#: so few columns are gathered without transposing whole squares
+NARROW = 2
+
 #: makes numba ask a typing before those for any target
 FIRST = {"target": "cpu"}
 
@@ -456,25 +459,47 @@ typed(vectors.gather_rows, _gather_rows_type)
 @lower_builtin(vectors.gather_rows, types.Array, types.Integer, VectorType, types.Integer, types.Array)
 def _lower_gather_rows(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     array, at, offsets, count, out = args
-    lanes, size = offsets.type.count, vectors.ROW
-    row = ir.VectorType(F64, size)
+    lanes = offsets.type.count
     first = _place(context, builder, signature.args[0], array, at, signature.args[1])
     whole = builder.fptosi(offsets, ir.VectorType(I64, lanes))
-    groups = []
-    for group in range(0, lanes, size):
-        places = [
-            builder.gep(first, [builder.extract_element(whole, I32(lane % lanes))])
-            for lane in range(group, group + size)
-        ]
-        loaded = [builder.load(builder.bitcast(place, row.as_pointer()), align=8) for place in places]
-        groups.append(_transposed(builder, loaded))
+    places = [builder.gep(first, [builder.extract_element(whole, I32(lane))]) for lane in range(lanes)]
     wanted = context.cast(builder, count, signature.args[3], types.intp)
-    for place in range(size):
-        with builder.if_then(builder.icmp_signed("<", I64(place), wanted)):
-            vector = _beside(builder, [group[place] for group in groups], lanes)
-            to = _place(context, builder, signature.args[4], out, I64(place), types.intp)
-            builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
+
+    def write(columns: list[Any]) -> None:
+        for place, vector in enumerate(columns):
+            with builder.if_then(builder.icmp_signed("<", I64(place), wanted)):
+                to = _place(context, builder, signature.args[4], out, I64(place), types.intp)
+                builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
+
+    with builder.if_else(builder.icmp_signed("<=", wanted, I64(NARROW))) as (few, many):
+        with few:
+            write(_columns(builder, places, NARROW))
+        with many:
+            size = vectors.ROW
+            groups = [
+                _transposed(builder, _loaded(builder, (places * size)[group : group + size], size))
+                for group in range(0, lanes, size)
+            ]
+            write([_beside(builder, [group[place] for group in groups], lanes) for place in range(size)])
     return context.get_dummy_value()
+
+
+def _loaded(builder: Any, places: list[Any], size: int) -> list[Any]:
+    """Return so many elements from each of some pointers on."""
+    row = ir.VectorType(F64, size).as_pointer()
+    return [builder.load(builder.bitcast(place, row), align=8) for place in places]
+
+
+def _columns(builder: Any, places: list[Any], size: int) -> list[Any]:
+    """Return the columns of short rows: all rows one after another, then every so many elements of that."""
+    lanes = len(places)
+    every = _beside(builder, _loaded(builder, places, size), lanes * size)
+    return [
+        builder.shuffle_vector(
+            every, every, ir.Constant(ir.VectorType(I32, lanes), list(range(place, lanes * size, size)))
+        )
+        for place in range(size)
+    ]
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:

@@ -104,13 +104,13 @@ class Cases:
 
 def starts_of(scenarios: list[Scenario]) -> Starts:
     """Return some starts as an array, shape (m,)."""
-    starts = np.empty(len(scenarios), CASE).view(np.recarray)
+    starts = np.empty(len(scenarios), CASE)
     if scenarios:
-        starts.position = [scenario.position_m for scenario in scenarios]
-        starts.velocity = [scenario.velocity_m_s for scenario in scenarios]
-        starts.sun_angle = [scenario.sun_angle_rad for scenario in scenarios]
-        starts.sun_elevation = [scenario.sun_elevation_rad for scenario in scenarios]
-    return starts
+        starts["position"] = np.array([scenario.position_m for scenario in scenarios])
+        starts["velocity"] = np.array([scenario.velocity_m_s for scenario in scenarios])
+        starts["sun_angle"] = [scenario.sun_angle_rad for scenario in scenarios]
+        starts["sun_elevation"] = [scenario.sun_elevation_rad for scenario in scenarios]
+    return starts.view(np.recarray)
 
 
 def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:

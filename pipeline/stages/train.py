@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,10 @@ from pipeline.training.tracking.sinks import name_of, tracked
 from pipeline.training.tracking.told import Sink, Told
 
 Floats = NDArray[np.float64]
+
+#: the history is written at most once in so many seconds, because each writing waits for the disk; the
+#: checkpoint, from which a training goes on, is written after every generation
+WRITE_EVERY_S = 1.0
 
 PARTS = ("delta_v_m_s", "points", "outside", "outside_m", "short")
 
@@ -60,20 +65,26 @@ def run(experiment: Experiment, folder: Path) -> None:
 def _evolved(experiment: Experiment, folder: Path, genome: Genome, sink: Sink) -> Evolution:
     """Evolve; everybody is told of each generation."""
     kept: list[Generation] = []
-    flights = ChampionFlights(experiment, genome)
+    flights, due = ChampionFlights(experiment, genome), time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
 
-        def keep(history: Sequence[Generation]) -> None:
-            kept[:] = history
+        def write(history: Sequence[Generation]) -> None:
             # before the history, so that whoever watches it grow finds the flight of each of its champions
             if flights.add(history):
                 tables.write_parquet(folder / artifacts.CHAMPION_TRAJECTORIES, flights.columns())
             write_history(folder, history)
+
+        def keep(history: Sequence[Generation]) -> None:
+            nonlocal due
+            kept[:] = history
+            if time.monotonic() >= due:
+                write(history)
+                due = time.monotonic() + WRITE_EVERY_S
             sink.tell(rows_of(history))
             progress.show_generation(history[-1])
 
         try:
-            return evolved(
+            result = evolved(
                 _as_flown(experiment),
                 genome,
                 checkpoint=folder / artifacts.CHECKPOINT,
@@ -81,10 +92,12 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, sink: Sink) -
                 on_generation=keep,
                 engine=experiment.engine,
             )
+            write(result.history)
         except artifacts.WriteError as error:
             if not kept:
                 raise
             raise _stopped(error, folder, experiment, genome, kept) from error
+    return result
 
 
 def _stopped(

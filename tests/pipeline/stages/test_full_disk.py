@@ -27,6 +27,7 @@ class Disk:
         self.room, self.spared = num_files, spared
         self.begin = tempfile.mkstemp
         monkeypatch.setattr(tempfile, "mkstemp", self.mkstemp)
+        monkeypatch.setattr(train, "WRITE_EVERY_S", 0.0)
 
     def mkstemp(self, prefix: str, suffix: str, dir: Path) -> tuple[int, str]:
         self.room -= 1

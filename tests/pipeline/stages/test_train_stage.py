@@ -168,6 +168,7 @@ def test_a_generation_that_only_the_checkpoint_knows_is_written_down(
             write(folder, history)
 
         patched.setattr(train, "write_history", killed)
+        patched.setattr(train, "WRITE_EVERY_S", 0.0)
         with pytest.raises(SystemExit):
             train.run(run, tmp_path)
     assert len(logbook(tmp_path)) == 3
