@@ -140,7 +140,8 @@ class Container:
             for channel in dict.fromkeys(messages.channel.tolist())
         }
         heads = self._heads(messages, places)
-        content = b"".join(chain([announced], *zip(_split(heads), messages.contents, strict=True)))
+        parts = zip(_split(heads), messages.contents, strict=True)
+        content = announced + b"".join(chain.from_iterable(parts))
         chunk = Chunk(
             compression="zstd",
             data=zstandard.compress(content),
