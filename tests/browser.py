@@ -3,11 +3,13 @@
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from docs.screenshot import BROWSERS, browser_found
 from tests.programs import missing, program
 
 #: no sandbox, no screen, and no word to anybody
@@ -19,8 +21,7 @@ ARGUMENTS = (
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    # the shell opens a page in a third of the processor time: no window, none of its menus
-    path = shutil.which("chromium-headless-shell") or program("chromium", "chromium-headless-shell")
+    path = browser_found() or missing(f"no browser is installed; apt-get install {BROWSERS[0]}")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(ARGUMENTS))
         yield browser
@@ -51,10 +52,16 @@ def serious_violations(shown: Page, axe: str) -> list[tuple[str, list[str]]]:
     ]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def opened(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Page]]:
+    """Open a text as a page, as often as a test likes."""
+    with opening(browser, tmp_path_factory.mktemp("pages")) as open_page:
+        yield open_page
+
+
+@contextmanager
+def opening(browser: Browser, folder: Path) -> Iterator[Callable[..., Page]]:
     """Open a text as a page from a file; in the end nothing but the file was asked for, and nothing wrong."""
-    folder: Path = tmp_path_factory.mktemp("pages")
     complaints: list[str] = []
     contexts = []
 

@@ -4,6 +4,7 @@ Rules that cut terms of their own, which no others cut, are a block; the ways of
 blocks are combined. Many samples have the same structure: what follows from it is worked out once.
 """
 
+import math
 from collections.abc import Hashable, Iterator, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
@@ -95,6 +96,11 @@ def by_level(levels: tuple[int, ...]) -> Leads:
 
 def _num_states(after: Leads) -> int:
     return 1 + max(map(max, after))
+
+
+def num_coalitions(structure: tuple[Leads, ...]) -> int:
+    """Return in how many ways the players of all blocks can cut their terms."""
+    return math.prod(map(_num_states, structure))
 
 
 def _members(after: Leads) -> NDArray[np.bool_]:

@@ -10,17 +10,19 @@ independently: G. Owen, Multilinear extensions of games, Management Science 18 (
 """
 
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import lru_cache, partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import FIRED
-from fis_tools.analysis.coalitions import Cuts, Leads, blocks, by_level, weighted_coalitions
+from fis_tools.analysis.coalitions import Cuts, Leads, blocks, by_level, num_coalitions, weighted_coalitions
 from fis_tools.analysis.weighing import weighed_shares
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
+from fis_tools.engines.subsets import Subsets
 from fis_tools.model.operators import ACCUMULATIONS
 
 Floats = NDArray[np.float64]
@@ -66,6 +68,8 @@ class _Match(NamedTuple):
         Of the output.
     conclusions : list of Cuts
     firing, plays : (n, num_rules)
+    subsets : Subsets or None
+        The same samples for the kernel, where it covers the system.
     """
 
     compiled: CompiledSystem
@@ -73,6 +77,7 @@ class _Match(NamedTuple):
     conclusions: list[Cuts]
     firing: Floats
     plays: NDArray[np.bool_]
+    subsets: Subsets | None
 
 
 class _Game(NamedTuple):
@@ -139,7 +144,9 @@ def _match(compiled: CompiledSystem, place: int, firing: Floats) -> _Match:
     concludes = np.array([bool(weights) for weights in conclusions])
     strongest = firing.max(axis=1, keepdims=True, initial=0.0, where=concludes)
     plays = concludes & (firing >= np.minimum(FIRED, strongest)) & (firing > 0.0)
-    return _Match(compiled, place, conclusions, firing, plays)
+    packed = compiled.packed
+    subsets = None if packed is None else Subsets(compiled.system, packed, firing, plays)
+    return _Match(compiled, place, conclusions, firing, plays, subsets)
 
 
 def _games(match: _Match) -> Iterator[_Game]:
@@ -175,26 +182,38 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     same height, as those that share their weakest statement do, bring about the same.
     """
     terms, weights = np.array([cuts[0] if cuts else (0, 0.0) for cuts in match.conclusions]).T
+    term_of = terms.astype(np.int64)
     num_terms = len(match.compiled.system.outputs[match.place].terms)
-    of_term = terms == np.arange(num_terms)[:, np.newaxis]
-    counts = match.plays.astype(np.int64) @ of_term.T.astype(np.int64)
+    sample, rule = np.nonzero(match.plays)
+    counts = np.bincount(num_terms * sample + term_of[rule], minlength=num_terms * len(match.plays))
+    counts = counts.reshape(-1, num_terms)
     # blocks with fewer players first, so that structures are met again
     rank = np.argsort(np.argsort(counts, axis=1, kind="stable"), axis=1)
-    block = np.where(match.plays, rank[:, terms.astype(np.int64)], num_terms)
-    heights = np.where(match.plays, match.firing * weights, 0.0)
-    order = np.lexsort((-heights, block))
-    block, heights = (np.take_along_axis(each, order, axis=1) for each in (block, heights))
-    is_next = np.diff(block, axis=1, prepend=-1) != 0
-    is_lower = is_next | (np.diff(heights, axis=1, prepend=-1.0) != 0.0)
-    patterns, numbers = np.unique(2 * block + is_lower, axis=0, return_inverse=True)
-    for number, pattern in enumerate(patterns):
-        num_players = int((pattern < 2 * num_terms).sum())
-        of_block, lower = pattern[:num_players] // 2, pattern[:num_players] % 2
-        levels = [np.cumsum(lower[of_block == place]) for place in np.unique(of_block)]
-        if num_players and np.prod([1.0 + each[-1] for each in levels]) <= MOST_COALITIONS:
-            structure = tuple(by_level(tuple(each.tolist())) for each in levels)
-            samples = np.flatnonzero(numbers == number)
-            yield _Game(structure, samples, order[samples, :num_players])
+    block, heights = rank[sample, term_of[rule]], (match.firing * weights)[sample, rule]
+    order = np.lexsort((-heights, block, sample))
+    rule, block, heights = rule[order], block[order], heights[order]
+    is_next = (np.diff(block, prepend=-1) != 0) | (np.diff(sample, prepend=-1) != 0)
+    is_lower = is_next | (np.diff(heights, prepend=-1.0) != 0.0)
+    pattern = 2 * block + is_lower
+    ends = np.cumsum(np.count_nonzero(match.plays, axis=1))
+    met: dict[bytes, list[int]] = {}
+    for number, (start, end) in enumerate(pairwise([0, *ends.tolist()])):
+        if end > start:
+            met.setdefault(pattern[start:end].tobytes(), []).append(number)
+    for told, numbers in met.items():
+        structure, num_players = _structure(told)
+        if num_coalitions(structure) <= MOST_COALITIONS:
+            samples = np.array(numbers)
+            places = ends[samples, np.newaxis] + np.arange(-num_players, 0)
+            yield _Game(structure, samples, rule[places])
+
+
+@lru_cache(maxsize=256)
+def _structure(pattern: bytes) -> tuple[tuple[Leads, ...], int]:
+    """Return the structure of players that are told as twice their block, and one where a level begins."""
+    block, begins = np.divmod(np.frombuffer(pattern, np.int64), 2)
+    levels = [np.cumsum(begins[block == place]).tolist() for place in np.unique(block)]
+    return tuple(by_level(tuple(each)) for each in levels), len(block)
 
 
 def _exact(match: _Match, game: _Game) -> Floats:
@@ -217,11 +236,14 @@ def _one_worth(match: _Match, game: _Game, members: NDArray[np.bool_]) -> Floats
 def _worth(match: _Match, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:
     """Return what coalitions, (c, num_players) of the rules, (g, num_players), are worth: (g, c)."""
     compiled, place = match.compiled, match.place
-    firing = match.firing[samples]
-    rows = np.repeat(np.where(match.plays[samples], 0.0, firing)[:, np.newaxis], len(members), axis=1)
-    strengths: Floats = np.take_along_axis(firing, rules, axis=1)
-    np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
-    found = compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
+    if match.subsets is not None:
+        found = match.subsets.conclude(samples, rules, members)
+    else:
+        firing = match.firing[samples]
+        rows = np.repeat(np.where(match.plays[samples], 0.0, firing)[:, np.newaxis], len(members), axis=1)
+        strengths: Floats = np.take_along_axis(firing, rules, axis=1)
+        np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
+        found = compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
     worth: Floats = np.where(members.any(axis=1), found, compiled.system.outputs[place].default or 0.0)
     return worth
 

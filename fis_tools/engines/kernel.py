@@ -284,6 +284,20 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
     return area, moment
 
 
+@compiled(error_model="numpy", forceinline=True)
+def conclude(values: Floats, rules: Integers, system: Any, scratch: Any) -> None:
+    """Write the centroid of the output's terms as they are cut, or the default where none is."""
+    total, area, moment = grid_sums(values, rules, system, scratch)
+    more_area, more_moment = crossing_triangles(values, rules, system, scratch)
+    at = system.output_values
+    centre, step = values[at + CENTRE], values[at + WIDTH_OF_STEP]
+    area, moment = step * (area + more_area), step * step * (moment + more_moment)
+    vanishes = area < SMALLEST_AREA
+    output = select(vanishes, moment + centre * area, moment) / most(area, SMALLEST_AREA)
+    output = select(vanishes, output, centre + output)
+    store(scratch.output, 0, select(total == 0.0, values[at + DEFAULT], output))
+
+
 @compiled(error_model="numpy")
 def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any) -> None:
     """Infer the output of one system for as many samples as the working space has lanes.
@@ -300,15 +314,7 @@ def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any
     system, room = layout[index], scratch[0]
     fuzzify(values, system, room)
     cut_terms(rules, system, room)
-    total, area, moment = grid_sums(values, rules, system, room)
-    more_area, more_moment = crossing_triangles(values, rules, system, room)
-    at = system.output_values
-    centre, step = values[at + CENTRE], values[at + WIDTH_OF_STEP]
-    area, moment = step * (area + more_area), step * step * (moment + more_moment)
-    vanishes = area < SMALLEST_AREA
-    output = select(vanishes, moment + centre * area, moment) / most(area, SMALLEST_AREA)
-    output = select(vanishes, output, centre + output)
-    store(room.output, 0, select(total == 0.0, values[at + DEFAULT], output))
+    conclude(values, rules, system, room)
 
 
 @compiled(error_model="numpy", forceinline=True)

@@ -103,6 +103,23 @@ def hill_rate_b(mission: Mission) -> Floats:
     return np.asarray(mission.orbit.mean_motion_rad_s * dcm[:, 2])
 
 
+def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
+    """Order points, shape (P, 3), so that each `POINTS` in a row are neighbours.
+
+    All are halved across the axis along which they lie farthest apart, in whole vectors, and each half again.
+    """
+    parts, place = [np.arange(len(points))], 0
+    while place < len(parts):
+        part = parts[place]
+        if len(part) <= POINTS:
+            place += 1
+            continue
+        along = points[part, np.ptp(points[part], axis=0).argmax()]
+        sorted_part, half = part[np.argsort(along, kind="stable")], padded(len(part) // 2, POINTS)
+        parts[place : place + 1] = [sorted_part[:half], sorted_part[half:]]
+    return np.concatenate(parts)
+
+
 def pack_world(mission: Mission) -> World:
     """Turn a mission into the numbers that the compiled episode reads."""
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
@@ -116,6 +133,8 @@ def pack_world(mission: Mission) -> World:
         placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
+    order = np.arange(placed.shape[2])
+    order[: len(points)] = by_neighbourhood(points)
     axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     stride, look = preview_stride(mission), look_stride(mission)
@@ -139,6 +158,8 @@ def pack_world(mission: Mission) -> World:
         ),
         points=placed,
         num_points=len(points),
+        order=order,
+        patches=np.ascontiguousarray(placed[:, :, order]),
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         has_optics=not sees_as_in_the_paper(mission),
         optics=optics_of(mission),

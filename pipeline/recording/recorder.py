@@ -31,7 +31,7 @@ from pipeline.flight.signals import CONSTANTS
 from pipeline.flight.simulation import tour_followed
 from pipeline.flight.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
-from pipeline.recording.events import Event, events
+from pipeline.recording.events import events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
 from telemetry import EpisodeWriter
@@ -47,14 +47,12 @@ from telemetry.file.topics import (
 
 Floats = NDArray[np.float64]
 States = NDArray[np.int64]
-#: name of the system, inputs, firing strengths, output
-Inference = tuple[str, Floats, Floats, float, Floats]
 
 CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
 
 #: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
-REASON_OF = tuple(Reason[word.upper()] for word in REASONS)
+REASON_OF = np.array([Reason[word.upper()] for word in REASONS])
 
 DARK, LIT = int(PointState.DARK), int(PointState.LIT)
 IN_VIEW_BUT_DARK, INSPECTED = int(PointState.IN_VIEW_BUT_DARK), int(PointState.INSPECTED)
@@ -167,51 +165,51 @@ class FlightRecorder:
         }
 
     def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:
-        """Write the samples one after the other."""
-        period = self._mission.control_period_s
-        states = point_states(self._mission, log)
-        target_directions = directions(log.target_m)
-        distances = np.linalg.norm(log.position_m, axis=1)
-        inferences = self._inferences(log)
-        fixes = self._fixes(scenario, log)
-        inspectable_count = int(log.is_inspectable.sum())
-        words: dict[int, list[Event]] = {}
+        """Write topic by topic, and what happened, in words, as events of their time."""
+        times: Floats = self._mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
+        position, quaternion = log.position_m, log.quaternion_b_from_h
+        writer.poses(times, position, quaternion, log.quaternion_c_from_h)
+        writer.deputy_state(times, position, log.velocity_m_s, quaternion, log.angular_velocity_b_rad_s)
+        writer.points(times, self._points, point_states(self._mission, log))
+        if self._mission.navigation.mode == "fixes":
+            deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
+            age, sensed = self._mission.navigation.delay_s, log.sensed_quaternion_b_from_h
+            writer.navigation(times, log.estimate, deviation, self._fixes(scenario, log), age, sensed)
+        writer.guidance(times, log.num_candidates, directions(log.target_m), log.lambda_u_rad, log.eta_u_rad)
+        writer.mission(
+            times,
+            sun_angle_rad=log.sun_angle_rad,
+            distance_m=np.linalg.norm(position, axis=1),
+            inspected_mask=log.is_inspected,
+            delta_v_m_s=log.delta_v_m_s,
+            sun_elevation_rad=log.sun_elevation_rad,
+            sun_hidden_share=1.0 - log.visible_sun_share,
+            inspectable_count=int(log.is_inspectable.sum()),
+            mass_kg=log.mass_kg,
+        )
+        self._write_control(writer, times[: len(log.force_hill_n)], log)
         tour = tour_followed(self._mission, self._controller, scenario)
         for event in events(self._mission, log, self._near_limit_m, self._logic, self._num_rehearsed, tour):
-            words.setdefault(event.sample, []).append(event)
-        for k in range(len(log.position_m)):
-            time_s = k * period
-            _write_state(writer, time_s, log, k)
-            writer.points(time_s, self._points, states[k])
-            if self._mission.navigation.mode == "fixes":
-                deviation = np.sqrt(np.diag(log.estimate_covariance[k]))
-                age = self._mission.navigation.delay_s
-                sensed = log.sensed_quaternion_b_from_h[k]
-                writer.navigation(time_s, log.estimate[k], deviation, fixes[k], age, sensed)
-            writer.guidance(
-                time_s,
-                int(log.num_candidates[k]),
-                target_directions[k],
-                float(log.lambda_u_rad[k]),
-                float(log.eta_u_rad[k]),
+            writer.log(times[event.sample], event.level, event.text)
+
+    def _write_control(self, writer: EpisodeWriter, times: Floats, log: FlightLog) -> None:
+        """Write what is applied over the control periods, and the inferences that decided it."""
+        attitudes, rates = log.attitude_quaternion, log.attitude_rate_b_rad_s
+        writer.attitude_history(times, self._attitude_offsets, attitudes, rates, log.torque_b_n_m)
+        reasons = REASON_OF[log.reason]
+        foreseen = np.where(np.isfinite(log.foreseen).all(axis=1, keepdims=True), log.foreseen, np.nan)
+        writer.control(times, log.force_body_n, log.force_hill_n, log.force_asked_n, reasons, foreseen)
+        decided = np.flatnonzero(log.is_decided)
+        burns = np.any(log.force_hill_n[decided] != 0.0, axis=1)
+        for place, compiled in enumerate(self._compiled):
+            system = compiled.system
+            inputs = log.fis_input[decided, place, : len(system.inputs)]
+            strengths = firing_strengths(self._numbers, inputs, place)
+            shares = np.zeros_like(strengths)
+            shares[burns] = shapley.shares(compiled, inputs[burns]).values[:, :, 0]
+            writer.fis(
+                times[decided], system.name, inputs, strengths, log.fis_output_n[decided, place], shares
             )
-            writer.mission(
-                time_s,
-                sun_angle_rad=float(log.sun_angle_rad[k]),
-                distance_m=float(distances[k]),
-                inspected_mask=log.is_inspected[k],
-                delta_v_m_s=float(log.delta_v_m_s[k]),
-                sun_elevation_rad=float(log.sun_elevation_rad[k]),
-                sun_hidden_share=1.0 - float(log.visible_sun_share[k]),
-                inspectable_count=inspectable_count,
-                mass_kg=float(log.mass_kg[k]),
-            )
-            if k < len(log.force_hill_n):
-                _write_control(writer, time_s, log, k, self._attitude_offsets)
-                for inference in inferences.get(k, ()):
-                    writer.fis(time_s, *inference)
-            for event in words.get(k, ()):
-                writer.log(time_s, event.level, event.text)
 
     def _fixes(self, scenario: Scenario, log: FlightLog) -> Floats:
         """Return the fix that comes into use at each sample, m, Hill axes, shape (K+1, 3); NaN for none."""
@@ -225,44 +223,6 @@ class FlightRecorder:
                 tilt_h = dcm_b_from_h(log.quaternion_b_from_h[k]).T @ tilt
                 fixes[used] = measured(log.position_m[k], errors.of_fixes[0, place], seen, tilt_h)
         return fixes
-
-    def _inferences(self, log: FlightLog) -> dict[int, list[Inference]]:
-        """Return the inferences of each sample at which they decided the force."""
-        decided = np.flatnonzero(log.is_decided)
-        found: dict[int, list[Inference]] = {int(k): [] for k in decided}
-        for place, compiled in enumerate(self._compiled):
-            system = compiled.system
-            inputs = log.fis_input[decided, place, : len(system.inputs)]
-            strengths = firing_strengths(self._numbers, inputs, place)
-            shares = np.zeros_like(strengths)
-            burns = np.any(log.force_hill_n[decided] != 0.0, axis=1)
-            shares[burns] = shapley.shares(compiled, inputs[burns]).values[:, :, 0]
-            for row, k in enumerate(decided.tolist()):
-                output = float(log.fis_output_n[k, place])
-                found[k].append((system.name, inputs[row], strengths[row], output, shares[row]))
-        return found
-
-
-def _write_state(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int) -> None:
-    """Write where the deputy is and how it and the chief are turned."""
-    position, quaternion = log.position_m[k], log.quaternion_b_from_h[k]
-    writer.poses(time_s, position, quaternion, log.quaternion_c_from_h[k])
-    writer.deputy_state(time_s, position, log.velocity_m_s[k], quaternion, log.angular_velocity_b_rad_s[k])
-
-
-def _write_control(writer: EpisodeWriter, time_s: float, log: FlightLog, k: int, offsets: Floats) -> None:
-    """Write what is applied over the control period that follows."""
-    attitudes, rates = log.attitude_quaternion[k], log.attitude_rate_b_rad_s[k]
-    writer.attitude_history(time_s, offsets, attitudes, rates, log.torque_b_n_m[k])
-    is_asked = bool(np.isfinite(log.foreseen[k]).all())
-    writer.control(
-        time_s,
-        log.force_body_n[k],
-        log.force_hill_n[k],
-        log.force_asked_n[k],
-        [REASON_OF[place] for place in log.reason[k].tolist()],
-        log.foreseen[k] if is_asked else None,
-    )
 
 
 def stl_of(corners: Floats) -> bytes:

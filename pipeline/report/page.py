@@ -19,7 +19,7 @@ from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, time
 from pipeline.report.comparison_tables import headings, tables_of, world_tables_of, world_verdicts
 from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS
-from pipeline.report.pictures import Illustration
+from pipeline.report.illustration import Illustration
 from pipeline.report.without_safety import safety_words
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission

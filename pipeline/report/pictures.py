@@ -1,8 +1,8 @@
 """Which pictures a report has, what they are called, and what is written under each."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -21,11 +21,12 @@ from pipeline.report.figures.distributions import METRICS, Sample, distributions
 from pipeline.report.figures.front import front_of_training
 from pipeline.report.figures.side_by_side import side_by_side
 from pipeline.report.figures.spent_beside_optimum import beside_optimum
-from pipeline.report.figures.style import BLUE, ORANGE, PALETTE, PURPLE, Figure, save, style
+from pipeline.report.figures.style import BLUE, ORANGE, PALETTE, PURPLE
 from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
 from pipeline.report.figures.with_and_without import with_and_without
-from pipeline.report.svg import inline
+from pipeline.report.illustration import Illustration, Sketch, illustrate
 from pipeline.report.without_safety import Without
+from pipeline.run.second import Share
 from pipeline.settings.experiment import Mission
 
 #: the files that this stage writes into the folder of figures, or once did, and no other
@@ -35,54 +36,25 @@ OWN_FILES = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class Illustration:
-    """A picture with its words.
+def draw(contents: Contents, share: Share) -> Callable[[], list[Illustration]]:
+    """Begin to draw every picture for which the run has what it takes.
 
     Parameters
     ----------
-    name : str
-        Of its file, without the ending.
-    caption : str
-        Plain text.
-    png : bytes
-    element : str
-        The same picture as HTML.
-    """
-
-    name: str
-    caption: str
-    png: bytes
-    element: str
-
-
-@dataclass(frozen=True)
-class _Sketch:
-    """A figure that is not yet saved."""
-
-    name: str
-    caption: str
-    figure: Figure
-
-
-def draw(contents: Contents) -> dict[str, Illustration]:
-    """Draw every picture for which the run has what it takes.
+    contents : Contents
+    share : callable
+        Of a process that draws some of them, see `pipeline.run.second`.
 
     Returns
     -------
-    dict of str to Illustration
-        By name, in the order of the page.
+    callable
+        Draws the others; returns all, in the order of the page.
     """
-    illustrations = {}
-    with style():
-        for sketch in _sketches(contents):
-            picture = save(sketch.figure, sketch.name, contents.experiment.report.dots_per_inch)
-            element = inline(picture.svg, sketch.name, sketch.caption)
-            illustrations[sketch.name] = Illustration(sketch.name, sketch.caption, picture.png, element)
-    return illustrations
+    dots_per_inch = contents.experiment.report.dots_per_inch
+    return share(illustrate, [(sketch, dots_per_inch) for sketch in _sketches(contents)])
 
 
-def _sketches(contents: Contents) -> Iterator[_Sketch]:
+def _sketches(contents: Contents) -> Iterator[Sketch]:
     mission = contents.experiment.mission
     if contents.comparison:
         yield _comparison_sketch(contents, mission)
@@ -106,13 +78,13 @@ def _sketches(contents: Contents) -> Iterator[_Sketch]:
             "Training: the best and the mean fitness of each generation, and the parts of the best one's "
             "fitness, means and counts over the training flights. Dotted lines part the rounds."
         )
-        figure = convergence(contents.logbook, len(inspection_points(mission)), _needed(mission))
-        yield _Sketch("convergence", caption, figure)
+        figure = partial(convergence, contents.logbook, len(inspection_points(mission)), _needed(mission))
+        yield Sketch("convergence", caption, figure)
     if contents.front is not None:
         yield _front_sketch(contents)
 
 
-def _front_sketch(contents: Contents) -> _Sketch:
+def _front_sketch(contents: Contents) -> Sketch:
     assert contents.front is not None  # noqa: S101 - asked before
     experiment = contents.experiment
     threshold = experiment.mission.inspection_threshold_percent
@@ -124,42 +96,42 @@ def _front_sketch(contents: Contents) -> _Sketch:
         f"{published.TEST.means['delta_v_m_s']:g} m/s for "
         f"{published.TEST.means['inspection_rate_percent']:g} % are not drawn."
     )
-    return _Sketch("front", caption, front_of_training(contents.front, threshold))
+    return Sketch("front", caption, partial(front_of_training, contents.front, threshold))
 
 
-def _comparison_sketch(contents: Contents, mission: Mission) -> _Sketch:
+def _comparison_sketch(contents: Contents, mission: Mission) -> Sketch:
     if worlds_of(contents.comparison):
         caption = (
             "Share of successful flights and mean delta-v (m/s) of each controller in each world. A red "
             "frame: it breaks, for its success rate lies below that in the first world, or it leaves the "
             "limits more often, by more than both intervals."
         )
-        return _Sketch("comparison", caption, by_world(squares_of(contents.comparison)))
+        return Sketch("comparison", caption, partial(by_world, squares_of(contents.comparison)))
     caption = (
         "Delta-v against inspection rate, without the safety layer: mean and standard deviation of each "
         f"controller. The dotted line is at {mission.inspection_threshold_percent:g} %, which makes a "
         f"success. Delta-v is linear up to {LINEAR:g} m/s and logarithmic beyond."
     )
-    figure = compared(marks_of(contents.comparison), mission.inspection_threshold_percent)
-    return _Sketch("comparison", caption, figure)
+    figure = partial(compared, marks_of(contents.comparison), mission.inspection_threshold_percent)
+    return Sketch("comparison", caption, figure)
 
 
-def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[_Sketch]:
+def _flight_sketches(flight: ShownFlight, mission: Mission) -> Iterator[Sketch]:
     caption = (
         f"{flight.title}: the force in Hill axes and the torque in the deputy's body axes, both as applied. "
         "The torque is shown apart for the first turn to the chief and for the rest, on scales of their own."
     )
-    yield _Sketch(f"control-{flight.name}", caption, controls(flight.log, mission))
+    yield Sketch(f"control-{flight.name}", caption, partial(controls, flight.log, mission))
     if flight.is_alone:
         tracks = Tracks(flight.log.position_m[np.newaxis], [BLUE], {})
         caption = (
             f"{flight.title}: the trajectory around the chief in the Hill frame, from 0 on, in space, in the "
             "orbit plane and across it, and the distance over time."
         )
-        yield _Sketch(f"trajectories-{flight.name}", caption, trajectories(tracks, mission))
+        yield Sketch(f"trajectories-{flight.name}", caption, partial(trajectories, tracks, mission))
 
 
-def _training_sketch(training: FlightSet, mission: Mission) -> _Sketch:
+def _training_sketch(training: FlightSet, mission: Mission) -> Sketch:
     assert training.tracks_m is not None  # noqa: S101 - they were flown for this
     count = len(training.tracks_m)
     if count > MOST_TOLD_APART:
@@ -171,10 +143,10 @@ def _training_sketch(training: FlightSet, mission: Mission) -> _Sketch:
         f"The {count} training flights around the chief in the Hill frame: in space, in the orbit plane and "
         f"across it, and their distance over time. {words}"
     )
-    return _Sketch("trajectories-training", caption, trajectories(tracks, mission))
+    return Sketch("trajectories-training", caption, partial(trajectories, tracks, mission))
 
 
-def _evaluation_sketch(evaluation: FlightSet, mission: Mission) -> _Sketch:
+def _evaluation_sketch(evaluation: FlightSet, mission: Mission) -> Sketch:
     assert evaluation.tracks_m is not None  # noqa: S101 - asked before
     caption = (
         f"The {len(evaluation.tracks_m):,} flights of the evaluation, overlapped, in the Hill frame: in "
@@ -182,21 +154,21 @@ def _evaluation_sketch(evaluation: FlightSet, mission: Mission) -> _Sketch:
         "flights that left the distance limits are drawn over the others, and what lies outside the frame "
         "of the picture is not drawn."
     )
-    figure = trajectories(_tracks_by_outcome(evaluation, mission), mission)
-    return _Sketch("trajectories-evaluation", caption, figure)
+    figure = partial(trajectories, _tracks_by_outcome(evaluation, mission), mission)
+    return Sketch("trajectories-evaluation", caption, figure)
 
 
-def _safety_sketch(without: Without, mission: Mission) -> _Sketch:
+def _safety_sketch(without: Without, mission: Mission) -> Sketch:
     caption = (
         f"Case {without.case} with the safety layer and without: the path about the sample at which it is "
         "farthest outside the limits without it, or nearest to them, in the plane of its position and "
         "velocity there; the distance over time; and the delta-v by which the layer changed each period's "
         "force. The limits are dotted."
     )
-    return _Sketch("safety", caption, with_and_without(without.guarded, without.unguarded, mission))
+    return Sketch("safety", caption, partial(with_and_without, without.guarded, without.unguarded, mission))
 
 
-def _optimum_sketch(contents: Contents) -> _Sketch:
+def _optimum_sketch(contents: Contents) -> Sketch:
     assert contents.beside.columns is not None  # noqa: S101 - asked before
     mission = contents.experiment.mission
     needed = _needed(mission)
@@ -206,10 +178,10 @@ def _optimum_sketch(contents: Contents) -> _Sketch:
         f"line is at {needed} points. The plans know the whole flight beforehand, the controller only the "
         "moment."
     )
-    return _Sketch("optimum", caption, beside_optimum(contents.beside.columns, needed))
+    return Sketch("optimum", caption, partial(beside_optimum, contents.beside.columns, needed))
 
 
-def _pair_sketch(pair: Pair, mission: Mission) -> _Sketch:
+def _pair_sketch(pair: Pair, mission: Mission) -> Sketch:
     needed = _needed(mission)
     caption = (
         f"Case {pair.case}, {pair.which} ratio: {pair.times:.1f} times the optimum. The controller and the "
@@ -217,8 +189,8 @@ def _pair_sketch(pair: Pair, mission: Mission) -> _Sketch:
         "points come into sight (at most two minutes apart); circles are burns, their area the delta-v; the "
         "arc is the Sun's way. Dotted are the distance limits. Beside them, delta-v and points over time."
     )
-    figure = side_by_side(pair.controller, pair.plan, mission, needed)
-    return _Sketch(f"optimum-case-{pair.case}", caption, figure)
+    figure = partial(side_by_side, pair.controller, pair.plan, mission, needed)
+    return Sketch(f"optimum-case-{pair.case}", caption, figure)
 
 
 def _needed(mission: Mission) -> int:
@@ -259,12 +231,12 @@ def _samples(contents: Contents) -> Iterator[Sample]:
             yield Sample(f"{word}, {count:,} flights", values, reported.means)
 
 
-def _distributions_sketch(samples: list[Sample], mission: Mission) -> _Sketch:
+def _distributions_sketch(samples: list[Sample], mission: Mission) -> Sketch:
     caption = (
         "Distributions of delta-v, inspection rate and mean distance. Of few flights each is a dot, over a "
         "box from quartile to quartile with the median, its whiskers reaching to the ends; many are a "
         "histogram. "
         "The solid line is the mean, the dashed one the paper's; arrows point to what is off the scale."
     )
-    figure = distributions(samples, len(inspection_points(mission)))
-    return _Sketch("distributions", caption, figure)
+    figure = partial(distributions, samples, len(inspection_points(mission)))
+    return Sketch("distributions", caption, figure)

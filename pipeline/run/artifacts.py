@@ -258,9 +258,11 @@ def config_hash(config: Mapping[str, Any]) -> str:
 
 def config_text(config: Mapping[str, Any]) -> str:
     """Write a resolved configuration as YAML that reads back to the same data."""
-    return yaml.safe_dump(
-        dict(config), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast
+    text: str = yaml.dump(
+        dict(config), Dumper=dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
     )
+    return text
 
 
 def _check_events(content: bytes, loader: Any) -> None:

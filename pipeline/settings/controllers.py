@@ -16,7 +16,6 @@ Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
 
 
 @settings(FREE)
-@dataclass(frozen=True, kw_only=True)
 class NaturalMotion:
     """One burn at the start onto an ellipse of free motion around the chief."""
 
@@ -51,7 +50,6 @@ class Ring:
 
 
 @settings(FREE)
-@dataclass(frozen=True, kw_only=True)
 class Lqr(Ring):
     """A linear-quadratic regulator that tracks a ring; errors of what is tolerated weigh alike."""
 
@@ -63,7 +61,6 @@ class Lqr(Ring):
 
 
 @settings(FREE)
-@dataclass(frozen=True, kw_only=True)
 class RecedingHorizon(Ring):
     """Model predictive control: solves a linear program again and again to reach a ring with minimum fuel."""
 

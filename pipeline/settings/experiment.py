@@ -8,7 +8,7 @@ with a `SettingError`.
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -97,7 +97,6 @@ SHIPPED = "shipped"
 
 
 @settings("monte_carlo")
-@dataclass(frozen=True, kw_only=True)
 class MonteCarlo:
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from given."""
 
@@ -125,7 +124,6 @@ class MonteCarlo:
 
 
 @settings("optimum")
-@dataclass(frozen=True, kw_only=True)
 class Optimum:
     """Minimum-fuel plans, computed with the whole flight known in advance."""
 
@@ -148,7 +146,6 @@ class Optimum:
 
 
 @settings("engine")
-@dataclass(frozen=True, kw_only=True)
 class Engine:
     """Who flies the parts of a campaign: this process, or several that Dask looks after."""
 
@@ -161,7 +158,6 @@ class Engine:
 
 
 @settings("tracking")
-@dataclass(frozen=True, kw_only=True)
 class Tracking:
     """Where else each generation of a training is logged."""
 
@@ -175,7 +171,6 @@ class Tracking:
 
 
 @settings("search")
-@dataclass(frozen=True, kw_only=True)
 class Search:
     """Settings that are tried, and the flights that trials race on."""
 
@@ -196,7 +191,6 @@ class Search:
 
 
 @settings("compare")
-@dataclass(frozen=True, kw_only=True)
 class Compare:
     """Controllers side by side: who flies, and under what."""
 
@@ -226,7 +220,6 @@ class Compare:
 
 
 @settings("assurance")
-@dataclass(frozen=True, kw_only=True)
 class Assurance:
     """Evidence for requirements: which, and how hard they are tried."""
 
@@ -244,7 +237,6 @@ class Assurance:
 
 
 @settings("telemetry")
-@dataclass(frozen=True, kw_only=True)
 class Telemetry:
     """Which flights are recorded, and what the log calls near."""
 
@@ -255,7 +247,6 @@ class Telemetry:
 
 
 @settings("report")
-@dataclass(frozen=True, kw_only=True)
 class Report:
     """How the report looks."""
 
@@ -265,11 +256,10 @@ class Report:
 
 
 @settings("")
-@dataclass(frozen=True, kw_only=True)
 class Experiment:
     """Everything a run depends on.
 
-    Parameters
+    Attributes
     ----------
     name : str
         Names the run's folder.

@@ -1,10 +1,11 @@
 """Groups of settings: frozen dataclasses whose values pydantic checks."""
 
 from collections.abc import Callable
+from dataclasses import field
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any, TypeVar, dataclass_transform
 
-from pydantic import ConfigDict, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from pipeline.settings import keys
@@ -14,8 +15,9 @@ from pipeline.settings.sentences import names_of, sentence
 Kind = TypeVar("Kind")
 
 
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
 def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
-    """Make a frozen dataclass check its values, and refuse them under the keys of a group.
+    """Make a class a frozen dataclass that checks its values, and refuses them under the keys of a group.
 
     Parameters
     ----------

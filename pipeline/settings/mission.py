@@ -1,7 +1,7 @@
 """The world of a flight and its limits: the groups that make a mission."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -52,7 +52,6 @@ Margin = Annotated[Number, Field(ge=0.001)]
 
 
 @settings("orbit")
-@dataclass(frozen=True, kw_only=True)
 class Orbit:
     """The chief's circular orbit."""
 
@@ -66,7 +65,6 @@ class Orbit:
 
 
 @settings("dynamics")
-@dataclass(frozen=True, kw_only=True)
 class Dynamics:
     """How the deputy really moves: by Clohessy and Wiltshire's equations, or about the Earth as the chief."""
 
@@ -87,7 +85,6 @@ class Dynamics:
 
 
 @settings("deputy")
-@dataclass(frozen=True, kw_only=True)
 class Deputy:
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
@@ -125,7 +122,6 @@ class Deputy:
 
 
 @settings("chief")
-@dataclass(frozen=True, kw_only=True)
 class Chief:
     """The inspected spacecraft and the points on it."""
 
@@ -146,7 +142,6 @@ class Chief:
 
 
 @settings("sensor")
-@dataclass(frozen=True, kw_only=True)
 class Sensor:
     """The deputy's camera."""
 
@@ -162,7 +157,6 @@ class Sensor:
 
 
 @settings("light")
-@dataclass(frozen=True, kw_only=True)
 class Light:
     """What takes the sunlight from the chief, and what its surface makes of it."""
 
@@ -191,7 +185,6 @@ class Light:
 
 
 @settings("sun")
-@dataclass(frozen=True, kw_only=True)
 class Sun:
     """Where the Sun starts: one angle for every case, one drawn for each, or both by turns."""
 
@@ -211,7 +204,6 @@ class Sun:
 
 
 @settings("attitude")
-@dataclass(frozen=True, kw_only=True)
 class Attitude:
     """How the deputy points its camera."""
 
@@ -222,7 +214,6 @@ class Attitude:
 
 
 @settings("guidance")
-@dataclass(frozen=True, kw_only=True)
 class Guidance:
     """How the direction of the points that are lit and not yet inspected is chosen."""
 
@@ -231,7 +222,6 @@ class Guidance:
 
 
 @settings("safety")
-@dataclass(frozen=True, kw_only=True)
 class Safety:
     """Run-time assurance around any controller: the least change of force that keeps the deputy safe."""
 
@@ -253,7 +243,6 @@ class Safety:
 
 
 @settings("navigation")
-@dataclass(frozen=True, kw_only=True)
 class Navigation:
     """What the deputy knows of its own place: the truth, or what a filter makes of fixes."""
 
@@ -286,7 +275,6 @@ class Navigation:
 
 
 @settings("actuators")
-@dataclass(frozen=True, kw_only=True)
 class Actuators:
     """How the thrusters depart from what they are told."""
 
@@ -369,7 +357,6 @@ PAPER_LIGHT = Light()
 
 
 @settings("")
-@dataclass(frozen=True, kw_only=True)
 class Mission:
     """One inspection flight: everything the simulation depends on but the start and the controller."""
 

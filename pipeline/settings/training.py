@@ -1,7 +1,7 @@
 """How a controller is trained: starts, what is tuned, prices, and the search."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -33,7 +33,6 @@ MOST_PRICE = 1e15
 
 
 @settings("starts")
-@dataclass(frozen=True, kw_only=True)
 class Starts:
     """Where training flights start: at rest on the octants' diagonals, or drawn in a shell, or a table's."""
 
@@ -81,7 +80,6 @@ class Starts:
 
 
 @settings("optimizer.encoding")
-@dataclass(frozen=True, kw_only=True)
 class Encoding:
     """How far genes can move what they tune; a constant with bounds is tuned, None keeps the controller's."""
 
@@ -137,7 +135,6 @@ class Encoding:
 
 
 @settings("optimizer.penalty")
-@dataclass(frozen=True, kw_only=True)
 class Penalty:
     """Prices in the fitness, besides delta-v; see `pipeline.training.fitness`."""
 
@@ -167,7 +164,6 @@ class Penalty:
 
 
 @settings("optimizer")
-@dataclass(frozen=True, kw_only=True)
 class Optimizer:
     """The evolution."""
 

@@ -2,14 +2,14 @@
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fis_tools.formats.error import ControllerFileError
-from fis_tools.review import page as review
-from pipeline.report.contents import Contents, gather
-from pipeline.report.page import write
-from pipeline.report.pictures import OWN_FILES, draw
 from pipeline.run import artifacts
+from pipeline.run.second import Share, second_process
 from pipeline.settings.experiment import Experiment
+
+if TYPE_CHECKING:
+    from pipeline.report.contents import Contents
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -20,8 +20,20 @@ def run(experiment: Experiment, folder: Path) -> None:
     pipeline.run.artifacts.ArtifactError
         If a file of the run is there and cannot be read.
     """
+    with second_process("pipeline.report.figures.side_by_side") as share:  # with all that figures load
+        _write(experiment, folder, share)
+
+
+def _write(experiment: Experiment, folder: Path, share: Share) -> None:
+    # imported in both processes at the same time
+    from pipeline.report.contents import gather  # noqa: PLC0415
+    from pipeline.report.page import write  # noqa: PLC0415
+    from pipeline.report.pictures import OWN_FILES, draw  # noqa: PLC0415
+
     contents = gather(experiment, folder)
-    illustrations = draw(contents)
+    drawn = draw(contents, share)
+    _write_review(contents, folder)
+    illustrations = {illustration.name: illustration for illustration in drawn()}
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
         artifacts.write_atomically(pictures / f"{name}.png", illustration.png)
@@ -34,11 +46,13 @@ def run(experiment: Experiment, folder: Path) -> None:
     sys.stderr.write(
         f"  {folder / artifacts.REPORT}: {len(illustrations)} pictures, {len(page) / 1e6:.1f} MB\n"
     )
-    _write_review(contents, folder)
 
 
-def _write_review(contents: Contents, folder: Path) -> None:
+def _write_review(contents: "Contents", folder: Path) -> None:
     """Write the page that the run's fuzzy controller is reviewed on; that of an earlier one goes."""
+    from fis_tools.formats.error import ControllerFileError  # noqa: PLC0415 - as above
+    from fis_tools.review import page as review  # noqa: PLC0415
+
     path = folder / artifacts.REVIEW
     fuzzy = contents.controller.fuzzy if contents.controller else None
     if fuzzy is None:

@@ -1,6 +1,8 @@
 """The command line: ``python -m telemetry``."""
 
 import argparse
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -52,6 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     SystemExit
         With 143 after SIGTERM.
     """
+    atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of most commands
     options = _parser().parse_args(arguments)
     try:
         with _ended_in_order():

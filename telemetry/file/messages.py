@@ -1,21 +1,21 @@
-"""Builds Foxglove's messages, and the parts that all messages share, from numbers and arrays."""
+"""What the fields of Foxglove's messages hold, of one sample or many; see `telemetry.file.encoding`."""
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
-from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
-from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
-from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import ArrayLike, NDArray
 
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
+
+Floats = NDArray[np.float64]
+#: what fields hold, by their names
+Columns = dict[str, Any]
 
 NANOSECONDS: Final = 1_000_000_000
 
@@ -32,59 +32,68 @@ POINT_DTYPE: Final = np.dtype(
 )
 
 #: the same bytes, as they are written
-_PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "u1", 4)])
+_PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "<u4")])
 
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
 
 
-def row(values: ArrayLike, length: int, field: str) -> list[float]:
-    """Flatten an array into the list that a repeated field takes.
+def nanoseconds(time_s: ArrayLike) -> NDArray[np.int64]:
+    """Return times, or one, as whole nanoseconds, (n,)."""
+    return np.rint(np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * NANOSECONDS).astype(np.int64)
+
+
+def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
+    """Return an array as that many rows of a length.
 
     Raises
     ------
     RecordingError
-        If it does not hold `length` values.
+        If it does not hold as many values.
     """
-    flat: list[float] = np.asarray(values, dtype=np.float64).ravel().tolist()
-    if len(flat) != length:
-        raise RecordingError(f"{field} has {len(flat)} values, but {length} are expected; pass all of them")
-    return flat
+    found = np.asarray(values, dtype=np.float64)
+    if found.size != count * length:
+        raise RecordingError(
+            f"{field} has {found.size} values, but {count * length} are expected; pass all of them"
+        )
+    return found.reshape(count, length)
 
 
 def transform(
-    time_ns: int, parent: str, child: str, translation_m: list[float], quaternion: list[float]
-) -> FrameTransform:
-    """Build the transform of a child frame; `quaternion` (scalar last) turns child axes into parent axes."""
-    return FrameTransform(
-        timestamp=_timestamp(time_ns),
-        parent_frame_id=parent,
-        child_frame_id=child,
-        translation=_vector(translation_m),
-        rotation=_quaternion(quaternion),
-    )
+    time_ns: NDArray[np.int64], parent: str, child: str, translation_m: Floats, quaternion: Floats
+) -> Columns:
+    """Tell transforms of a child frame; quaternions (scalar last) turn child axes into parent axes."""
+    return {
+        "timestamp": _timestamp(time_ns),
+        "parent_frame_id": parent,
+        "child_frame_id": child,
+        "translation": dict(zip("xyz", translation_m.T, strict=True)),
+        "rotation": dict(zip("xyzw", quaternion.T, strict=True)),
+    }
 
 
-def pose_in_hill(time_ns: int, position_m: list[float], quaternion: list[float]) -> PoseInFrame:
-    """Build the pose of a body in Hill; `quaternion` (scalar last) turns body axes into Hill axes."""
-    pose = Pose(position=_vector(position_m), orientation=_quaternion(quaternion))
-    return PoseInFrame(timestamp=_timestamp(time_ns), frame_id=topics.HILL_FRAME, pose=pose)
+def pose_in_hill(time_ns: NDArray[np.int64], position_m: Floats, quaternion: Floats) -> Columns:
+    """Tell poses of a body in Hill; quaternions (scalar last) turn body axes into Hill axes."""
+    pose = {
+        "position": dict(zip("xyz", position_m.T, strict=True)),
+        "orientation": dict(zip("xyzw", quaternion.T, strict=True)),
+    }
+    return {"timestamp": _timestamp(time_ns), "frame_id": topics.HILL_FRAME, "pose": pose}
 
 
-def point_cloud(time_ns: int, points_m: ArrayLike, states: ArrayLike) -> PointCloud:
-    """Build a point cloud from points, (P, 3), chief axes, coloured by their states, (P,).
+def point_cloud(time_ns: NDArray[np.int64], points_m: ArrayLike, states: ArrayLike) -> Columns:
+    """Tell clouds of points, (P, 3), chief axes, coloured by their states, a row of P for each time.
 
     Raises
     ------
     RecordingError
         If the shapes do not match or a state is not a `topics.PointState`.
     """
-    cloud = PointCloud(timestamp=_timestamp(time_ns), data=_packed_points(points_m, states).tobytes())
-    cloud.MergeFrom(_EMPTY_CLOUD)
-    return cloud
+    clouds = _packed_points(len(time_ns), points_m, states)
+    return {"timestamp": _timestamp(time_ns), "data": clouds, **_CLOUD}
 
 
-def log(time_ns: int, level: str, text: str) -> Log:
-    """Build a line of the event log.
+def log(time_ns: NDArray[np.int64], level: str, text: str) -> Columns:
+    """Tell a line of the event log.
 
     Raises
     ------
@@ -93,39 +102,36 @@ def log(time_ns: int, level: str, text: str) -> Log:
     """
     if level not in LOG_LEVELS:
         raise RecordingError(f"there is no log level {level!r}; choose one of {', '.join(LOG_LEVELS)}")
-    return Log(timestamp=_timestamp(time_ns), level=LOG_LEVELS[level], message=text, name="episode")
+    return {
+        "timestamp": _timestamp(time_ns),
+        "level": LOG_LEVELS[level],
+        "message": text,
+        "name": "episode",
+    }
 
 
-def _timestamp(time_ns: int) -> Timestamp:
-    seconds, nanos = divmod(time_ns, NANOSECONDS)
-    return Timestamp(seconds=seconds, nanos=nanos)
+def _timestamp(time_ns: NDArray[np.int64]) -> Columns:
+    return {"seconds": time_ns // NANOSECONDS, "nanos": time_ns % NANOSECONDS}
 
 
-def _vector(row: list[float]) -> Vector3:
-    return Vector3(x=row[0], y=row[1], z=row[2])
-
-
-def _quaternion(row: list[float]) -> Quaternion:
-    return Quaternion(x=row[0], y=row[1], z=row[2], w=row[3])
-
-
-def _packed_points(points_m: ArrayLike, states: ArrayLike) -> NDArray[np.void]:
+def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> NDArray[np.uint8]:
     points = np.asarray(points_m, dtype=np.float32)
     state = np.asarray(states, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or state.shape != points.shape[:1]:
+    if points.ndim != 2 or points.shape[1] != 3 or state.size != count * len(points):
+        wanted = "(P,)" if count == 1 else f"({count}, P)"
         raise RecordingError(
             f"points of shape {points.shape} come with states of shape {state.shape}, "
-            "but (P, 3) and (P,) are expected; pass one state for each point"
+            f"but (P, 3) and {wanted} are expected; pass one state for each point"
         )
     if state.size and not (state.min() >= 0 and state.max() < len(topics.POINT_COLOURS_RGBA)):
         raise RecordingError(
             f"point states range from {state.min()} to {state.max()}, but 0 to "
             f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.file.topics.PointState"
         )
-    cloud = np.empty(len(points), dtype=_PACKED_DTYPE)
-    cloud["position"] = points
-    cloud["colour"] = topics.POINT_COLOURS_RGBA[state]
-    return cloud
+    clouds = np.empty((count, len(points)), dtype=_PACKED_DTYPE)
+    clouds["position"] = points
+    clouds["colour"] = topics.POINT_COLOURS_RGBA.view("<u4")[state.reshape(count, len(points)), 0]
+    return clouds.view(np.uint8)
 
 
 def _point_field(name: str) -> PackedElementField:
@@ -134,9 +140,10 @@ def _point_field(name: str) -> PackedElementField:
     return PackedElementField(name=name, offset=offset, type=kind)
 
 
-_EMPTY_CLOUD: Final = PointCloud(
-    frame_id=topics.CHIEF_FRAME,
-    pose=Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
-    point_stride=POINT_DTYPE.itemsize,
-    fields=[_point_field(name) for name in POINT_DTYPE.names or ()],
-)
+#: what all clouds have alike
+_CLOUD: Final = {
+    "frame_id": topics.CHIEF_FRAME,
+    "pose": Pose(position=Vector3(), orientation=Quaternion(w=1.0)),
+    "point_stride": POINT_DTYPE.itemsize,
+    "fields": [_point_field(name) for name in POINT_DTYPE.names or ()],
+}

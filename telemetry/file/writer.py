@@ -1,10 +1,10 @@
 """Writes an episode to an MCAP file, which gets its final name only when it is complete."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
@@ -12,13 +12,13 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import Message
-from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import register_schema
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from telemetry.file import messages, topics
+from telemetry.file.container import Container, Messages
+from telemetry.file.encoding import encode
 from telemetry.file.errors import RecordingError
-from telemetry.file.messages import NANOSECONDS, row
+from telemetry.file.messages import nanoseconds, rows
 from telemetry.file.metadata import sealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, PartialFile
 from telemetry.file.schema.inspection_pb2 import (
@@ -30,11 +30,9 @@ from telemetry.file.schema.inspection_pb2 import (
     MissionStatus,
     Navigation,
 )
+from telemetry.file.waiting import Waiting
 
-#: a process that is killed loses at most this many samples
-SAMPLES_PER_FLUSH: Final = 60
-
-_SCHEMA_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
+_KIND_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
     topics.TRANSFORMS: FrameTransform,
     topics.DEPUTY_POSE: PoseInFrame,
     topics.CHIEF_POINTS: PointCloud,
@@ -46,13 +44,15 @@ _SCHEMA_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
     topics.MISSION: MissionStatus,
     topics.LOG: Log,
 }
-_ORIGIN: Final = [0.0, 0.0, 0.0]
-_UPRIGHT: Final = [0.0, 0.0, 0.0, 1.0]
+_UPRIGHT: Final = np.array([[0.0, 0.0, 0.0, 1.0]])
 _MEDIA_TYPES: Final = {".yaml": "application/yaml", ".yml": "application/yaml", ".json": "application/json"}
 
 
 class EpisodeWriter:
-    """Context manager that records an episode, message by message, in order of time.
+    """Context manager that records an episode: sample by sample in order of time, or topic by topic at once.
+
+    Every method takes one sample, or N: then `time_s` is (N,), and what differs from sample to sample has a
+    first axis of N besides the shape that is given.
 
     While open, the file is called ``<path>.partial``; it is synced to disk and renamed at the end. If the
     block raises an exception, or the process is killed, the partial file stays;
@@ -84,24 +84,22 @@ class EpisodeWriter:
         self.path = Path(path)
         self._metadata = {name: dict(entries) for name, entries in metadata.items()}
         self._attachments = dict(attachments)
-        self._channels: dict[str, int] = {}
-        self._sequence: dict[str, int] = {}
-        self._time_ns = -1
-        self._unflushed_samples = 0
+        self._channels: dict[str, tuple[int, type[Message]]] = {}
+        self._waiting = Waiting()
 
     def __enter__(self) -> Self:
         try:
             self._file = PartialFile(self.path)
         except OSError as error:
             raise self._explained(error) from error
-        self._mcap = Writer(self._file.stream, compression=CompressionType.ZSTD)
         try:
-            self._write_preamble()
+            self._mcap = self._begun()
         except OSError as error:
             self._file.abandon()
             raise self._explained(error) from error
-        self._register_channels()
-        self._transform(0.0, topics.VIEWER_ROOT_FRAME, topics.HILL_FRAME, _ORIGIN, _UPRIGHT)
+        start, origin = nanoseconds(0.0), np.zeros((1, 3))
+        root = messages.transform(start, topics.VIEWER_ROOT_FRAME, topics.HILL_FRAME, origin, _UPRIGHT)
+        self._write(topics.TRANSFORMS, start, root)
         return self
 
     def __exit__(
@@ -113,11 +111,12 @@ class EpisodeWriter:
         if exception_type is not None:
             # report the first error, but save what can be saved
             with suppress(OSError):
-                self._mcap.flush()  # type: ignore[no-untyped-call]
+                self._write_waiting()
             self._file.abandon()
             return
         try:
-            self._mcap.finish()  # type: ignore[no-untyped-call]
+            self._write_waiting()
+            self._mcap.finish()
             self._file.commit()
         except OSError as error:
             self._file.abandon()
@@ -125,7 +124,7 @@ class EpisodeWriter:
 
     def poses(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         position_m: ArrayLike,
         quaternion_b_from_h: ArrayLike,
         quaternion_c_from_h: ArrayLike,
@@ -141,14 +140,19 @@ class EpisodeWriter:
         quaternion_b_from_h, quaternion_c_from_h : (4,)
             Hill to deputy body and Hill to chief body, scalar last.
         """
-        position = row(position_m, 3, "position_m")
-        deputy = row(quaternion_b_from_h, 4, "quaternion_b_from_h")
-        chief = row(quaternion_c_from_h, 4, "quaternion_c_from_h")
-        self._transform(time_s, topics.HILL_FRAME, topics.DEPUTY_FRAME, position, deputy)
-        self._transform(time_s, topics.HILL_FRAME, topics.CHIEF_FRAME, _ORIGIN, chief)
-        self._write(topics.DEPUTY_POSE, time_s, messages.pose_in_hill(_nanoseconds(time_s), position, deputy))
+        time_ns = nanoseconds(time_s)
+        position = rows(position_m, len(time_ns), 3, "position_m")
+        deputy = rows(quaternion_b_from_h, len(time_ns), 4, "quaternion_b_from_h")
+        chief = rows(quaternion_c_from_h, len(time_ns), 4, "quaternion_c_from_h")
+        for child, origin, turned in (
+            (topics.DEPUTY_FRAME, position, deputy),
+            (topics.CHIEF_FRAME, np.zeros_like(position), chief),
+        ):
+            columns = messages.transform(time_ns, topics.HILL_FRAME, child, origin, turned)
+            self._write(topics.TRANSFORMS, time_ns, columns)
+        self._write(topics.DEPUTY_POSE, time_ns, messages.pose_in_hill(time_ns, position, deputy))
 
-    def points(self, time_s: float, points_m: ArrayLike, states: ArrayLike) -> None:
+    def points(self, time_s: ArrayLike, points_m: ArrayLike, states: ArrayLike) -> None:
         """Record the inspection points and their states.
 
         Parameters
@@ -156,15 +160,16 @@ class EpisodeWriter:
         time_s : float
             Simulation time.
         points_m : (P, 3)
-            In point order, chief axes.
+            In point order, chief axes; the same in all samples.
         states : (P,) int
             A `telemetry.file.topics.PointState` for each point.
         """
-        self._write(topics.CHIEF_POINTS, time_s, messages.point_cloud(_nanoseconds(time_s), points_m, states))
+        time_ns = nanoseconds(time_s)
+        self._write(topics.CHIEF_POINTS, time_ns, messages.point_cloud(time_ns, points_m, states))
 
     def deputy_state(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         position_m: ArrayLike,
         velocity_m_s: ArrayLike,
         quaternion: ArrayLike,
@@ -183,17 +188,18 @@ class EpisodeWriter:
         angular_velocity_rad_s : (3,)
             Relative to Hill, body axes.
         """
-        message = DeputyState(
-            position_m=row(position_m, 3, "position_m"),
-            velocity_m_s=row(velocity_m_s, 3, "velocity_m_s"),
-            quaternion=row(quaternion, 4, "quaternion"),
-            angular_velocity_rad_s=row(angular_velocity_rad_s, 3, "angular_velocity_rad_s"),
-        )
-        self._write(topics.DEPUTY_STATE, time_s, message)
+        time_ns = nanoseconds(time_s)
+        columns = {
+            "position_m": rows(position_m, len(time_ns), 3, "position_m"),
+            "velocity_m_s": rows(velocity_m_s, len(time_ns), 3, "velocity_m_s"),
+            "quaternion": rows(quaternion, len(time_ns), 4, "quaternion"),
+            "angular_velocity_rad_s": rows(angular_velocity_rad_s, len(time_ns), 3, "angular_velocity_rad_s"),
+        }
+        self._write(topics.DEPUTY_STATE, time_ns, columns)
 
     def attitude_history(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         time_offset_s: ArrayLike,
         quaternion: ArrayLike,
         angular_velocity_rad_s: ArrayLike,
@@ -206,7 +212,7 @@ class EpisodeWriter:
         time_s : float
             Simulation time of the sample.
         time_offset_s : (S,)
-            Time of each attitude step after the sample.
+            Time of each attitude step after the sample; the same for all samples.
         quaternion : (S, 4)
             Hill to body, scalar last.
         angular_velocity_rad_s : (S, 3)
@@ -214,22 +220,26 @@ class EpisodeWriter:
         torque_n_m : (S, 3)
             Applied from each step on, body axes.
         """
+        time_ns = nanoseconds(time_s)
         offsets = np.asarray(time_offset_s, dtype=np.float64).ravel().tolist()
-        message = AttitudeHistory(
-            time_offset_s=offsets,
-            quaternion=row(quaternion, 4 * len(offsets), "quaternion"),
-            angular_velocity_rad_s=row(angular_velocity_rad_s, 3 * len(offsets), "angular_velocity_rad_s"),
-            torque_n_m=row(torque_n_m, 3 * len(offsets), "torque_n_m"),
-        )
-        self._write(topics.DEPUTY_ATTITUDE, time_s, message)
+        count, steps = len(time_ns), len(offsets)
+        columns = {
+            "time_offset_s": offsets,
+            "quaternion": rows(quaternion, count, 4 * steps, "quaternion"),
+            "angular_velocity_rad_s": rows(
+                angular_velocity_rad_s, count, 3 * steps, "angular_velocity_rad_s"
+            ),
+            "torque_n_m": rows(torque_n_m, count, 3 * steps, "torque_n_m"),
+        }
+        self._write(topics.DEPUTY_ATTITUDE, time_ns, columns)
 
     def control(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         force_body_n: ArrayLike,
         force_hill_n: ArrayLike,
         force_asked_n: ArrayLike,
-        reason: Sequence[topics.Reason],
+        reason: ArrayLike,
         foreseen: ArrayLike | None = None,
     ) -> None:
         """Record the force during the control period that follows a sample.
@@ -244,31 +254,32 @@ class EpisodeWriter:
             Applied, Hill axes.
         force_asked_n : (3,)
             Before dead bands, clip and safety layer, in the controller's axes.
-        reason : sequence of telemetry.file.topics.Reason, length 3
-            Why each of these components was, or was not, fired.
+        reason : (3,) int
+            A `telemetry.file.topics.Reason` for each of these components: why it was, or was not, fired.
         foreseen : (3,), optional
-            Points that coasting to the end would miss, least and greatest distance on the way, m.
+            Points that coasting to the end would miss, least and greatest distance on the way, m; NaN where
+            the controller does not ask.
         """
-        message = Control(
-            force_body_n=row(force_body_n, 3, "force_body_n"),
-            force_hill_n=row(force_hill_n, 3, "force_hill_n"),
-            force_asked_n=row(force_asked_n, 3, "force_asked_n"),
-            reason=[topics.Reason(int(one)).name for one in row(reason, 3, "reason")],
-        )
+        time_ns = nanoseconds(time_s)
+        count = len(time_ns)
+        columns = {
+            "force_body_n": rows(force_body_n, count, 3, "force_body_n"),
+            "force_hill_n": rows(force_hill_n, count, 3, "force_hill_n"),
+            "force_asked_n": rows(force_asked_n, count, 3, "force_asked_n"),
+            "reason": rows(reason, count, 3, "reason"),
+        }
         if foreseen is not None:
-            missed, nearest, farthest = row(foreseen, 3, "foreseen")
-            message.coasting_missed = missed
-            message.coasting_nearest_m = nearest
-            message.coasting_farthest_m = farthest
-        self._write(topics.DEPUTY_CONTROL, time_s, message)
+            names = ("coasting_missed", "coasting_nearest_m", "coasting_farthest_m")
+            columns.update(zip(names, rows(foreseen, count, 3, "foreseen").T, strict=True))
+        self._write(topics.DEPUTY_CONTROL, time_ns, columns)
 
     def guidance(
         self,
-        time_s: float,
-        num_candidates: int,
+        time_s: ArrayLike,
+        num_candidates: ArrayLike,
         target_direction: ArrayLike,
-        lambda_u_rad: float,
-        eta_u_rad: float,
+        lambda_u_rad: ArrayLike,
+        eta_u_rad: ArrayLike,
     ) -> None:
         """Record the direction in which the deputy should look next.
 
@@ -283,21 +294,22 @@ class EpisodeWriter:
         lambda_u_rad, eta_u_rad : float
             The relative angles of target and deputy.
         """
-        message = Guidance(
-            num_candidates=int(num_candidates),
-            target_direction=row(target_direction, 3, "target_direction"),
-            lambda_u_rad=lambda_u_rad,
-            eta_u_rad=eta_u_rad,
-        )
-        self._write(topics.GUIDANCE, time_s, message)
+        time_ns = nanoseconds(time_s)
+        columns = {
+            "num_candidates": _numbers(num_candidates, len(time_ns)),
+            "target_direction": rows(target_direction, len(time_ns), 3, "target_direction"),
+            "lambda_u_rad": _numbers(lambda_u_rad, len(time_ns)),
+            "eta_u_rad": _numbers(eta_u_rad, len(time_ns)),
+        }
+        self._write(topics.GUIDANCE, time_ns, columns)
 
     def navigation(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         estimate: ArrayLike,
         deviation: ArrayLike,
         fix_m: ArrayLike,
-        fix_age_s: float,
+        fix_age_s: ArrayLike,
         quaternion: ArrayLike,
     ) -> None:
         """Record what the deputy knows of its place.
@@ -315,25 +327,27 @@ class EpisodeWriter:
         quaternion : (4,)
             The attitude as it is sensed, Hill to body.
         """
-        known, doubt = row(estimate, 6, "estimate"), row(deviation, 6, "deviation")
-        message = Navigation(
-            position_m=known[:3],
-            velocity_m_s=known[3:],
-            position_deviation_m=doubt[:3],
-            velocity_deviation_m_s=doubt[3:],
-            fix_m=row(fix_m, 3, "fix_m"),
-            fix_age_s=fix_age_s,
-            quaternion=row(quaternion, 4, "quaternion"),
-        )
-        self._write(topics.NAVIGATION, time_s, message)
+        time_ns = nanoseconds(time_s)
+        count = len(time_ns)
+        known, doubt = rows(estimate, count, 6, "estimate"), rows(deviation, count, 6, "deviation")
+        columns = {
+            "position_m": known[:, :3],
+            "velocity_m_s": known[:, 3:],
+            "position_deviation_m": doubt[:, :3],
+            "velocity_deviation_m_s": doubt[:, 3:],
+            "fix_m": rows(fix_m, count, 3, "fix_m"),
+            "fix_age_s": _numbers(fix_age_s, count),
+            "quaternion": rows(quaternion, count, 4, "quaternion"),
+        }
+        self._write(topics.NAVIGATION, time_ns, columns)
 
     def fis(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         name: str,
         inputs: ArrayLike,
         firing_strengths: ArrayLike,
-        output_n: float,
+        output_n: ArrayLike,
         shares: ArrayLike = (),
     ) -> None:
         """Record an inference of the fuzzy system `name`.
@@ -353,26 +367,28 @@ class EpisodeWriter:
         shares : (R,), optional
             Of each rule in the output, in its unit.
         """
-        message = FisActivation(
-            inputs=np.asarray(inputs, dtype=np.float64).ravel().tolist(),
-            firing_strengths=np.asarray(firing_strengths, dtype=np.float64).ravel().tolist(),
-            output_n=output_n,
-            shares_n=np.asarray(shares, dtype=np.float64).ravel().tolist(),
-        )
-        self._write(topics.fis_topic(name), time_s, message)
+        time_ns = nanoseconds(time_s)
+        count = len(time_ns)
+        columns = {
+            "inputs": _rows_alike(inputs, count),
+            "firing_strengths": _rows_alike(firing_strengths, count),
+            "output_n": _numbers(output_n, count),
+            "shares_n": _rows_alike(shares, count),
+        }
+        self._write(topics.fis_topic(name), time_ns, columns)
 
     def mission(
         self,
-        time_s: float,
+        time_s: ArrayLike,
         *,
-        sun_angle_rad: float,
-        distance_m: float,
+        sun_angle_rad: ArrayLike,
+        distance_m: ArrayLike,
         inspected_mask: ArrayLike,
-        delta_v_m_s: float,
-        sun_elevation_rad: float = 0.0,
-        sun_hidden_share: float = 0.0,
-        inspectable_count: int = 0,
-        mass_kg: float = 0.0,
+        delta_v_m_s: ArrayLike,
+        sun_elevation_rad: ArrayLike = 0.0,
+        sun_hidden_share: ArrayLike = 0.0,
+        inspectable_count: ArrayLike = 0,
+        mass_kg: ArrayLike = 0.0,
     ) -> None:
         """Record the progress of the inspection; the count and the rate follow from the mask.
 
@@ -397,24 +413,26 @@ class EpisodeWriter:
         mass_kg : float
             Of the deputy; 0 where that is not known.
         """
-        mask = np.asarray(inspected_mask, dtype=np.bool_).ravel()
-        inspected_count = int(mask.sum())
-        message = MissionStatus(
-            sun_angle_rad=sun_angle_rad,
-            distance_m=distance_m,
-            inspected_count=inspected_count,
-            inspection_rate_percent=100.0 * inspected_count / max(mask.size, 1),
-            delta_v_m_s=delta_v_m_s,
-            inspected_mask=mask.tobytes(),
-            sun_elevation_rad=sun_elevation_rad,
-            sun_hidden_share=sun_hidden_share,
-            inspectable_count=inspectable_count,
-            mass_kg=mass_kg,
-        )
-        self._write(topics.MISSION, time_s, message)
+        time_ns = nanoseconds(time_s)
+        count = len(time_ns)
+        mask = _rows_alike(inspected_mask, count) != 0.0
+        inspected_count = mask.sum(axis=1)
+        columns = {
+            "sun_angle_rad": _numbers(sun_angle_rad, count),
+            "distance_m": _numbers(distance_m, count),
+            "inspected_count": inspected_count,
+            "inspection_rate_percent": 100.0 * inspected_count / max(mask.shape[1], 1),
+            "delta_v_m_s": _numbers(delta_v_m_s, count),
+            "inspected_mask": mask,
+            "sun_elevation_rad": _numbers(sun_elevation_rad, count),
+            "sun_hidden_share": _numbers(sun_hidden_share, count),
+            "inspectable_count": _numbers(inspectable_count, count),
+            "mass_kg": _numbers(mass_kg, count),
+        }
+        self._write(topics.MISSION, time_ns, columns)
 
     def log(self, time_s: float, level: str, text: str) -> None:
-        """Record an event as text, and flush everything to the file.
+        """Record an event as text, and flush everything up to it to the file.
 
         Parameters
         ----------
@@ -425,74 +443,52 @@ class EpisodeWriter:
         text : str
             One sentence.
         """
-        self._write(topics.LOG, time_s, messages.log(_nanoseconds(time_s), level, text))
-        self._flush()
+        time_ns = nanoseconds(time_s)
+        self._write(topics.LOG, time_ns, messages.log(time_ns, level, text))
+        self._flush(int(time_ns[0]))
 
-    def _write_preamble(self) -> None:
-        self._mcap.start(profile="", library="fuzzy-spacecraft-inspection telemetry")
+    def _begun(self) -> Container:
+        """Return the file, with what is readable from the start."""
+        mcap = Container(self._file.stream, "fuzzy-spacecraft-inspection telemetry")
         for name, entries in self._metadata.items():
-            self._mcap.add_metadata(name, sealed(name, entries))
+            mcap.add_metadata(name, sealed(name, entries))
         for name, content in self._attachments.items():
             media_type = _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
-            self._mcap.add_attachment(0, 0, name, media_type, content)
-        # the description is readable from the start
-        self._mcap.flush()  # type: ignore[no-untyped-call]
-
-    def _register_channels(self) -> None:
+            mcap.add_attachment(name, media_type, content)
+        self._file.stream.flush()
         prefix = topics.FIS_METADATA_PREFIX
         systems = [name.removeprefix(prefix) for name in self._metadata if name.startswith(prefix)]
-        schema_of_topic = {
-            **_SCHEMA_OF_TOPIC,
-            **{topics.fis_topic(name): FisActivation for name in systems},
-        }
-        schema_ids: dict[type[Message], int] = {}
-        for topic, schema in schema_of_topic.items():
-            if schema not in schema_ids:
-                schema_ids[schema] = register_schema(self._mcap, schema)
-            self._channels[topic] = self._mcap.register_channel(topic, "protobuf", schema_ids[schema])
-            self._sequence[topic] = 0
+        kinds = {**_KIND_OF_TOPIC, **{topics.fis_topic(name): FisActivation for name in systems}}
+        self._channels = {topic: (mcap.add_channel(topic, kind), kind) for topic, kind in kinds.items()}
+        return mcap
 
-    def _transform(
-        self, time_s: float, parent: str, child: str, translation_m: list[float], quaternion: list[float]
-    ) -> None:
-        message = messages.transform(_nanoseconds(time_s), parent, child, translation_m, quaternion)
-        self._write(topics.TRANSFORMS, time_s, message)
-
-    def _write(self, topic: str, time_s: float, message: Message) -> None:
-        channel = self._channels.get(topic)
-        if channel is None:
+    def _write(self, topic: str, time_ns: NDArray[np.int64], columns: Mapping[str, Any]) -> None:
+        if topic not in self._channels:
             name = topic.removeprefix(topics.FIS_PREFIX)
             raise RecordingError(
                 f"the metadata does not describe the fuzzy system {name!r}; "
                 f"add an entry {topics.FIS_METADATA_PREFIX + name!r}"
             )
-        time_ns = _nanoseconds(time_s)
-        if time_ns != self._time_ns:
-            self._begin_sample(time_ns)
-        sequence = self._sequence[topic]
-        self._sequence[topic] = sequence + 1
-        try:
-            self._mcap.add_message(channel, time_ns, message.SerializeToString(), time_ns, sequence)
-        except OSError as error:
-            raise self._explained(error) from error
-
-    def _begin_sample(self, time_ns: int) -> None:
-        if time_ns < self._time_ns:
-            raise RecordingError(
-                f"a record of {time_ns / NANOSECONDS} s follows one of {self._time_ns / NANOSECONDS} s, but "
-                "recordings are in order of time; write the records of a sample together"
-            )
-        if self._unflushed_samples == SAMPLES_PER_FLUSH:
+        if not len(time_ns):
+            return
+        channel, kind = self._channels[topic]
+        if self._waiting.is_full_before(int(time_ns[0])):
             self._flush()
-        self._time_ns = time_ns
-        self._unflushed_samples += 1
+        contents = encode(kind, columns, len(time_ns))
+        self._waiting.add(Messages(np.full(len(time_ns), channel), time_ns, contents))
 
-    def _flush(self) -> None:
+    def _flush(self, until_ns: int | None = None) -> None:
+        """Bring messages to the file, up to a time or all."""
         try:
-            self._mcap.flush()  # type: ignore[no-untyped-call]
+            self._write_waiting(until_ns)
         except OSError as error:
+            # after a chunk that is lost others would leave a gap
+            self._waiting = Waiting()
             raise self._explained(error) from error
-        self._unflushed_samples = 0
+
+    def _write_waiting(self, until_ns: int | None = None) -> None:
+        for chunk in self._waiting.give(until_ns):
+            self._mcap.add_chunk(chunk)
 
     def _explained(self, error: OSError) -> RecordingError:
         return RecordingError(
@@ -502,5 +498,12 @@ class EpisodeWriter:
         )
 
 
-def _nanoseconds(time_s: float) -> int:
-    return round(time_s * NANOSECONDS)
+def _numbers(values: ArrayLike, count: int) -> NDArray[np.float64]:
+    """Return a number for each sample, (count,)."""
+    return np.broadcast_to(np.asarray(values, dtype=np.float64), count)
+
+
+def _rows_alike(values: ArrayLike, count: int) -> NDArray[np.float64]:
+    """Return as many rows, of whatever length."""
+    found = np.asarray(values, dtype=np.float64)
+    return found.reshape(count, found.size // count)

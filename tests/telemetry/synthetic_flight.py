@@ -235,6 +235,17 @@ ATTACHMENTS = {"config.yaml": b"seed: 7\n", "controller.json": b'{"name": "circl
 
 
 def record(flight: SyntheticFlight, path: Path) -> Path:
+    """Record a flight topic by topic, each at once."""
+    with EpisodeWriter(path, metadata=metadata(flight), attachments=ATTACHMENTS) as writer:
+        write_state(writer, flight, slice(None))
+        write_control(writer, flight, slice(flight.num_controls))
+        for k in range(flight.num_controls + 1):
+            write_events(writer, flight, k)
+    return path
+
+
+def record_by_samples(flight: SyntheticFlight, path: Path) -> Path:
+    """Record a flight as it is flown, sample by sample."""
     with EpisodeWriter(path, metadata=metadata(flight), attachments=ATTACHMENTS) as writer:
         for k in range(flight.num_controls + 1):
             write_sample(writer, flight, k)
@@ -243,33 +254,42 @@ def record(flight: SyntheticFlight, path: Path) -> Path:
 
 def write_sample(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
     write_state(writer, flight, k)
-    time_s = flight.time_s[k]
     if k < flight.num_controls:
-        writer.attitude_history(
-            time_s,
-            ATTITUDE_OFFSETS,
-            flight.attitude_quaternion[k],
-            flight.attitude_rate_rad_s[k],
-            flight.torque_n_m[k],
-        )
-        asked = flight.force_body_n[k]
-        writer.control(time_s, asked, flight.force_hill_n[k], asked, [Reason.FIRED] * 3)
-        for index, name in enumerate(FIS_NAMES):
-            writer.fis(
-                time_s,
-                name,
-                flight.fis_inputs[index, k],
-                flight.firing_strengths[index, k],
-                flight.fis_output_n[index, k],
-            )
+        write_control(writer, flight, k)
+    write_events(writer, flight, k)
+
+
+def write_events(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
     for threshold in (50, 95):
         before = flight.inspected[k - 1].sum() if k else 0
         if before < threshold <= flight.inspected[k].sum():
-            writer.log(time_s, "info", f"{threshold} of {NUM_POINTS} points inspected")
+            writer.log(flight.time_s[k], "info", f"{threshold} of {NUM_POINTS} points inspected")
 
 
-def write_state(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
-    """Write what every sample has, whoever flies."""
+def write_control(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice) -> None:
+    """Write what is applied after a sample, or some."""
+    time_s = flight.time_s[k]
+    writer.attitude_history(
+        time_s,
+        ATTITUDE_OFFSETS,
+        flight.attitude_quaternion[k],
+        flight.attitude_rate_rad_s[k],
+        flight.torque_n_m[k],
+    )
+    asked = flight.force_body_n[k]
+    writer.control(time_s, asked, flight.force_hill_n[k], asked, np.full(asked.shape, Reason.FIRED))
+    for index, name in enumerate(FIS_NAMES):
+        writer.fis(
+            time_s,
+            name,
+            flight.fis_inputs[index, k],
+            flight.firing_strengths[index, k],
+            flight.fis_output_n[index, k],
+        )
+
+
+def write_state(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice) -> None:
+    """Write what a sample has, or some have, whoever flies."""
     time_s = flight.time_s[k]
     position = flight.position_m[k]
     writer.poses(time_s, position, flight.quaternion[k], flight.chief_quaternion[k])
@@ -291,7 +311,7 @@ def write_state(writer: EpisodeWriter, flight: SyntheticFlight, k: int) -> None:
     writer.mission(
         time_s,
         sun_angle_rad=flight.sun_angle_rad[k],
-        distance_m=float(np.linalg.norm(position)),
+        distance_m=np.linalg.norm(position, axis=-1),
         inspected_mask=flight.inspected[k],
         delta_v_m_s=flight.delta_v_m_s[k],
     )

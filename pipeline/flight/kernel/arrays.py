@@ -76,6 +76,8 @@ class World(NamedTuple):
     looks: Motion  # over 0, 1, … of these strides, to the flight's end
     points: Floats  # (K+1 or 1, 3, P padded), Hill axes
     num_points: int
+    order: Integers  # (P padded,) of points, by which neighbours lie together
+    patches: Floats  # (K+1 or 1, 3, P padded) points in this order
     sight: Sight
     has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
     optics: Optics

@@ -38,9 +38,12 @@ def strike_out(
 ) -> int:
     """Strike out the points that are lit and in view of a place; return how many are left.
 
+    They lie in the order of `world.patches`: neighbours are seen soon one after the other, and
+    vectors in which none is left are passed over.
+
     `is_near` where the chief does not fit into the camera's view, whose axis meets its centre.
     """
-    sight, points = world.sight, world.points
+    sight, points = world.sight, world.patches
     squared_range = rx * rx + ry * ry + rz * rz
     num_left = 0
     for j in range(0, len(ahead), POINTS):
@@ -78,8 +81,8 @@ def preview(world: World, optics: Beyond | None, work: Workspace, num_lanes: int
         vx, vy, vz = lanes.velocity[0, lane], lanes.velocity[1, lane], lanes.velocity[2, lane]
         nearest = rx * rx + ry * ry + rz * rz
         farthest = nearest
-        for j in range(0, len(ahead), POINTS):
-            store(ahead, j, load(work.unseen, (lane, j), POINTS))
+        for j in range(len(ahead) if num_left > 0 else 0):
+            ahead[j] = work.unseen[lane, j if optics is not None else world.order[j]]
         step, turn_cos, turn_sin = first, first_cos, first_sin
         sample = k
         while sample < world.num_controls:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipeline.flight.log import FlightLog
-from pipeline.report.figures.style import BLUE, DOTS, GREEN, MUTED, VERMILION
+from pipeline.report.figures.style import BLUE, DOTS, GREEN, MUTED, VERMILION, grid
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -22,9 +22,9 @@ def controls(log: FlightLog, mission: Mission) -> Figure:
 
     The torque is drawn in two parts, for turning to the chief takes a hundred times what following it does.
     """
-    figure = Figure(figsize=(9.6, 4.8), layout="constrained")
-    grid = figure.add_gridspec(2, 2)
-    force, turning, following = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    figure = Figure(figsize=(9.6, 4.8))
+    places = grid(figure, 2, 2, (0.75, 0.13, 0.44, 0.24), (0.82, 0.66))
+    force, turning, following = map(figure.add_subplot, (places[:, 0], places[0, 1], places[1, 1]))
     steps = np.arange(mission.num_controls + 1) * mission.control_period_s
     _three_lines(force, steps, log.force_hill_n, ("radial", "along-track", "cross-track"))
     _limit_lines(force, mission.deputy.max_force_n, "N")

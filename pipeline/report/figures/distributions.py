@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipeline.report.figures.style import BLUE, INK, MOST_POINTS, MUTED, VERMILION
+from pipeline.report.figures.style import BLUE, INK, MOST_POINTS, MUTED, VERMILION, grid
 
 Floats = NDArray[np.float64]
 
@@ -42,8 +42,10 @@ def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
         Inspection points: rates are multiples of 100/num_points.
     """
     heights = [1.1 if len(sample.values["delta_v_m_s"]) <= MOST_POINTS else 2.0 for sample in samples]
-    figure = Figure(figsize=(9.6, sum(heights) + 0.65 * len(samples) + 0.3), layout="constrained")
-    rows = figure.subplots(len(samples), len(METRICS), squeeze=False, sharex="col", height_ratios=heights)
+    figure = Figure(figsize=(9.6, sum(heights) + 0.65 * len(samples) + 0.3))
+    margins, between = (0.58, 0.1, 0.44, 0.4), (0.4, 0.65)
+    places = grid(figure, len(samples), len(METRICS), margins, between, height_ratios=heights)
+    rows = np.asarray(places.subplots(squeeze=False, sharex="col"))
     for column, (metric, label) in enumerate(METRICS.items()):
         step = 100.0 / num_points if metric == "inspection_rate_percent" else None
         edges = _bin_edges([sample.values[metric] for sample in samples], step)

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pipeline.flight.log import FlightLog
-from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, VERMILION
+from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, VERMILION, grid
 from pipeline.report.figures.trajectories import CHIEF_COLOUR, HILL_AXES, PLANES
 from pipeline.settings.experiment import Mission
 
@@ -60,8 +60,10 @@ def side_by_side(controller: FlightLog, plan: FlightLog, mission: Mission, neede
         Points that make a flight a success.
     """
     flights = (Flown("controller", controller, BLUE, "-"), Flown("plan of least fuel", plan, VERMILION, "--"))
-    figure = Figure(figsize=(9.6, 6.9), layout="constrained")
-    axes = figure.subplots(2, 3, width_ratios=(1.0, 1.0, 0.95))
+    figure = Figure(figsize=(9.6, 6.9))
+    margins, between = (0.68, 0.13, 0.76, 0.25), (0.74, 0.68)
+    places = grid(figure, 2, 3, margins, between, width_ratios=(1.0, 1.0, 0.95))
+    axes = np.asarray(places.subplots())
     reach = max(float(np.abs(flight.log.position_m).max()) for flight in flights)
     frame = float(np.ceil(min(1.2 * reach, 1.1 * mission.deputy.max_distance_m) / 10.0) * 10.0)
     largest = max(float(flight.burns(mission)[1].max(initial=0.0)) for flight in flights) or 1.0
@@ -200,4 +202,4 @@ def _add_legend(figure: Figure, largest: float) -> None:
         circle.set(markeredgecolor=INK, markeredgewidth=0.7)
         handles.append(circle)
         words.append(f"{share * largest:.2g} m/s in 2 min")
-    figure.legend(handles, words, loc="outside lower center", ncols=len(words), columnspacing=1.2)
+    figure.legend(handles, words, loc="lower center", ncols=len(words), columnspacing=1.2)

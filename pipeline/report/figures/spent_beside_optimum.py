@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, PAPER, PURPLE
+from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, PAPER, PURPLE, grid
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -33,8 +33,9 @@ def beside_optimum(columns: Columns, needed: int) -> Figure:
     needed : int
         Points that make a flight a success.
     """
-    figure = Figure(figsize=(9.6, 5.2), layout="constrained")
-    spent, points = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.2))
+    figure = Figure(figsize=(9.6, 5.2))
+    rows = grid(figure, 2, 1, (0.65, 0.12, 0.43, 0.28), (0.0, 0.16), height_ratios=(3.0, 1.2))
+    spent, points = np.asarray(rows.subplots(sharex=True))
     order = np.argsort(columns["times_optimum"], kind="stable")
     sorted_columns = {name: column[order] for name, column in columns.items()}
     _draw_spent(spent, sorted_columns)

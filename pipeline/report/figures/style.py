@@ -1,15 +1,16 @@
 """How all pictures look, and how a figure becomes files."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 
-__all__ = ["STYLE", "Figure", "Picture", "save", "style"]
+__all__ = ["STYLE", "Figure", "Picture", "grid", "save", "style"]
 
 #: colours with a part to play; a page may put others in their places
 INK, MUTED, GRID, PAPER = "#1b1f24", "#5b6571", "#d4d9df", "#fffffe"
@@ -33,6 +34,7 @@ STYLE: dict[Any, Any] = {
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
     "axes.titleweight": "bold",
+    "axes.titley": 1.0,
     "axes.labelcolor": INK,
     "axes.edgecolor": MUTED,
     "axes.linewidth": 0.8,
@@ -60,6 +62,43 @@ class Picture:
 
     png: bytes
     svg: str
+
+
+def grid(
+    figure: Figure,
+    rows: int,
+    columns: int,
+    margins: Sequence[float],
+    between: Sequence[float],
+    **ratios: Any,
+) -> GridSpec:
+    """Part a figure into places for axes, for labels of a known size: to measure them takes long.
+
+    Parameters
+    ----------
+    figure : Figure
+    rows, columns : int
+    margins : sequence of four float
+        Left, right, bottom and top, in inches.
+    between : sequence of two float
+        Between columns and between rows, in inches.
+    **ratios
+        Of widths and heights, see `matplotlib.gridspec.GridSpec`.
+    """
+    width, height = figure.get_size_inches()
+    left, right, bottom, top = margins
+    across, down = between
+    return figure.add_gridspec(
+        rows,
+        columns,
+        left=left / width,
+        right=1.0 - right / width,
+        bottom=bottom / height,
+        top=1.0 - top / height,
+        wspace=across * columns / (width - left - right - across * (columns - 1)),
+        hspace=down * rows / (height - bottom - top - down * (rows - 1)),
+        **ratios,
+    )
 
 
 @contextmanager

@@ -21,8 +21,8 @@ from fis_tools.formats.serialize import dump_json
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import sentences
 from telemetry import EpisodeWriter
+from telemetry.file.messages import nanoseconds
 from telemetry.file.metadata import FisDescription
-from telemetry.file.schema.inspection_pb2 import Control
 from telemetry.file.topics import Reason
 from tests.fis_tools.sample_controllers import (
     force_x_system,
@@ -159,8 +159,8 @@ def log_periods(path: Path, controller: FuzzyController, has_reasons: bool = Tru
             if has_reasons:
                 writer.control(time_s, force, force, force, [x, Reason.SILENT, z])
             else:
-                message = Control(force_body_n=force.tolist(), force_hill_n=force.tolist())
-                writer._write("/deputy/control", time_s, message)
+                columns = {"force_body_n": force.tolist(), "force_hill_n": force.tolist()}
+                writer._write("/deputy/control", nanoseconds(time_s), columns)
             for system in controller.systems if is_inferred else ():
                 inputs = np.array([generator.uniform(v.minimum, v.maximum) for v in system.inputs])
                 step = infer(system, inputs)

@@ -21,7 +21,7 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController
 from fis_tools.review import carried, page
 from fis_tools.words.text import sentence
-from tests.browser import serious_violations
+from tests.browser import opening, serious_violations
 from tests.fis_tools.review.cases import (
     HOSTILE,
     Markup,
@@ -52,9 +52,10 @@ def text(flight):
 
 
 @pytest.fixture(scope="module")
-def shown(opened, text):
+def shown(browser, tmp_path_factory, text):
     """A page that tests use one after the other, leaving it usable."""
-    return opened(text)
+    with opening(browser, tmp_path_factory.mktemp("shown")) as open_page:
+        yield open_page(text)
 
 
 @pytest.fixture
@@ -590,19 +591,18 @@ def test_hostile_names_are_only_text(opened):
 def test_scripts_that_are_not_of_the_page_do_not_run(browser, text, tmp_path):
     path = tmp_path / "page.html"
     path.write_text(text, encoding="utf-8")
-    shown = browser.new_page(offline=True)
-    shown.goto(path.as_uri())
-    shown.evaluate(
-        """() => {
-          const script = document.createElement("script");
-          script.textContent = "window.pwned = 1";
-          document.body.append(script);
-          document.body.insertAdjacentHTML("beforeend", "<img src='x' onerror='window.pwned = 2'>");
-        }"""
-    )
-    shown.wait_for_timeout(50)
-    assert shown.evaluate("typeof window.pwned") == "undefined"
-    shown.close()
+    with browser.new_page(offline=True) as shown:
+        shown.goto(path.as_uri())
+        shown.evaluate(
+            """() => {
+              const script = document.createElement("script");
+              script.textContent = "window.pwned = 1";
+              document.body.append(script);
+              document.body.insertAdjacentHTML("beforeend", "<img src='x' onerror='window.pwned = 2'>");
+            }"""
+        )
+        shown.wait_for_timeout(50)
+        assert shown.evaluate("typeof window.pwned") == "undefined"
 
 
 def test_all_kinds_of_systems_are_shown(opened):

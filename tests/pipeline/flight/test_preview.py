@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.flight.controller import coast
+from pipeline.flight.guidance import POINTS
 from pipeline.flight.log import Scenario
 from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.world import by_neighbourhood, inspection_points
 from tests.pipeline.flight.cases import FORESEEING, STARTS, controller, leaning_system, mission, random_starts
 
 IDEAL = {"mode": "ideal"}
@@ -42,6 +44,17 @@ def test_a_flight_that_coasts_misses_what_was_foreseen_or_a_little_less() -> Non
         np.testing.assert_allclose(log.fis_input[:, 0, 1:], ahead, rtol=0, atol=6.0)
         assert np.all(log.fis_input[:, 0, 1] >= ahead[:, 0] - 1e-9)
         assert np.all(log.fis_input[:, 0, 2] <= ahead[:, 1] + 1e-9)
+
+
+def test_neighbours_share_a_vector() -> None:
+    points = inspection_points(mission())
+    order = by_neighbourhood(points)
+    assert sorted(order) == list(range(99))
+
+    def widest(ordered: np.ndarray) -> float:
+        return float(max(np.ptp(ordered[j : j + POINTS], axis=0).max() for j in range(0, 99, POINTS)))
+
+    assert widest(points[order]) < 10.0 < 16.0 < widest(points)
 
 
 def test_what_sets_lies_where_the_sun_goes_from() -> None:

@@ -203,6 +203,13 @@ def test_the_same_flight_gives_the_same_bytes(
     assert again.read_bytes() == flight_file.read_bytes()
 
 
+def test_a_flight_recorded_sample_by_sample_gives_the_same_bytes(
+    flight: SyntheticFlight, flight_file: Path, tmp_path: Path
+) -> None:
+    one_by_one = synthetic_flight.record_by_samples(flight, tmp_path / "one_by_one.mcap")
+    assert one_by_one.read_bytes() == flight_file.read_bytes()
+
+
 def test_a_full_flight_stays_small(flight_file: Path) -> None:
     assert flight_file.stat().st_size < 500 * 1024
 

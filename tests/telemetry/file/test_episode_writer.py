@@ -145,7 +145,11 @@ def test_a_missing_folder_is_said(short_flight: SyntheticFlight, tmp_path: Path)
 @pytest.mark.parametrize(
     ("mistake", "text"),
     [
-        (lambda w: w.control(5.0, np.zeros(3), np.zeros(3), np.zeros(3), FIRED), "are in order of time"),
+        (lambda w: w.log(5.0, "info", "before what is in the file"), "are in order of time"),
+        (
+            lambda w: w.guidance([20.0, 15.0], [1, 1], np.zeros((2, 3)), [0.0, 0.0], [0.0, 0.0]),
+            "15.0 s follows one of 20.0 s",
+        ),
         (
             lambda w: w.control(20.0, np.zeros(2), np.zeros(3), np.zeros(3), FIRED),
             "force_body_n has 2 values, but 3",
@@ -170,6 +174,7 @@ def test_a_wrong_record_is_refused(
     def fly_and_err() -> None:
         with open_writer(short_flight, tmp_path / "flight.mcap") as writer:
             synthetic_flight.write_sample(writer, short_flight, 1)
+            writer.log(10.0, "info", "everything so far is in the file")
             mistake(writer)
 
     with pytest.raises(RecordingError, match=re.escape(text)):

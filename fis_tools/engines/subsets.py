@@ -1,0 +1,92 @@
+"""What a system answers where only some of its rules fire: many samples, and many subsets of the rules.
+
+For systems that `fis_tools.engines.kernel` covers, whose rules each cut one term of the output.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.compiled import compiled
+from fis_tools.engines.kernel import conclude, make_scratch
+from fis_tools.engines.packing import Packed
+from fis_tools.engines.vectors import width_of
+from fis_tools.model import FuzzySystem
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Subsets:
+    """Some samples of a packed system, in which rules fire always, or only as members of a subset.
+
+    Parameters
+    ----------
+    system : FuzzySystem
+    packed : Packed
+        The same.
+    firing : (n, num_rules)
+        How strongly each rule fires, if it does.
+    plays : (n, num_rules) bool
+        Which rules may be left out; the others always fire.
+    """
+
+    def __init__(self, system: FuzzySystem, packed: Packed, firing: Floats, plays: NDArray[np.bool_]):
+        (output,) = system.outputs
+        self._packed = packed
+        self._firing = firing
+        self._terms = np.array([output.term_index(rule.consequents[0].term) for rule in system.rules])
+        always = np.where(plays, 0.0, firing)
+        heights = [
+            always[:, self._terms == term].max(axis=1, initial=0.0) for term in range(len(output.terms))
+        ]
+        self._always = np.stack(heights, axis=1)
+        self._scratch = make_scratch()
+
+    def conclude(self, samples: Integers, rules: Integers, members: NDArray[np.bool_]) -> Floats:
+        """Return outputs, (g, s), of some samples, (g,), for subsets, (s, k), of their rules, (g, k)."""
+        out = np.empty((len(members), len(samples)))
+        _conclude_subsets(
+            self._packed.values[0],
+            self._packed.rules[0],
+            self._packed.layout,
+            self._always[samples],
+            self._terms[rules],
+            self._firing[samples[:, np.newaxis], rules],
+            members,
+            self._scratch,
+            out,
+        )
+        return out.T
+
+
+@compiled(nogil=True, error_model="numpy")
+def _conclude_subsets(
+    values: Floats,
+    rules: Integers,
+    layout: Any,
+    always: Floats,
+    terms: Integers,
+    strengths: Floats,
+    members: NDArray[np.bool_],
+    scratch: Any,
+    out: Floats,
+) -> None:
+    system, room = layout[0], scratch[0]
+    num_samples = len(strengths)
+    # one subset for samples side by side, where that is possible: what all leave out costs little
+    for first in range(0, out.size, width_of(room)):
+        num_lanes = min(width_of(room), out.size - first)
+        for lane in range(num_lanes):
+            subset, sample = divmod(first + lane, num_samples)
+            for term in range(system.output_terms):
+                room.cuts[term, lane] = always[sample, term]
+            for rule in range(members.shape[1]):
+                if members[subset, rule]:
+                    term = terms[sample, rule]
+                    room.cuts[term, lane] = max(room.cuts[term, lane], strengths[sample, rule])
+        conclude(values, rules, system, room)
+        for lane in range(num_lanes):
+            subset, sample = divmod(first + lane, num_samples)
+            out[subset, sample] = room.output[lane]

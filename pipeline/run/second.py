@@ -1,0 +1,81 @@
+"""A second process of this machine, for what Python can do on one processor alone.
+
+Functions with their arguments, and what they return, go as pickles through pipes that nobody else can reach.
+It is no copy of the first process, whose threads and compiled code a copy might not survive.
+"""
+
+import gc
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from typing import Any, Final
+
+#: has parts begun, given a function at module level and its arguments for each; what it returns does the
+#: others here, and returns all results in the order of the parts
+Share = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Callable[[], list[Any]]]
+
+_SERVE: Final = f"from {__name__} import serve; serve()"
+
+
+@contextmanager
+def second_process(module: str) -> Iterator[Share]:
+    """Start a process that imports a module and then does every second part once; none on one processor."""
+    if os.cpu_count() == 1:
+        yield alone
+        return
+    path = os.pathsep.join(filter(None, sys.path))
+    with subprocess.Popen(  # noqa: S603 - ourselves
+        [sys.executable, "-c", _SERVE, module],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": path},
+    ) as process:
+        try:
+            yield lambda do, parts: _shared(process, do, parts)
+        finally:
+            process.kill()
+
+
+def alone(do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Callable[[], list[Any]]:
+    """Do all parts here; see `Share`."""
+    return lambda: [do(*part) for part in parts]
+
+
+def _shared(
+    process: "subprocess.Popen[bytes]", do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
+) -> Callable[[], list[Any]]:
+    """Send every second part; see `Share`."""
+    assert process.stdin is not None  # noqa: S101 - it has both pipes
+    assert process.stdout is not None  # noqa: S101
+    answer = process.stdout
+    with suppress(BrokenPipeError), process.stdin as stream:
+        pickle.dump((do, parts[1::2]), stream)
+
+    def finish() -> list[Any]:
+        results: list[Any] = [None] * len(parts)
+        results[::2] = [do(*part) for part in parts[::2]]
+        try:
+            results[1::2] = pickle.load(answer)  # noqa: S301 - of a process of ours
+        except (EOFError, pickle.UnpicklingError):  # it has died, and cannot have done anything else
+            results[1::2] = [do(*part) for part in parts[1::2]]
+        return results
+
+    return finish
+
+
+def serve() -> None:
+    """Be the second process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first is interrupted, and ends this one
+    gc.disable()  # it lives for a moment
+    with ThreadPoolExecutor(1) as reading:
+        given = reading.submit(sys.stdin.buffer.read)  # a pipe holds little: nobody is to wait for the import
+        import_module(sys.argv[1])
+        if sent := given.result():
+            do, parts = pickle.loads(sent)  # noqa: S301 - of the process that started this one
+            pickle.dump([do(*part) for part in parts], sys.stdout.buffer)

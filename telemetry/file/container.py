@@ -1,0 +1,252 @@
+"""An MCAP file as it is written, with messages a chunk at a time.
+
+The records are those of the library `mcap`, which packs them field by field; messages and their index, of
+which there are thousands, are packed in arrays. The format: https://mcap.dev/spec.
+"""
+
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from io import BufferedIOBase
+from itertools import accumulate, chain
+from struct import Struct
+from typing import Final, NamedTuple
+
+import numpy as np
+import zstandard
+from google.protobuf.message import Message
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+from mcap_protobuf.schema import build_file_descriptor_set
+from numpy.typing import NDArray
+
+#: what comes before the content of a message
+_HEAD: Final = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+#: the part of it that does not count as length
+_OPCODE_AND_LENGTH: Final = 9
+#: what comes before the times and places of a channel's messages; the last two fields count as its length
+_INDEX_HEAD: Final = Struct("<BQHI")
+#: of the checksum at the end of the footer
+_CRC_SIZE: Final = 4
+
+
+class Messages(NamedTuple):
+    """Messages in order of time.
+
+    Attributes
+    ----------
+    channel, time_ns : (n,) int
+    contents : list of bytes, length n
+    """
+
+    channel: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    contents: list[bytes]
+
+
+class Container:
+    """Writes an MCAP file to a stream: first metadata, attachments and channels, then chunks, then the end.
+
+    Parameters
+    ----------
+    stream : BufferedIOBase
+    library : str
+        The name of the program that writes.
+    """
+
+    def __init__(self, stream: BufferedIOBase, library: str):
+        self._stream = stream
+        self._schemas: dict[type[Message], Schema] = {}
+        self._channels: list[Channel] = []
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: Counter[int] = Counter()
+        stream.write(MCAP0_MAGIC)
+        self._write([Header("", library)])
+
+    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Write metadata."""
+        offset, length = self._write([Metadata(name, dict(entries))])
+        self._metadata.append(MetadataIndex(offset, length, name))
+
+    def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
+        """Write an attachment, of no time."""
+        record = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
+        offset, length = self._write([record])
+        self._attachments.append(
+            AttachmentIndex(
+                offset=offset,
+                length=length,
+                log_time=0,
+                create_time=0,
+                data_size=len(content),
+                name=name,
+                media_type=media_type,
+            )
+        )
+
+    def add_channel(self, topic: str, kind: type[Message]) -> int:
+        """Announce protobuf messages of one kind on a topic; return the channel's number."""
+        if kind not in self._schemas:
+            described = build_file_descriptor_set(kind).SerializeToString()
+            number = len(self._schemas) + 1
+            self._schemas[kind] = Schema(
+                id=number, data=described, encoding="protobuf", name=kind.DESCRIPTOR.full_name
+            )
+        number = len(self._channels) + 1
+        self._channels.append(
+            Channel(
+                id=number,
+                topic=topic,
+                message_encoding="protobuf",
+                metadata={},
+                schema_id=self._schemas[kind].id,
+            )
+        )
+        return number
+
+    def add_chunk(self, messages: Messages) -> None:
+        """Write messages, at least one, and bring everything so far to the file."""
+        announced = b"" if self._chunks else _packed(self._announced())
+        places = {
+            channel: np.flatnonzero(messages.channel == channel)
+            for channel in dict.fromkeys(messages.channel.tolist())
+        }
+        heads = self._heads(messages, places)
+        parts = zip(_split(heads), messages.contents, strict=True)
+        content = announced + b"".join(chain.from_iterable(parts))
+        chunk = Chunk(
+            compression="zstd",
+            data=zstandard.compress(content),
+            message_end_time=int(messages.time_ns[-1]),
+            message_start_time=int(messages.time_ns[0]),
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
+        )
+        offset, length = self._write([chunk])
+        lengths = _OPCODE_AND_LENGTH + heads["length"].astype(np.int64)
+        entries = np.stack([messages.time_ns, len(announced) + np.cumsum(lengths) - lengths], axis=1)
+        index = [_index(channel, entries[rows]) for channel, rows in places.items()]
+        starts = [*accumulate(map(len, index), initial=self._stream.tell())]
+        self._stream.write(b"".join(index))
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=length,
+                chunk_start_offset=offset,
+                compression=chunk.compression,
+                compressed_size=len(chunk.data),
+                message_end_time=chunk.message_end_time,
+                message_index_length=starts[-1] - starts[0],
+                message_index_offsets=dict(zip(places, starts, strict=False)),
+                message_start_time=chunk.message_start_time,
+                uncompressed_size=chunk.uncompressed_size,
+            )
+        )
+        self._stream.flush()
+
+    def finish(self) -> None:
+        """Write the end of the file, with what is needed to find a record in it."""
+        self._write([DataEnd(0)])
+        at = self._stream.tell()
+        statistics = Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=self._counts.total(),
+            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+        groups: dict[Opcode, Sequence[McapRecord]] = {
+            Opcode.SCHEMA: [*self._schemas.values()],
+            Opcode.CHANNEL: self._channels,
+            Opcode.STATISTICS: [statistics],
+            Opcode.CHUNK_INDEX: self._chunks,
+            Opcode.ATTACHMENT_INDEX: self._attachments,
+            Opcode.METADATA_INDEX: self._metadata,
+        }
+        packed = {opcode: _packed(records) for opcode, records in groups.items()}
+        starts = [*accumulate(map(len, packed.values()), initial=at)]
+        offsets = [
+            SummaryOffset(group_length=len(group), group_opcode=opcode, group_start=start)
+            for (opcode, group), start in zip(packed.items(), starts, strict=False)
+        ]
+        summary = b"".join(packed.values()) + _packed(offsets)
+        footer = Footer(summary_start=at, summary_offset_start=starts[-1], summary_crc=0)
+        footer.summary_crc = zlib.crc32(summary + _packed([footer])[:-_CRC_SIZE])
+        self._stream.write(summary + _packed([footer]) + MCAP0_MAGIC)
+
+    def _write(self, records: Sequence[McapRecord]) -> tuple[int, int]:
+        """Write records; return where they begin, and how long they are."""
+        offset, content = self._stream.tell(), _packed(records)
+        self._stream.write(content)
+        return offset, len(content)
+
+    def _announced(self) -> Iterator[McapRecord]:
+        """Yield all channels, each schema before the first of its channels."""
+        schemas = {schema.id: schema for schema in self._schemas.values()}
+        for channel in self._channels:
+            if channel.schema_id in schemas:
+                yield schemas.pop(channel.schema_id)
+            yield channel
+
+    def _heads(self, messages: Messages, places: Mapping[int, NDArray[np.int64]]) -> NDArray[np.void]:
+        """Return what comes before each message, and count those of each channel, which are at `places`."""
+        heads = np.empty(len(messages.contents), _HEAD)
+        heads["opcode"] = Opcode.MESSAGE
+        heads["length"] = _HEAD.itemsize - _OPCODE_AND_LENGTH + np.array([*map(len, messages.contents)])
+        heads["channel"] = messages.channel
+        heads["log_time"] = heads["publish_time"] = messages.time_ns
+        for channel, rows in places.items():
+            heads["sequence"][rows] = self._counts[channel] + np.arange(len(rows))
+            self._counts[channel] += len(rows)
+        return heads
+
+
+def _index(channel: int, entries: NDArray[np.int64]) -> bytes:
+    """Return the record of when a channel's messages are and where in the chunk, (n, 2)."""
+    content = entries.astype("<u8").tobytes()
+    return _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(content), channel, len(content)) + content
+
+
+def _split(rows: NDArray[np.void]) -> list[bytes]:
+    """Return the bytes of each row."""
+    content, size = rows.tobytes(), rows.itemsize
+    return [content[at : at + size] for at in range(0, len(content), size)]
+
+
+def _packed(records: Iterable[McapRecord]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    content: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return content
