@@ -54,7 +54,7 @@ def test_neighbours_share_a_vector() -> None:
     def widest(ordered: np.ndarray) -> float:
         return float(max(np.ptp(ordered[j : j + POINTS], axis=0).max() for j in range(0, 99, POINTS)))
 
-    assert widest(points[order]) < 10.0 < 16.0 < widest(points)
+    assert widest(points[order]) < 0.65 * widest(points)
 
 
 def test_what_sets_lies_where_the_sun_goes_from() -> None:
