@@ -59,9 +59,9 @@ SMALLEST_AREA = float(np.finfo(np.float64).eps)
 #: samples that are inferred side by side, and where there are at most half as many; the compiler knows both
 LANES, FEW_LANES = 16, 8
 
-#: What one inference works with: memberships in the terms of all inputs; where each output term is cut; where
-#: cuts cross flanks: right of which point, how much of a step, and at which aggregated height; what goes in,
-#: and what comes out.
+#: What one inference works with: memberships in the terms of all inputs; those at both ends of a segment of a
+#: universe; where each output term is cut; where cuts cross flanks: right of which point, how much of a step,
+#: and at which aggregated height; what goes in, and what comes out.
 SCRATCH: Rows = {
     "memberships": (ANY + 1,),
     "ends": (2 * MAX_TERMS,),
@@ -144,7 +144,7 @@ def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratc
 def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the sum of the aggregated heights on the grid, and area and moment below the lines between them.
 
-    The moment is about the centre of the universe. Write the heights.
+    The moment is about the centre of the universe. Terms that are hidden in a piece of it are left out there.
     """
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points

@@ -26,8 +26,9 @@ MAX_TERMS = 16
 ANY = MAX_INPUTS * MAX_TERMS
 
 #: Where the numbers of one system lie. Of each input and of the output: how many terms and points, and where
-#: in a row of values its numbers begin. Where in a row of rules the reach of the output's terms is told (for
-#: each point the first term above zero, and the one after the last), and where the rules begin.
+#: in a row of values its numbers begin. Where in a row of values the most and the least stand that the
+#: output's terms come to in each piece of the grid, and where in a row of rules which terms these are
+#: (`ranks_of`). Where in a row of rules the peaks of the output's terms begin, which the rules follow.
 LAYOUT = np.dtype(
     [
         ("num_inputs", np.int64),
@@ -63,12 +64,12 @@ class Packed:
     layout : (F,) records of `LAYOUT`
         Where the numbers of each of F systems lie.
     values : (n, V) float
-        A row a controller: universes and sampled memberships.
+        A row a controller: universes, sampled memberships, and between which bounds these lie in pieces of
+        the output's grid.
     rules : (n, R) int
-        A row a controller: for each system, for each point of its output, the first term above zero and the
-        one after the last; the peak of each output term as an index of the universe, the
-        bounds of each output term's rules, then the rules sorted by output term, each as the positions of
-        its memberships in the concatenated input terms.
+        A row a controller: for each system, the output's terms in the order of these bounds; the peak of each
+        output term as an index of the universe, the bounds of each output term's rules, then the rules sorted
+        by output term, each as the positions of its memberships in the concatenated input terms.
     cells : tuple of (rules, inputs) int arrays
         For each system, in the order of its rules, the term that a rule asks for of each input, -1 for none.
     """
@@ -211,13 +212,13 @@ def fill_output(
 
 
 def ranks_of(terms: Floats) -> tuple[Integers, Floats]:
-    """Order terms, shape (n, terms, points), in each piece of the universe by the highest they come to there.
+    """Order terms, shape (n, terms, points), in each piece of the grid by the most that they come to there.
 
     Returns
     -------
     ranks : (n, pieces, terms) int
         The highest first.
-    bounds : (n, pieces, terms, 2)
+    ends : (n, pieces, terms, 2)
         In this order, the most and the least that each comes to.
     """
     firsts = np.arange(0, terms.shape[2], PIECE)
