@@ -38,6 +38,7 @@ from fis_tools.engines.vectors import (
     Vector,
     aligned,
     gather_rows,
+    higher,
     least,
     load,
     most,
@@ -118,7 +119,7 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
                 strength = least(
                     load(scratch.memberships, rules[slots + inputs * rule + place], width), strength
                 )
-            cut = most(strength, cut)
+            cut = higher(strength, cut)
         store(scratch.cuts, term, cut)
 
 
@@ -135,7 +136,7 @@ def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratc
     rank = 0
     while rank == 0 or (rank < terms and some(floor < values[bounds + 2 * rank])):
         cut = load(scratch.cuts, rules[ranks + rank], width)
-        floor = most(least(cut, values[bounds + 2 * rank + 1]), floor)
+        floor = higher(least(cut, values[bounds + 2 * rank + 1]), floor)
         rank += 1
     return rank
 
@@ -162,7 +163,7 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
             for rank in range(1, num_ranks):
                 term = rules[ranks + rank]
                 cut = load(scratch.cuts, term, width)
-                height = most(least(spread(values, row + term, width), cut), height)
+                height = higher(least(spread(values, row + term, width), cut), height)
             first = height if point == 0 else first
             last = height
             total += height
@@ -199,9 +200,9 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
         here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
-        left = most(least(here, cut), left)
-        inside = most(least(here + fraction * (there - here), cut), inside)
-        right = most(least(there, cut), right)
+        left = higher(least(here, cut), left)
+        inside = higher(least(here + fraction * (there - here), cut), inside)
+        right = higher(least(there, cut), right)
     return left, inside, right
 
 

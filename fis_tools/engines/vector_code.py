@@ -291,6 +291,21 @@ _extreme(vectors.least, "<")
 _extreme(vectors.most, ">")
 
 
+def _higher_type(one: Any, other: Any) -> Any:
+    return one if isinstance(one, VectorType) and one == other else None
+
+
+typed(vectors.higher, _higher_type)
+
+
+@lower_builtin(vectors.higher, VectorType, VectorType)
+def _lower_higher(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    whole = ir.VectorType(I64, args[0].type.count)
+    one, other = (builder.bitcast(degrees, whole) for degrees in args)
+    higher = builder.select(builder.icmp_signed(">", one, other), one, other)
+    return builder.bitcast(higher, args[0].type)
+
+
 # Between vectors and what they are made of
 
 

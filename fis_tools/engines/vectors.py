@@ -129,6 +129,15 @@ def most(one: Vector, other: Vector) -> Vector:
     return select(one > other, one, other)
 
 
+def higher(one: Vector, other: Vector) -> Vector:
+    """Return the greater of two degrees: numbers not below zero, none of them NaN.
+
+    It is `most` for those, whose bits are in order as whole numbers are: processors compare whole numbers
+    while they compare floats for `least`.
+    """
+    return most(one, other)
+
+
 def total(vector: Vector) -> float:
     """Return the sum over the lanes: the upper half is added to the lower one until one lane is left."""
     while len(vector) > 1:

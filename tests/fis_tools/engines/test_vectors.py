@@ -28,6 +28,7 @@ from fis_tools.engines.vectors import (
     count,
     gather,
     gather_rows,
+    higher,
     highest,
     least,
     load,
@@ -139,6 +140,7 @@ def choices(width: int) -> Kernel:
         mask = ~(x < number)
         mask &= y > -number
         store(out, 9, select(mask, 1.0, 0.0))
+        store(out, 10, higher(select(abs(x) <= np.inf, abs(x), 0.0), select(abs(y) <= np.inf, abs(y), 0.0)))
         whole[0] = bits(x < y)
         whole[1] = count(x < y)
         whole[2] = some(x < y)
@@ -152,7 +154,7 @@ def test_comparisons_logic_and_choice_are_those_of_numpy(width: int) -> None:
     @given(pairs(width), st.floats(-2.0, 2.0))
     def check(rows: Floats, number: float) -> None:
         x, y = rows
-        out, whole = np.zeros((10, width)), np.zeros(3, dtype=np.uint64)
+        out, whole = np.zeros((11, width)), np.zeros(3, dtype=np.uint64)
         choices(width)(x, y, number, out, whole)
         truths = [
             *(x == y, x != y, (x < y) & (x > number), (x < y) | (x > number), (x < y) ^ (x > number)),
@@ -162,7 +164,8 @@ def test_comparisons_logic_and_choice_are_those_of_numpy(width: int) -> None:
             *(np.where(x < y, x, y), np.where(x <= y, 1.0, 0.0)),
             *(np.where(x > y, x, number), np.where(x >= y, 1.0, y)),
         ]
-        for found, truth in zip(out, [*chosen, *(mask.astype(np.float64) for mask in truths)], strict=True):
+        masks = [mask.astype(np.float64) for mask in truths]
+        for found, truth in zip(out, [*chosen, *masks, np.fmax(np.fmax(abs(x), abs(y)), 0.0)], strict=True):
             same(found, truth)
         packed = np.packbits(x < y, bitorder="little").tobytes()
         assert whole.tolist() == [int.from_bytes(packed, "little"), (x < y).sum(), (x < y).any()]
