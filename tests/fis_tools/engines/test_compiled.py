@@ -274,6 +274,7 @@ def test_ctrl_c_that_a_callback_of_llvm_swallows_comes_again(package: Package) -
     program = (
         "import ctypes, signal, time, numba.core.event as event\n"
         "from kernels.other import double\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # those around may ignore it
         "swallowing = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))\n"
         "class Listener(event.Listener):\n"
         "    def on_start(self, event): pass\n"
