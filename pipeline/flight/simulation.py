@@ -168,43 +168,53 @@ def fly_population(
     num_pairs = len(numbers.values) * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
-    # four shares a thread, so that a slow share does not hold up the end; none parts what flies side by side
-    whole = lanes if len(numbers.values) == 1 else max(1, len(cases))
-    bounds = np.linspace(0, num_pairs, (4 * workers if workers > 1 else 1) + 1).astype(int) // whole * whole
-    bounds = np.unique([0, *bounds[1:-1], num_pairs])
+    # what flies side by side stays together
+    shares = iter(_shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers))
     silent = no_log()
     inspectable = inspectable_points(world, cases.starts)
     counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
-    def fly_share(first: int, last: int) -> None:
-        work = make_workspace(world, lanes)
-        fly_many(
-            world,
-            *_parts_in_use(world, law, cases, lanes),
-            law,
-            numbers.values,
-            numbers.rules,
-            cases.starts,
-            counted,
-            NO_OPENINGS if openings is None else openings,
-            work,
-            silent,
-            tracks,
-            first,
-            last,
-            outcomes,
-        )
+    def fly_shares() -> None:
+        """Fly one share after the other, of those that no other thread has taken."""
+        work, parts = make_workspace(world, lanes), _parts_in_use(world, law, cases, lanes)
+        for first, last in shares:
+            fly_many(
+                world,
+                *parts,
+                law,
+                numbers.values,
+                numbers.rules,
+                cases.starts,
+                counted,
+                NO_OPENINGS if openings is None else openings,
+                work,
+                silent,
+                tracks,
+                first,
+                last,
+                outcomes,
+            )
 
-    shares = list(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True))
-    if len(shares) == 1:
-        fly_share(*shares[0])
+    if workers == 1:
+        fly_shares()
     else:
         with ThreadPoolExecutor(workers) as pool:
-            for done in [pool.submit(fly_share, first, last) for first, last in shares]:
+            for done in [pool.submit(fly_shares) for _ in range(workers)]:
                 done.result()
     rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
     return _outcomes(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
+
+
+def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
+    """Share flights out in multiples of so many, as (first, last): ever fewer, so that threads end together."""
+    shares, first = [], 0
+    while first < num_flights:
+        left = -(-(num_flights - first) // whole)
+        last = min(num_flights, first + whole * (left if workers == 1 else -(-left // (2 * workers))))
+        shares.append((first, last))
+        first = last
+    return shares
 
 
 def optics_in_use(world: World, starts: Starts) -> Beyond | None:
