@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from llvmlite import binding
+
 from benchmarks.timing import best_cpu_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -20,6 +22,7 @@ from pipeline.flight.simulation import fly_population, law_for, rehearsed_openin
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.flight.world import pack_world
 
+#: by the kind of processor, for they differ from one to the other
 STORED = Path(__file__).with_name("ratios.json")
 #: a ratio that falls by more than this share of the stored one is named
 TOLERANCE = 0.05
@@ -48,7 +51,10 @@ def run(num_flights: int, *, stores: bool = False) -> list[str]:
     """Print all figures; return the flights that became slower than stored, beside the readable one."""
     print(f"Steps: one thread, {num_flights} flights each, no coasting when complete")
     print_parts(num_flights)
-    stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
+    kept, processor = json.loads(STORED.read_text(encoding="utf-8")), binding.get_host_cpu_name()
+    stored = kept.get(processor, {})
+    if not stored:
+        print(f"  no ratios are stored for a {processor}; --store keeps those of this run")
     ratios, slower, readable = {}, [], readable_flight()
     for overrides in FLIGHTS:
         name = " ".join(overrides)
@@ -62,7 +68,8 @@ def run(num_flights: int, *, stores: bool = False) -> list[str]:
                 slower.append(name)
         line(name, told)
     if stores:
-        STORED.write_text(json.dumps(ratios, indent=2) + "\n", encoding="utf-8")
+        kept = {**kept, processor: ratios}
+        STORED.write_text(json.dumps(kept, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     for name in slower:
         print(f"  slower by more than {100 * TOLERANCE:.0f} %: {name}")
     return slower

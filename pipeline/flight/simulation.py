@@ -207,7 +207,7 @@ def fly_population(
 
 
 def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
-    """Share flights out in multiples of so many, as (first, last): ever fewer, so that threads end together."""
+    """Share flights out as (first, last), in ever smaller multiples of so many: threads end together."""
     shares, first = [], 0
     while first < num_flights:
         left = -(-(num_flights - first) // whole)
