@@ -16,9 +16,11 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import rehearsed_pushes
+from pipeline.flight.population import fly_population
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.simulation import fly_population, law_for, rehearsed_openings
+from pipeline.flight.rehearsals import rehearsed_openings
+from pipeline.flight.simulation import law_for
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.flight.world import pack_world
 

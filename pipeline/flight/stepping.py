@@ -8,18 +8,14 @@ from numpy.typing import NDArray
 from fis_tools.engines.kernel import FEW_LANES
 from fis_tools.engines.vectors import make_rows
 from pipeline.flight.cases import cases_of
+from pipeline.flight.inspectable import counted_points, inspectable_points
 from pipeline.flight.kernel.actuators import THRUSTING
 from pipeline.flight.kernel.arrays import CARRIED, CASE
 from pipeline.flight.kernel.navigation import ESTIMATED, Departures
 from pipeline.flight.kernel.step import LEFT, NOT_STARTED, NUM_OBSERVED, Carried, step_many
 from pipeline.flight.log import Scenario, no_log
-from pipeline.flight.simulation import (
-    beyond_of,
-    counted_points,
-    inspectable_points,
-    is_by_the_reference,
-    make_workspace,
-)
+from pipeline.flight.simulation import is_by_the_reference
+from pipeline.flight.workspace import beyond_of, make_workspace
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 

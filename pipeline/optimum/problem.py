@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from pipeline.flight.cases import starts_of
 from pipeline.flight.controller import open_loop
+from pipeline.flight.inspectable import lit_at_samples
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged, lit_at_samples
+from pipeline.flight.simulation import fly_logged
 from pipeline.flight.world import pack_world
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import free_path, repeated

@@ -27,8 +27,8 @@ from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.navigation import errors_of, filter_of, measured
 from pipeline.flight.reference.sight import lit_and_seen_points
 from pipeline.flight.reference.world import world_of
+from pipeline.flight.rehearsals import tour_followed
 from pipeline.flight.signals import CONSTANTS
-from pipeline.flight.simulation import tour_followed
 from pipeline.flight.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events

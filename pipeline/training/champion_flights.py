@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import law_of
-from pipeline.flight.simulation import fly_population, lanes_for
+from pipeline.flight.population import fly_population, lanes_for
 from pipeline.flight.starts import given_start
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Experiment

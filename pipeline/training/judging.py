@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import from_fuzzy, law_of
 from pipeline.flight.log import Outcomes, Scenario
-from pipeline.flight.simulation import fly_all, fly_population, lanes_for
+from pipeline.flight.population import fly_population, lanes_for
+from pipeline.flight.simulation import fly_all
 from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
 from pipeline.flight.tours import tour_images
 from pipeline.flight.world import pack_world

@@ -8,7 +8,7 @@ from pipeline.flight.cases import starts_of
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.optics import note_seen_along
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import make_workspace, optics_in_use
+from pipeline.flight.workspace import make_workspace, optics_in_use
 from pipeline.physics.sight import Sight, is_facing, is_in_cone, is_lit
 
 Floats = NDArray[np.float64]

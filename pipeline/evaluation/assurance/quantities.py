@@ -1,7 +1,7 @@
 """What formulas may speak of: quantities of a flight, from compiled tracks and from recordings alike.
 
 A track holds, sample by sample, position (m) and velocity (m/s) in Hill axes, the delta-v spent (m/s), the
-number of points not yet inspected, and so on, see `pipeline.flight.simulation.fly_population`. A force
+number of points not yet inspected, and so on, see `pipeline.flight.population.fly_population`. A force
 belongs to the sample from which it is fired, for the control period that follows; at the last one it is zero.
 """
 

@@ -10,7 +10,8 @@ from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzyController
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import from_fuzzy, law_of
-from pipeline.flight.simulation import fly_all, fly_population
+from pipeline.flight.population import fly_population
+from pipeline.flight.simulation import fly_all
 from pipeline.flight.world import pack_world
 from tests.pipeline.flight.cases import COMPLETED, OVER_POLES, STARTS, mission
 from tests.places import PROJECT

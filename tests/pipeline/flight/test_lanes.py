@@ -9,7 +9,8 @@ from fis_tools.engines.kernel import LANES
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import Controller, law_of, open_loop
 from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all, fly_logged, fly_population, lanes_for
+from pipeline.flight.population import fly_population, lanes_for
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.world import pack_world
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import (

@@ -7,8 +7,9 @@ import pytest
 
 from pipeline.flight.cases import starts_of
 from pipeline.flight.controller import coast
+from pipeline.flight.inspectable import inspectable_points
 from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_all, fly_logged, inspectable_points
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.world import inspection_points, pack_world
 from pipeline.settings.experiment import Light, Mission
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission

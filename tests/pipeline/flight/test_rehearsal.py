@@ -15,10 +15,12 @@ from pipeline.flight.controller import (
     rehearsed_pushes,
 )
 from pipeline.flight.navigation import FIXES
+from pipeline.flight.population import fly_population
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.flight.reference.tour import tour_place
-from pipeline.flight.simulation import fly_all, fly_logged, fly_population, rehearsed_openings
+from pipeline.flight.rehearsals import rehearsed_openings
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.tours import IMAGES, tour_images
 from pipeline.flight.world import pack_world
 from pipeline.training.genome import genome_of

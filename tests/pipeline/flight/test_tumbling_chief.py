@@ -11,8 +11,9 @@ from pipeline.flight.cases import cases_of
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.controller import coast, law_of
 from pipeline.flight.log import Scenario
+from pipeline.flight.population import FlightError, fly_population
 from pipeline.flight.reference.world import turn_chief, world_of
-from pipeline.flight.simulation import FlightError, fly_all, fly_logged, fly_population
+from pipeline.flight.simulation import fly_all, fly_logged
 from pipeline.flight.world import chief_attitudes, pack_world
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER

@@ -1,0 +1,72 @@
+"""What one thread flies in, and the parts of a flight that are compiled only where they are used."""
+
+import numpy as np
+
+from fis_tools.engines.kernel import LANES, make_scratch
+from fis_tools.engines.vectors import make_rows
+from pipeline.flight.cases import Cases, Starts
+from pipeline.flight.guidance import num_clusters
+from pipeline.flight.kernel.arrays import CARRIED, TURNED, Beyond, Guard, Law, Workspace, World
+from pipeline.flight.kernel.navigation import Departures
+from pipeline.flight.kernel.safety import MOST_CUTS
+from pipeline.flight.signals import SETTING, SIGNALS
+
+
+def make_workspace(world: World, lanes: int = LANES) -> Workspace:
+    """Allocate what one thread flies in, so many flights side by side."""
+    points, width, instants = world.num_points, world.points.shape[2], world.num_attitude_steps
+    clusters = num_clusters(points)
+    return Workspace(
+        lanes=make_rows(CARRIED, lanes)[0],
+        aims=make_rows(TURNED, lanes, instants),
+        passed=make_rows(TURNED, lanes, instants),
+        unseen=np.zeros((lanes, width)),
+        candidate=np.zeros(width),
+        lit=np.zeros(width),
+        seen=np.zeros(width),
+        ahead=np.zeros(width),
+        deadlines=np.zeros((lanes, width)),
+        looks=np.zeros((5, width)),
+        signals=np.zeros((len(SIGNALS), lanes)),
+        scratch=make_scratch(lanes),
+        candidates=np.zeros((3, width)),
+        centres=np.zeros((lanes, clusters, 3)),
+        num_centres=np.zeros(lanes, dtype=np.int64),
+        clustered=np.zeros((lanes, width)),
+        labels=np.zeros((2, width)),
+        distances=np.zeros(width),
+        sums=np.zeros((clusters, 4)),
+        cuts=np.zeros((MOST_CUTS, 4)),
+    )
+
+
+def optics_in_use(world: World, starts: Starts) -> Beyond | None:
+    """Return in what light or camera are not the paper's; None where they are."""
+    return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
+
+
+def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
+    """Return the same where the Sun of some start is out of the orbit plane, or of none."""
+    if not (world.has_optics or is_tilted):
+        return None
+    return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
+
+
+def parts_in_use(
+    world: World, law: Law, cases: Cases, lanes: int = LANES
+) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
+    """Return the parts of a flight that are compiled only where they are used; None for those that are not.
+
+    Light and camera beyond the paper's, the safety layer, clusters, pushes that show what sets, and what
+    departs from what the deputy takes to be. In worlds other than the paper's the safety layer and pushes are
+    compiled in any case, so that few kinds of flight serve many worlds.
+    """
+    optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course, lanes)
+    is_elsewhere = optics is not None or departures is not None
+    return (
+        optics,
+        world.guard if world.guard.is_on or is_elsewhere else None,
+        world.has_clusters or None,
+        bool(law.needs & SETTING) or is_elsewhere or None,
+        departures,
+    )
