@@ -27,7 +27,7 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.processes import in_time, varies
 from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import IDEAL, LINEAR, PERFECT
+from pipeline.settings.mission_parts import IDEAL, LINEAR, PERFECT
 
 Floats = NDArray[np.float64]
 

@@ -31,7 +31,8 @@ from pipeline.settings.checks import (
 )
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
-from pipeline.settings.mission import (
+from pipeline.settings.mission import Mission
+from pipeline.settings.mission_parts import (
     IDEAL,
     LINEAR,
     PERFECT,
@@ -43,7 +44,6 @@ from pipeline.settings.mission import (
     Dynamics,
     Guidance,
     Light,
-    Mission,
     Navigation,
     Orbit,
     Safety,

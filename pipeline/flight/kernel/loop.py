@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import borrowed, splat, store, width_of
 from pipeline.flight.kernel.actuators import burn, fire
+from pipeline.flight.kernel.aim import aim_at_once, aim_deputies
 from pipeline.flight.kernel.arrays import (
     DELTA_V,
     INSPECTED,
@@ -38,7 +39,7 @@ from pipeline.flight.kernel.arrays import (
     Workspace,
     World,
 )
-from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, turn_deputies, write_instants
+from pipeline.flight.kernel.attitude import turn_deputies, write_instants
 from pipeline.flight.kernel.free_motion import sense_approach, sense_orbit
 from pipeline.flight.kernel.lanes import one, three, write_three
 from pipeline.flight.kernel.navigation import Departures, believe, note_command, point_beside, recover_truth

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import borrowed, splat, store, width_of
 from pipeline.flight.kernel.actuators import Firing, burn, fire
+from pipeline.flight.kernel.aim import aim_at_once, aim_deputies
 from pipeline.flight.kernel.arrays import Beyond, Guard, Workspace, World
-from pipeline.flight.kernel.attitude import aim_at_once, aim_deputies, clip, turn_deputies
+from pipeline.flight.kernel.attitude import clip, turn_deputies
 from pipeline.flight.kernel.lanes import write_three
 from pipeline.flight.kernel.loop import move, spend, start_lanes
 from pipeline.flight.kernel.navigation import (
