@@ -6,24 +6,35 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 
 from benchmarks.timing import best_wall_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
+from pipeline.flight.log import Scenario
 from pipeline.flight.starts import evaluation_scenarios
 
 PROCESSORS = os.cpu_count() or 1
+NUM_CASES, TURNS = (1_000, 10_000), 4
 
 
 def run_monte_carlo(controller: str) -> None:
-    """Print how long the evaluation's flights take."""
+    """Print how long the evaluation's flights take on one thread and on all, measured by turns."""
     experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
     flown = source.load(experiment.controller, experiment.mission)
-    scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
-    seconds = best_wall_seconds(lambda: fly_cases(experiment.mission, flown, scenarios, None))
-    print(f"Monte Carlo: {len(scenarios)} cases of {controller}, trajectories kept, {PROCESSORS} threads")
-    line("seconds", f"{seconds:.3f}")
+
+    def flying(scenarios: list[Scenario], workers: int) -> float:
+        return best_wall_seconds(lambda: fly_cases(experiment.mission, flown, scenarios, workers), repeats=3)
+
+    for num_cases in NUM_CASES:
+        cases = replace(experiment.monte_carlo, num_cases=num_cases)
+        scenarios = evaluation_scenarios(cases, experiment.sun, experiment.seed)
+        times = [(flying(scenarios, 1), flying(scenarios, PROCESSORS)) for _ in range(TURNS)]
+        one, many = (min(column) for column in zip(*times, strict=True))
+        print(f"Monte Carlo: {num_cases:,} cases of {controller}, trajectories kept")
+        line("seconds, one thread", f"{one:.3f}")
+        line(f"seconds, {PROCESSORS} threads", f"{many:.3f}, {one / many:.2f} times as fast")
 
 
 def run_start() -> None:

@@ -11,10 +11,10 @@ from fis_tools.engines.packing import Packed
 from pipeline.flight.cases import Cases
 from pipeline.flight.inspectable import counted_points, inspectable_points
 from pipeline.flight.kernel import arrays
-from pipeline.flight.kernel.arrays import NUM_OUTCOMES, Law, World
+from pipeline.flight.kernel.arrays import NUM_OUTCOMES, Law, Workspace, World
 from pipeline.flight.kernel.loop import fly_many
 from pipeline.flight.log import Outcomes, no_log
-from pipeline.flight.workspace import make_workspace, parts_in_use
+from pipeline.flight.workspace import Parts, make_workspace, parts_in_use
 
 Floats = NDArray[np.float64]
 
@@ -82,16 +82,16 @@ def fly_population(
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
     # what flies side by side stays together
-    shares = iter(_shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers))
+    shares = _shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers)
+    workers, untaken = min(workers, len(shares)), iter(shares)
     silent = no_log()
     inspectable = inspectable_points(world, cases.starts)
     counted = counted_points(world, cases.starts, inspectable)
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
-    def fly_shares() -> None:
+    def fly_shares(work: Workspace, parts: Parts) -> None:
         """Fly one share after the other, of those that no other thread has taken."""
-        work, parts = make_workspace(world, lanes), parts_in_use(world, law, cases, lanes)
-        for first, last in shares:
+        for first, last in untaken:
             fly_many(
                 world,
                 *parts,
@@ -109,12 +109,13 @@ def fly_population(
                 outcomes,
             )
 
-    if workers == 1:
-        fly_shares()
-    else:
+    works = [make_workspace(world, lanes) for _ in range(workers)]
+    parts = [parts_in_use(world, law, cases, lanes) for _ in range(workers)]
+    if workers > 1:
         with ThreadPoolExecutor(workers) as pool:
-            for done in [pool.submit(fly_shares) for _ in range(workers)]:
-                done.result()
+            list(pool.map(fly_shares, works, parts))
+    else:
+        list(map(fly_shares, works, parts))
     rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
     return outcomes_of(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
 

@@ -11,6 +11,9 @@ from pipeline.flight.kernel.navigation import Departures
 from pipeline.flight.kernel.safety import MOST_CUTS
 from pipeline.flight.signals import SETTING, SIGNALS
 
+#: what `fly_many` is compiled for: light, safety layer, clusters, pushes, departures
+Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]
+
 
 def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     """Allocate what one thread flies in, so many flights side by side."""
@@ -52,9 +55,7 @@ def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
     return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
 
-def parts_in_use(
-    world: World, law: Law, cases: Cases, lanes: int = LANES
-) -> tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures | None]:
+def parts_in_use(world: World, law: Law, cases: Cases, lanes: int = LANES) -> Parts:
     """Return the parts of a flight that are compiled only where they are used; None for those that are not.
 
     Light and camera beyond the paper's, the safety layer, clusters, pushes that show what sets, and what
