@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pipeline.command_line.overrides import ConfigError
+from pipeline.command_line.job import ConfigError
 from pipeline.settings.nearest import did_you_mean
 from pipeline.settings.places import conf_folder
 

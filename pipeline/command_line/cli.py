@@ -8,42 +8,29 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
 
-from hydra.core.override_parser.types import Override
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
-from pipeline.command_line import runs, sweeps
-from pipeline.command_line.arguments import Asked, read_arguments
-from pipeline.command_line.config import compose_experiment, compose_node, job_of, options
-from pipeline.command_line.overrides import (
-    EXPERIMENT,
-    ConfigError,
-    check_overrides,
-    check_sweeps,
-    first_line,
-    parse,
-    rewrite_paths,
-    single_runs,
-)
+from pipeline.command_line import runs
+from pipeline.command_line.ahead import Begin
+from pipeline.command_line.arguments import read_arguments
+from pipeline.command_line.job import ConfigError
 from pipeline.command_line.runs import MISTAKE, OK
-from pipeline.run import artifacts, maker, reproducible
+from pipeline.run import maker, reproducible
 from pipeline.run.runner import Interrupted
-from pipeline.run.sweep import SWEEP
 
 INTERRUPTED = 130
 #: commands besides experiments, by the modules that have a function of their name; few runs need them
 COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify")}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, begin: Begin = None) -> int:
     """Run a command line.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Without the program's name; by default those of the process.
+    begin : callable or str, optional
+        What begins the run that is asked for, where that is known already; see `ahead.Begin`.
 
     Returns
     -------
@@ -53,7 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.orig_argv[1:] if arguments is None else ["-m", "pipeline", *arguments]
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        return _dispatch(arguments)
+        if isinstance(begin, str):
+            raise ConfigError(begin)
+        return begin() if begin else _dispatch(arguments)
     except reproducible.NotInForce:
         return reproducible.start_anew(words)
     except Interrupted as interrupt:
@@ -87,51 +76,6 @@ def _dispatch(arguments: Sequence[str]) -> int:
         from pipeline.command_line.summary import compare  # noqa: PLC0415 - as above
 
         return compare(*asked.compare)
-    return _experiment(asked)
+    from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which a new run does without
 
-
-def _experiment(asked: Asked) -> int:
-    """Check what was asked; then run it, or print its configuration."""
-    groups = options(asked.folders)
-    overrides = parse(rewrite_paths(asked.overrides))
-    check_overrides(overrides, groups)
-    check_sweeps(overrides, asked.multirun)
-    if asked.resume is not None:
-        if (asked.resume / SWEEP).exists() and not overrides:
-            return sweeps.resume(asked.resume)
-        return runs.resume(asked.resume, overrides)
-    folder = None if asked.multirun else _run_folder(overrides)
-    if folder is not None:
-        if (folder / artifacts.MANIFEST).exists():
-            return runs.repeat(folder, overrides, asked)
-        keys = {override.key_or_group for override in overrides}
-        if "stages" in keys and EXPERIMENT not in keys:
-            raise ConfigError(
-                f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
-                "+experiment=NAME to start one there"
-            )
-    words = next(single_runs(overrides, groups))
-    if asked.cfg:
-        sys.stdout.write(_printed(compose_node(words, asked.config_dir), asked))
-        return OK
-    if asked.multirun:
-        return sweeps.start(*sweeps.composed(asked, overrides))
-    own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
-    job = compose_experiment(words, asked.config_dir)
-    runs.check_before(job.experiment)
-    return runs.start(job, [*own, *words])
-
-
-def _run_folder(overrides: Sequence[Override]) -> Path | None:
-    """Return the folder that is asked for, None without one."""
-    given = [override.value() for override in overrides if override.key_or_group == "hydra.run.dir"]
-    return Path(str(given[-1])) if given else None
-
-
-def _printed(node: DictConfig, asked: Asked) -> str:
-    """Return a configuration as YAML: the run's, Hydra's own, or both."""
-    shown = {"job": job_of(node), "hydra": node.hydra}.get(asked.cfg or "all", node)
-    try:
-        return OmegaConf.to_yaml(shown, resolve=asked.resolve)
-    except OmegaConfBaseException as error:
-        raise ConfigError(first_line(error)) from error
+    return plan(asked)()

@@ -20,7 +20,8 @@ from typing import Final, NoReturn
 from pipeline.command_line import runs, sweeps
 from pipeline.command_line.arguments import read_arguments
 from pipeline.command_line.config import options
-from pipeline.command_line.overrides import ConfigError, check_overrides, parse, rewrite_paths
+from pipeline.command_line.job import ConfigError
+from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
 from pipeline.run import artifacts, sweep
 from pipeline.run.lock import held
 from pipeline.run.sweep import DONE, state_of

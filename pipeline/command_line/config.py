@@ -3,7 +3,7 @@
 Hydra composes it. What Hydra would refuse in words of its own is told in a sentence.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -14,10 +14,9 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from pipeline.command_line.overrides import EXPERIMENT, ConfigError, first_line, quoted
+from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
+from pipeline.command_line.overrides import first_line, quoted
 from pipeline.settings import start_table
-from pipeline.settings.experiment import Experiment
-from pipeline.settings.keys import FREE
 from pipeline.settings.nearest import did_you_mean
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import experiment_from
@@ -26,29 +25,18 @@ CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
 #: folders of the configuration that are no groups of options: Hydra's own, and requirements, read by name
 NOT_CHOSEN = ("hydra", "requirements")
-#: characters of a value in a message
-MOST_SHOWN = 60
 
 
 @dataclass(frozen=True)
-class Composed:
-    """The configuration of one run.
+class Composed(Job):
+    """A run with all that was composed.
 
     Parameters
     ----------
-    config : dict
-        Plain data, resolved, without Hydra's own.
-    experiment : Experiment
-        What it describes.
-    folder : Path
-        Where the run is put.
     node : DictConfig
-        The same with Hydra's own, as it was composed.
+        The configuration with Hydra's own.
     """
 
-    config: dict[str, Any]
-    experiment: Experiment
-    folder: Path
     node: DictConfig = field(repr=False)
 
     @property
@@ -184,49 +172,6 @@ def read_starts(config: dict[str, Any]) -> None:
     starts["table"], cases["table"] = start_table.split(text, str(path))
     starts["num_cases"] = start_table.num_rows(starts["table"])
     cases["num_cases"] = start_table.num_rows(cases["table"])
-
-
-def differences(
-    then: Mapping[str, Any],
-    now: Mapping[str, Any],
-    but: Collection[str],
-    words: tuple[str, str] = ("then", "now"),
-) -> list[str]:
-    """Name the keys in which two configurations differ, each with both values, in short.
-
-    Parameters
-    ----------
-    then, now : mapping
-        Plain data.
-    but : collection of str
-        Keys of the first level that do not count.
-    words : (str, str)
-        What the two are called.
-
-    Returns
-    -------
-    list of str
-        Such as ``seed (then 1, now 2)``; a controller is one value.
-    """
-
-    def walk(one: Any, other: Any, key: str) -> Iterator[str]:
-        if one == other:
-            return
-        if isinstance(one, Mapping) and isinstance(other, Mapping) and key != FREE:
-            for name in sorted({*one, *other}):
-                yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
-        else:
-            yield f"{key} ({words[0]} {_short(one)}, {words[1]} {_short(other)})"
-
-    first, second = (
-        {key: value for key, value in config.items() if key not in but} for config in (then, now)
-    )
-    return list(walk(first, second, ""))
-
-
-def _short(value: Any) -> str:
-    text = " ".join(str(value).split())
-    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."
 
 
 def _missing(keys: Sequence[str], experiments: Sequence[str]) -> str:

@@ -8,10 +8,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
+from pipeline.command_line.job import EXPERIMENT, ConfigError
 from pipeline.settings.keys import RENAMED, all_keys, is_key, unknown
 from pipeline.settings.nearest import choices_of, did_you_mean, nearest
 
-EXPERIMENT = "experiment"
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
 #: how the files end that a group takes in place of an option, and which option reads them
@@ -26,10 +26,6 @@ HYDRA_KEYS = ("hydra.run.dir", "hydra.searchpath", "hydra.sweep.dir", "hydra.swe
 
 #: of a folder that is named by what a run differs in
 LONGEST_NAME = 120
-
-
-class ConfigError(ValueError):
-    """A command line or a configuration that cannot be used."""
 
 
 def parse(overrides: Sequence[str]) -> list[Override]:

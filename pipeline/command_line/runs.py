@@ -6,13 +6,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hydra.core.override_parser.types import Override
-
-from pipeline.command_line.arguments import Asked
-from pipeline.command_line.config import Composed, compose_experiment, differences
-from pipeline.command_line.overrides import EXPERIMENT, ConfigError
+from pipeline.command_line.job import EXPERIMENT, ConfigError, Job, differences
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import check_perigee
 from pipeline.run import artifacts, reproducible
@@ -22,6 +18,11 @@ from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
 from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import experiment_from
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
+
+    from pipeline.command_line.arguments import Asked
 
 OK, FAULT, MISTAKE = 0, 1, 2
 
@@ -44,12 +45,18 @@ def told(error: Exception) -> str:
     return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
-def start(job: Composed, command: Sequence[str]) -> int:
+def start_new(job: Job, command: Sequence[str]) -> int:
+    """Check a new run before any folder is made, and run it; see `start`."""
+    check_before(job.experiment)
+    return start(job, command)
+
+
+def start(job: Job, command: Sequence[str]) -> int:
     """Run a new run; return the exit code.
 
     Parameters
     ----------
-    job : Composed
+    job : Job
     command : sequence of str
         What to type for it.
     """
@@ -58,7 +65,7 @@ def start(job: Composed, command: Sequence[str]) -> int:
         return _run(job.config, job.experiment, job.folder, command=command)
 
 
-def _check_vacant(job: Composed) -> None:
+def _check_vacant(job: Job) -> None:
     """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
         if (job.folder / artifacts.CONFIG).exists():
@@ -96,7 +103,7 @@ def _run(
     return OK
 
 
-def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] | None = None) -> int:
+def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str] | None = None) -> int:
     """Resume a run with its own configuration; return the exit code.
 
     Parameters
@@ -112,7 +119,7 @@ def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] |
         return _resume(folder, overrides, command)
 
 
-def _resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] | None) -> int:
+def _resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str] | None) -> int:
     config = _config_of(folder)
     experiment = _experiment_of(folder, config)
     for override in overrides:
@@ -132,14 +139,14 @@ def _resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] 
     return _run(config, replace(experiment, resume=True), folder, left, command)
 
 
-def repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
+def repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> int:
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
     _config_of(folder)
     with held(folder):
         return _repeat(folder, overrides, asked)
 
 
-def _repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
+def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> int:
     config = _config_of(folder)
     experiment = _experiment_of(folder, config)
     stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
@@ -149,6 +156,8 @@ def _repeat(folder: Path, overrides: Sequence[Override], asked: Asked) -> int:
             "stages=[report], or choose another folder"
         )
     asked_for = [str(stage) for stage in stages]
+    from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
+
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}

@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
-from pipeline.command_line.config import differences
-from pipeline.command_line.overrides import ConfigError
+from pipeline.command_line.job import ConfigError, differences
 from pipeline.evaluation import paired
 from pipeline.report.swept import contents, page, words
 from pipeline.report.swept.words import Table

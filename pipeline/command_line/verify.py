@@ -7,8 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.command_line.config import differences
-from pipeline.command_line.overrides import ConfigError
+from pipeline.command_line.job import ConfigError, differences
 from pipeline.run import artifacts, reproducible
 from pipeline.run.integrity import Integrity, check_files, put_beside
 from pipeline.run.maker import present_maker, unlike

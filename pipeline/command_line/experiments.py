@@ -1,0 +1,76 @@
+"""Experiments as they are asked for: checked, then run, gone on with, repeated, or printed."""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from hydra.core.override_parser.types import Override
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from pipeline.command_line import runs, sweeps
+from pipeline.command_line.arguments import Asked
+from pipeline.command_line.config import compose_experiment, compose_node, job_of, options
+from pipeline.command_line.job import EXPERIMENT, ConfigError, Job
+from pipeline.command_line.overrides import (
+    check_overrides,
+    check_sweeps,
+    first_line,
+    parse,
+    rewrite_paths,
+    single_runs,
+)
+from pipeline.run import artifacts
+from pipeline.run.sweep import SWEEP
+
+
+def plan(asked: Asked) -> Callable[[], int]:
+    """Check what was asked, and compose it; return what does it, and returns the exit code.
+
+    Raises
+    ------
+    ValueError, OSError
+    """
+    groups = options(asked.folders)
+    overrides = parse(rewrite_paths(asked.overrides))
+    check_overrides(overrides, groups)
+    check_sweeps(overrides, asked.multirun)
+    if asked.resume is not None:
+        if (asked.resume / SWEEP).exists() and not overrides:
+            return partial(sweeps.resume, asked.resume)
+        return partial(runs.resume, asked.resume, overrides)
+    folder = None if asked.multirun else _run_folder(overrides)
+    if folder is not None:
+        if (folder / artifacts.MANIFEST).exists():
+            return partial(runs.repeat, folder, overrides, asked)
+        keys = {override.key_or_group for override in overrides}
+        if "stages" in keys and EXPERIMENT not in keys:
+            raise ConfigError(
+                f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
+                "+experiment=NAME to start one there"
+            )
+    words = next(single_runs(overrides, groups))
+    if asked.cfg:
+        return partial(_print, compose_node(words, asked.config_dir), asked)
+    if asked.multirun:
+        return partial(sweeps.start, *sweeps.composed(asked, overrides))
+    own = ["--config-dir", str(asked.config_dir.resolve())] if asked.config_dir else []
+    job = compose_experiment(words, asked.config_dir)
+    return partial(runs.start_new, Job(job.config, job.experiment, job.folder), [*own, *words])
+
+
+def _run_folder(overrides: Sequence[Override]) -> Path | None:
+    """Return the folder that is asked for, None without one."""
+    given = [override.value() for override in overrides if override.key_or_group == "hydra.run.dir"]
+    return Path(str(given[-1])) if given else None
+
+
+def _print(node: DictConfig, asked: Asked) -> int:
+    """Print a configuration as YAML: the run's, Hydra's own, or both."""
+    shown = {"job": job_of(node), "hydra": node.hydra}.get(asked.cfg or "all", node)
+    try:
+        sys.stdout.write(OmegaConf.to_yaml(shown, resolve=asked.resolve))
+    except OmegaConfBaseException as error:
+        raise ConfigError(first_line(error)) from error
+    return runs.OK
