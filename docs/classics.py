@@ -18,10 +18,10 @@ TIPPER = "MathWorks, Fuzzy Logic Toolbox, the tipping problem (tipper.fis)"
 INTRODUCTION = """\
 # Ten classic systems
 
-Systems that textbooks, standards and manuals taught fuzzy control with, written anew from their definitions.
-Where a source leaves numbers open, they are ours, and it is said. Each has its file, the surface of its first
-output, what the audit finds, and its page to sign off from; all of it was made from the files when this site
-was built. `python -m fis_tools review docs/examples/classics/pendulum.yaml` makes one page.
+Systems with which textbooks, standards and manuals teach fuzzy control, rewritten from their definitions.
+Where a source leaves numbers open, we chose them and say so. Each has its file, the surface of its first
+output, the audit's findings, and its page to sign off from, all made from the files when this site was
+built. `python -m fis_tools review docs/examples/classics/pendulum.yaml` makes one page.
 
 """
 
