@@ -1,7 +1,7 @@
 """The command ``python -m pipeline``: checks first, then the stages.
 
-Exit codes: 0 done, 1 a fault of the program (with a traceback), 2 a mistake in what was asked (in sentences
-on standard error), 130 stopped from the keyboard.
+Exit codes: 0 success, 1 a fault of the program (with a traceback), 2 a user error (in sentences
+on standard error), 130 interrupted from the keyboard.
 """
 
 import os
@@ -33,7 +33,7 @@ from pipeline.run.runner import Interrupted
 from pipeline.run.sweep import SWEEP
 
 INTERRUPTED = 130
-#: commands besides experiments, by the modules that have a function of their name; few runs need them
+#: other commands, by the modules with a function of that name; few runs need them
 COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify")}
 
 
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _dispatch(arguments: Sequence[str]) -> int:
-    """Tell what is only printed from what is run."""
+    """Print what is only printed, or run the rest."""
     if arguments and (module := COMMANDS.get(arguments[0])):
         run: Callable[[Sequence[str]], int] = getattr(import_module(module), arguments[0])
         return run(arguments[1:])
@@ -91,7 +91,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 
 def _experiment(asked: Asked) -> int:
-    """Check what was asked; then run it, or print its configuration."""
+    """Check the arguments; then run the experiment, or print its configuration."""
     groups = options(asked.folders)
     overrides = parse(rewrite_paths(asked.overrides))
     check_overrides(overrides, groups)
@@ -123,7 +123,7 @@ def _experiment(asked: Asked) -> int:
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
-    """Return the folder that is asked for, None without one."""
+    """Return the requested folder, None without one."""
     given = [override.value() for override in overrides if override.key_or_group == "hydra.run.dir"]
     return Path(str(given[-1])) if given else None
 
