@@ -1,4 +1,4 @@
-"""Whole commands on the clock: Monte Carlo, start-up, and a full-size training."""
+"""Durations of whole commands: Monte Carlo, start-up, and a full-size training."""
 
 import os
 import re
@@ -17,7 +17,7 @@ PROCESSORS = os.cpu_count() or 1
 
 
 def run_monte_carlo(controller: str) -> None:
-    """Print how long the evaluation's flights take."""
+    """Print the duration of the evaluation's flights."""
     experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
     flown = source.load(experiment.controller, experiment.mission)
     scenarios = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
@@ -27,7 +27,7 @@ def run_monte_carlo(controller: str) -> None:
 
 
 def run_start() -> None:
-    """Print how long the command takes before its work begins, kernels compiled."""
+    """Print the command's duration before its work begins, with compiled kernels."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             sys.executable, "-m", "pipeline", "+experiment=evaluate", "controller=paper",
@@ -42,7 +42,7 @@ def run_start() -> None:
 
 
 def run_training(generations: int | None) -> None:
-    """Print how long a training on the paper's eight starts takes; 500 generations unless told otherwise."""
+    """Print the duration of a training on the paper's eight starts; 500 generations by default."""
     number = 500 if generations is None else generations
     with tempfile.TemporaryDirectory() as folder:
         command = [
