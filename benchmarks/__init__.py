@@ -1,1 +1,1 @@
-"""Benchmarks: each figure of the README by one command, ratios measured in one run."""
+"""Benchmarks: one command for each figure in the README; ratios are measured in one run."""

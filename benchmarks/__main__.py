@@ -1,4 +1,4 @@
-"""Print the figures that the README quotes: ``python -m benchmarks``; or attack, see `CAMPAIGNS`."""
+"""Print the figures quoted in the README: ``python -m benchmarks``; or run a campaign, see `CAMPAIGNS`."""
 
 import argparse
 import os
@@ -12,7 +12,7 @@ import numba
 
 from benchmarks import commands, gym, inference, learning, recording, steps, tools
 
-#: what is compared or attacked rather than timed, each with options of its own
+#: comparisons and attacks rather than timings, each with its own options
 CAMPAIGNS = (
     "examples",
     "fuzz",
@@ -29,7 +29,7 @@ PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "s
 
 
 def processor() -> str:
-    """Name this machine's processor."""
+    """Return the name of this machine's processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="ignore").splitlines()
     except OSError:

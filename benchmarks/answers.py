@@ -1,7 +1,7 @@
-"""Evaluate `.fll` files with pyfuzzylite, in an environment of its own: JOBS.json.
+"""Evaluate `.fll` files with pyfuzzylite, in a separate environment: JOBS.json.
 
-Each job has ``engine``, ``inputs`` and ``outputs`` (files, the last one written) and ``resolution``. What
-pyfuzzylite cannot read or compute is told in a line, ``engine: reason``.
+Each job has ``engine``, ``inputs`` and ``outputs`` (files, the last one written) and ``resolution``. If
+pyfuzzylite cannot read or compute something, this is reported in a line, ``engine: reason``.
 """
 
 import json
@@ -14,11 +14,11 @@ import numpy as np
 
 
 def main() -> None:
-    """Do all jobs, one after the other."""
+    """Run all jobs, one after the other."""
     for job in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")):
         try:
             np.save(job["outputs"], answers(job))
-        except Exception as error:  # noqa: BLE001 - whatever it is, the others go on
+        except Exception as error:  # noqa: BLE001 - the other jobs must go on
             print(f"{job['engine']}: {type(error).__name__} {error}".replace("\n", " ")[:200])
 
 

@@ -1,8 +1,8 @@
-"""Flights by pencil and paper, beside what was flown: ``python -m benchmarks.by_hand [CONTROLLER]``.
+"""Flights computed with pencil and paper, and as flown: ``python -m benchmarks.by_hand [CONTROLLER]``.
 
-For controllers whose terms are triangles, whose antecedents join by the minimum, and whose outputs are
-centroids. Inference is done here as one would by hand, on the corners of the cut triangles; nothing of the
-product's inference takes part.
+For controllers with triangular terms, antecedents joined by the minimum, and outputs by
+centroid. Inference is done as by hand, on the corners of the cut triangles, independently of the
+product's inference.
 """
 
 import argparse
@@ -23,15 +23,15 @@ from pipeline.settings.experiment import Mission
 
 Corners = list[tuple[float, float]]
 
-#: the first starts of this seed under a Sun anywhere, taken as they come
+#: the first starts of this seed under a random Sun, not selected
 SEED, STARTS = 777, 3
-#: pushes told of each flight
+#: most pushes reported per flight
 TOLD = 8
 AXES = ("radial", "along the track", "across")
 
 
 def main() -> None:
-    """Print Markdown."""
+    """Print the flights as Markdown."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.by_hand", description=__doc__)
     parser.add_argument(
         "controller", nargs="?", default="champion_27", help="as in controller=NAME, or a file"
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def pages(controller: str) -> Iterator[str]:
-    """Yield the lines that tell how the flights begin."""
+    """Yield the lines on the beginnings of the flights."""
     overrides = ["+experiment=evaluate", f"controller={controller}", "sun=random", f"seed={SEED}"]
     experiment = compose_experiment(overrides).experiment
     flown = source.load(experiment.controller, experiment.mission)
@@ -56,7 +56,7 @@ def pages(controller: str) -> Iterator[str]:
 
 
 class Worked(NamedTuple):
-    """An inference by hand: degrees by input; rules that hold: number, terms, conclusion, degree; corners."""
+    """An inference by hand: degrees by input; firing rules: number, terms, conclusion, degree; corners."""
 
     degrees: list[dict[str, float]]
     rules: list[tuple[int, tuple[str, ...], str, float]]
@@ -70,7 +70,7 @@ class Worked(NamedTuple):
 
 
 def work_out(system: FuzzySystem, values: Iterable[float]) -> Worked:
-    """Infer by hand."""
+    """Return an inference by hand."""
     degrees = [degrees_of(variable, value) for variable, value in zip(system.inputs, values, strict=True)]
     rules = []
     for number, rule in enumerate(system.rules, start=1):
@@ -86,7 +86,7 @@ def work_out(system: FuzzySystem, values: Iterable[float]) -> Worked:
 
 
 def decision(mission: Mission, system: FuzzySystem, words: str, log: FlightLog, number: int) -> Iterator[str]:
-    """Tell the first decision of one system."""
+    """Yield the lines on the first decision of one system."""
     values = log.fis_input[0, number, : len(system.inputs)].tolist()
     worked = work_out(system, values)
     yield f"**{words.capitalize()}.** " + "; ".join(
@@ -112,12 +112,12 @@ def decision(mission: Mission, system: FuzzySystem, words: str, log: FlightLog, 
 
 
 def speed_mm_s(mission: Mission, force_n: float) -> float:
-    """Return by how much a force changes the velocity within a control period, mm/s."""
+    """Return the velocity change by a force held over a control period, mm/s."""
     return 1000 * force_n * mission.control_period_s / mission.deputy.mass_kg
 
 
 def statements(antecedent: object) -> tuple[Is, ...]:
-    """Return the statements that an antecedent of one or more of them joins."""
+    """Return the statements joined by an antecedent, one or more."""
     parts = antecedent.operands if isinstance(antecedent, And) else (antecedent,)
     found = tuple(part for part in parts if isinstance(part, Is))
     if len(found) != len(parts):
@@ -133,7 +133,7 @@ def triangle(term: Term) -> Triangular:
 
 
 def height(shape: Triangular, x: float) -> float:
-    """Return the degree of membership, from the equation of the flank that x lies under."""
+    """Return the degree of membership, from the equation of the flank at x."""
     flank = (
         (x - shape.left, shape.peak - shape.left)
         if x < shape.peak
@@ -143,7 +143,7 @@ def height(shape: Triangular, x: float) -> float:
 
 
 def degrees_of(variable: Variable, value: float) -> dict[str, float]:
-    """Return to which terms a value belongs, and by how much; beyond the range as at its end."""
+    """Return the degrees of a value's nonzero terms; beyond the range as at its end."""
     inside = min(max(value, variable.minimum), variable.maximum)
     found = {term.name: height(triangle(term), inside) for term in variable.terms}
     return {name: degree for name, degree in found.items() if degree > 0.0}
@@ -155,7 +155,7 @@ def told(degrees: dict[str, float]) -> str:
 
 
 def outline(output: Variable, cuts: dict[str, float]) -> Corners:
-    """Return the corners of the highest of the cut terms, from left to right."""
+    """Return the corners of the maximum of the cut terms, from left to right."""
     shapes = [(triangle(term), cuts[term.name]) for term in output.terms if term.name in cuts]
 
     def highest(x: float) -> float:
@@ -163,7 +163,7 @@ def outline(output: Variable, cuts: dict[str, float]) -> Corners:
 
     xs = {output.minimum, output.maximum}
     for place, (shape, _) in enumerate(shapes):
-        # where the flanks meet this cut and those beside it, and where they meet each other
+        # where the flanks cross this cut and its neighbours', and each other
         for _, level in shapes[max(place - 1, 0) : place + 2]:
             xs |= {
                 shape.left + level * (shape.peak - shape.left),
@@ -173,7 +173,7 @@ def outline(output: Variable, cuts: dict[str, float]) -> Corners:
         for other, _ in shapes[place + 1 : place + 2]:
             fall, rise = shape.right - shape.peak, other.peak - other.left
             xs.add((shape.right * rise + other.left * fall) / (fall + rise))
-    # what is the same but for rounding would hide a bend
+    # points that differ only by rounding would hide a bend
     inside = sorted({round(x, 12) for x in xs if output.minimum <= x <= output.maximum})
     corners = [(x, highest(x)) for x in inside]
     return [
@@ -184,7 +184,7 @@ def outline(output: Variable, cuts: dict[str, float]) -> Corners:
 
 
 def is_bent(before: tuple[float, float], at: tuple[float, float], after: tuple[float, float]) -> bool:
-    """Tell whether three points do not lie on a line."""
+    """Return whether three points are not on a line."""
     share = (at[0] - before[0]) / (after[0] - before[0]) if after[0] > before[0] else 0.0
     return abs(before[1] + share * (after[1] - before[1]) - at[1]) > 1e-9
 
@@ -199,7 +199,7 @@ def area_and_moment(corners: Corners) -> tuple[float, float]:
 
 
 def rest_of(mission: Mission, log: FlightLog) -> Iterator[str]:
-    """Tell the pushes that follow, and how a flight ends."""
+    """Yield the lines on the pushes that follow, and the end of a flight."""
     seen = log.is_inspected.sum(axis=1)
     pushes: NDArray[np.float64] = log.force_hill_n * speed_mm_s(mission, 1.0)
     fired = np.flatnonzero(np.abs(pushes).max(axis=1) > 0.0)
@@ -218,7 +218,7 @@ def rest_of(mission: Mission, log: FlightLog) -> Iterator[str]:
 
 
 def clock(mission: Mission, k: int) -> str:
-    """Return when a control period begins, in minutes and seconds."""
+    """Return the start of a control period, in minutes and seconds."""
     minutes, seconds = divmod(int(k * mission.control_period_s), 60)
     return f"{minutes}:{seconds:02d}"
 

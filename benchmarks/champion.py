@@ -31,17 +31,17 @@ from pipeline.settings.experiment import Experiment, Mission
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[np.generic]]
 
-#: width of the bins of azimuth, and of those of the few solved cases, deg
+#: width of the bins of azimuth, and of those for the few solved cases, deg
 BIN_DEG = 30
 SECTOR_DEG = 90
-#: until when delta-v is told, min
+#: time up to which delta-v is reported, min
 UNTIL_MIN = (1, 5, 10, 20, 30, 40, 50, 60)
-#: rules told of each system
+#: rules reported per system
 TOLD_RULES = 6
-#: a rule decides at a sample where leaving it out moves the output by more than this share of its range
+#: a rule decides at a sample if leaving it out moves the output by more than this share of its range
 DECIDES = 0.05
 AXES = "xyz"
-#: control periods without a force that part two burns
+#: control periods without force that separate two burns
 PAUSE = 6
 PICTURE_DPI = 110
 
@@ -106,7 +106,7 @@ def draw_flights(mission: Mission, controller: Controller, scenarios: list[Scena
 
 
 def print_outcome(by_safety: dict[str, Columns]) -> None:
-    """Print how flights ended without the safety layer and with it."""
+    """Print the results of flights without and with the safety layer."""
     print("| safety | delta-v (m/s) | rate (%) | 95 points | all 99 | outside | layer acted |")
     print("|---|---|---|---|---|---|---|")
     for safety, episodes in by_safety.items():
@@ -120,7 +120,7 @@ def print_outcome(by_safety: dict[str, Columns]) -> None:
 
 
 def print_without(mission: Mission, controller: Controller, scenarios: list[Scenario]) -> None:
-    """Print how flights end where one rule is left out, and where all corners of the tables are."""
+    """Print the results of flights without each single rule, and without all corners of the tables."""
     print("| without | if | then | delta-v (m/s) | rate (%) | success | outside |")
     print("|---|---|---|---|---|---|---|")
     print_row("nothing", mission, controller, scenarios)
@@ -137,7 +137,7 @@ def print_without(mission: Mission, controller: Controller, scenarios: list[Scen
 
 
 def without_corners(system: FuzzySystem) -> FuzzySystem:
-    """Return a table's system without the rules for which every input is at one of its ends."""
+    """Return a rule table's system without the rules in which every input is at one of its ends."""
     ends = np.array([len(variable.terms) - 1 for variable in system.inputs])
     cells = table_cells(system.inputs)
     is_corner = ((cells == 0) | (cells == ends)).all(axis=1)
@@ -145,7 +145,7 @@ def without_corners(system: FuzzySystem) -> FuzzySystem:
 
 
 def print_row(words: str, mission: Mission, controller: Controller, scenarios: list[Scenario]) -> None:
-    """Print how the flights of one controller end."""
+    """Print the results of one controller's flights."""
     told = summarise(fly(mission, controller, scenarios), 95.0)
     cells = words if "|" in words else f"{words} | | "
     print(
@@ -161,7 +161,7 @@ def azimuths(starts: Mapping[str, NDArray[Any]]) -> Floats:
 
 
 def print_by_azimuth(episodes: Columns) -> None:
-    """Print what flights come to by the start's azimuth in the orbit plane, from the Sun's."""
+    """Print the results of flights by the start's azimuth in the orbit plane, from the Sun's."""
     ahead = azimuths(episodes)
     print(
         "\n| azimuth from the Sun (deg) | cases | delta-v (m/s) | points | below 95 |\n|---|---|---|---|---|"
@@ -193,7 +193,7 @@ def print_exits(
 
 
 def print_missed(mission: Mission, starts: list[Scenario], logs: list[FlightLog], most: int = 6) -> None:
-    """Print where the points lie that flights miss: latitude, and longitude from the Sun's at the start."""
+    """Print the positions of missed points: latitude, and longitude from the Sun's at the start."""
     points = inspection_points(mission)
     latitude = np.degrees(np.arcsin(points[:, 2] / np.linalg.norm(points, axis=1)))
     longitude = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
@@ -211,7 +211,7 @@ def print_missed(mission: Mission, starts: list[Scenario], logs: list[FlightLog]
 
 
 def print_leans(controller: Controller) -> None:
-    """Print how rule tables lean in the mean: steps of output terms for one step of an input's terms."""
+    """Print the mean slopes of rule tables: steps of output terms per step of an input's terms."""
     print("\nLean of the rule tables, terms of the output for one term of an input (least squares):\n")
     for system in controller.systems:
         table = rule_table(system)
@@ -225,7 +225,7 @@ def print_leans(controller: Controller) -> None:
 
 
 def print_rules(controller: Controller, logs: list[FlightLog]) -> None:
-    """Print the rules that move each force most where it is fired, and how many ever decide."""
+    """Print the rules that move each force most when it is fired, and how many ever decide."""
     print(f"\nRules where a force is fired, {len(logs)} flights:\n")
     print("| system | share | mean push (mN) | rule | if | then |\n|---|---|---|---|---|---|")
     closing = []
@@ -257,7 +257,7 @@ def print_rules(controller: Controller, logs: list[FlightLog]) -> None:
 
 
 def print_spent(experiment: Experiment, controller: Controller) -> None:
-    """Print when and along which axis the solved cases burn, beside their plans."""
+    """Print when and along which axis the solved cases burn, and their plans do."""
     mission, solved = experiment.mission, solved_for(experiment)
     flown = {
         "controller": [fly_logged(mission, controller, start) for start in solved.scenarios],
@@ -287,7 +287,7 @@ def print_spent(experiment: Experiment, controller: Controller) -> None:
 
 
 def print_times(solved: Solved, spent: Floats) -> None:
-    """Print how many times the plans the solved cases burn, by the start's azimuth from the Sun."""
+    """Print the solved cases' ratios of fuel to their plans', by the start's azimuth from the Sun."""
     least, times = solved.cases["delta_v_m_s"], spent / solved.cases["delta_v_m_s"]
     order = solved.cases["case"][np.argsort(times)]
     print(f"\nTimes the optimum: mean {times.mean():.2f}, median {np.median(times):.2f}; least in cases")
@@ -324,7 +324,7 @@ def tell_flight(experiment: Experiment, controller: Controller, case: int, pictu
         compiled = compile_system(system)
         for burn in np.split(fired, ends):
             inputs = log.fis_input[burn, place, : len(system.inputs)]
-            # towards where the burn goes: other rules, perhaps stronger ones, hold it back
+            # in the burn's direction: other rules, perhaps stronger ones, oppose it
             moved = np.sign(force[burn[0]]) * contributions(compiled, inputs)[:, :, 0].sum(axis=0)
             print(
                 f"| {system.name} | {burn[0] * period / 60.0:.1f} | {(burn[-1] + 1) * period / 60.0:.1f} "

@@ -1,4 +1,4 @@
-"""Whole commands on the clock: Monte Carlo, start-up, and a full-size training."""
+"""Durations of whole commands: Monte Carlo, start-up, and a full-size training."""
 
 import os
 import re
@@ -38,7 +38,7 @@ def run_monte_carlo(controller: str) -> None:
 
 
 def run_start() -> None:
-    """Print how long the command takes before its work begins, kernels compiled."""
+    """Print the command's duration before its work begins, with compiled kernels."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             sys.executable, "-m", "pipeline", "+experiment=evaluate", "controller=paper",
@@ -53,7 +53,7 @@ def run_start() -> None:
 
 
 def run_training(generations: int | None) -> None:
-    """Print how long a training on the paper's eight starts takes; 500 generations unless told otherwise."""
+    """Print the duration of a training on the paper's eight starts; 500 generations by default."""
     number = 500 if generations is None else generations
     with tempfile.TemporaryDirectory() as folder:
         command = [

@@ -1,10 +1,10 @@
 """Import all files of a folder, compare answers with pyfuzzylite: ``python -m benchmarks examples FOLDER``.
 
-The files are whoever's who runs this: fuzzylite and pyfuzzylite publish theirs under ``examples``.
-pyfuzzylite reads `.fll` alone; fuzzylite's own program, where it is installed, turns the other formats into
-that. What it misreads of MATLAB's files is put right before: zeros that pad parameters (it takes them for
-heights), terms of one name (their rules go by numbers), pi, and AggMethod and DefuzzMethod where numbers are
-weighed. Both sides sample outputs finely, so that their ways of summing over points come to the same.
+The files are supplied by the user: fuzzylite and pyfuzzylite publish theirs under ``examples``.
+pyfuzzylite reads only `.fll`; fuzzylite's own program, if installed, converts the other formats to
+that. Its misreadings of MATLAB's files are corrected first: zeros that pad parameters (it takes them for
+heights), terms with equal names (their rules use numbers), pi, and AggMethod and DefuzzMethod for weighted
+outputs. Both sides sample outputs finely, so that their different ways of summing over points agree.
 """
 
 import argparse
@@ -27,7 +27,8 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem, Sampled, Variable
 from fis_tools.model.shape import words_of
 
-#: Intervals of each output, samples of each system, and what of an output's range answers may differ by.
+#: Intervals of each output, samples of each system, and tolerated difference as a share of the output's
+#: range.
 RESOLUTION = 20_000
 SAMPLES = 50
 TOLERANCE = 1e-4
@@ -36,7 +37,7 @@ WORKER = Path(__file__).parent / "answers.py"
 
 @dataclass
 class Row:
-    """What became of one file: a verdict, and what there is to say."""
+    """The result for one file: a verdict, and remarks."""
 
     path: Path
     verdict: str
@@ -45,7 +46,7 @@ class Row:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print a row for each file, then how many there are of each kind and verdict."""
+    """Print a row for each file, then the numbers of each kind and verdict."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks examples", description=__doc__)
     parser.add_argument("folder", type=Path, help="looked through with all folders below it")
     folder = parser.parse_args(arguments).folder
@@ -72,7 +73,7 @@ def _imported(path: Path) -> Row:
 
 
 def _fine(output: Variable) -> Variable:
-    """Sample an output finely; straight lines between the points of its tables stay what they are."""
+    """Sample an output finely; straight lines between the points of its tables are kept."""
     universe = np.linspace(output.minimum, output.maximum, RESOLUTION + 1)
     terms = (
         replace(term, membership=Sampled(tuple(np.interp(universe, output.universe, shape.values).tolist())))
@@ -84,7 +85,7 @@ def _fine(output: Variable) -> Variable:
 
 
 def _compare(rows: Sequence[Row], folder: Path) -> None:
-    """Settle what is said of rows that were imported."""
+    """Set the verdicts of imported rows."""
     jobs = []
     for place, row in enumerate(rows):
         engine = _engine(row.path, folder / f"{place}.fll")
@@ -109,7 +110,7 @@ def _compare(rows: Sequence[Row], folder: Path) -> None:
 
 
 def _engine(path: Path, target: Path) -> Path | None:
-    """Return a file that pyfuzzylite reads; None where there is no way to it."""
+    """Return a file that pyfuzzylite reads; None if there is none."""
     if path.suffix == ".fll":
         return path
     program = shutil.which("fuzzylite")
@@ -152,7 +153,7 @@ def _as_matlab_means(text: str) -> str:
 
 
 def _weighed(engine: str) -> str:
-    """Weigh outputs whose terms are numbers, each rule by itself, whatever else a file of MATLAB says."""
+    """Weight outputs whose terms are numbers, each rule separately, whatever else a MATLAB file says."""
     blocks = re.split(r"(?=^OutputVariable|^RuleBlock)", engine, flags=re.MULTILINE)
     for place, block in enumerate(blocks):
         if block.startswith("OutputVariable") and not re.search(r"term: \S+ (?!Constant|Linear)", block):
@@ -162,12 +163,12 @@ def _weighed(engine: str) -> str:
 
 
 def _judge(row: Row, inputs: np.ndarray, theirs: np.ndarray) -> None:
-    """Compare answers; where fuzzylite has none, no rule may fire here either."""
+    """Compare answers; if fuzzylite has none, no rule may fire here either."""
     assert row.system is not None
     answers = compile(row.system).infer(inputs)
     widths = np.array([output.maximum - output.minimum for output in row.system.outputs])
     difference = np.where(answers.no_rule_fired, 0.0, np.abs(answers.outputs - theirs) / widths)
-    endless = np.isinf(theirs)  # a sigmoid of Tsukamoto's at full strength; here it ends with the range
+    endless = np.isinf(theirs)  # a Tsukamoto sigmoid at full strength; here it ends with the range
     difference = np.where(endless, 0.0, np.where(np.isnan(difference), np.inf, difference))
     worst = float(difference.max())
     row.verdict = "agrees" if worst <= TOLERANCE else "differs"

@@ -1,4 +1,4 @@
-"""Faults of a machine, really brought about: full disks, folders that go, memory that runs out, signals."""
+"""Real machine faults, induced: full disks, deleted folders, exhausted memory, signals."""
 
 import os
 import resource
@@ -11,12 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-#: bytes that a process may still take once its memory runs out
+#: bytes that a process may still allocate once its memory runs out
 LAST_BYTES: Final = 8 * 1024**2
 
 
 def may_mount() -> bool:
-    """Tell whether a disk of one's own can be made here."""
+    """Return whether a separate disk can be made here."""
     return os.geteuid() == 0 and shutil.which("mount") is not None and _mount("--version")
 
 
@@ -27,13 +27,13 @@ def _mount(*words: str) -> bool:
 
 @contextmanager
 def small_disk(folder: Path, kibibytes: int) -> Iterator[Callable[[str], bool]]:
-    """Make a folder a disk of its own, in memory.
+    """Make a folder a separate disk, in memory.
 
     Yields
     ------
     callable
-        Changes it: ``size=64m`` makes room, ``ro`` lets nobody open a file to write to, ``rw`` ends that;
-        tells whether it could be done.
+        Changes it: ``size=64m`` makes room, ``ro`` prevents opening files for writing, ``rw`` ends that;
+        returns whether it worked.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def small_disk(folder: Path, kibibytes: int) -> Iterator[Callable[[str], bool]]:
 
 
 def _change(folder: str, option: str) -> bool:
-    if option == "ro":  # by a second way to it: the disk itself has files that are open
+    if option == "ro":  # by a second mount: the disk itself has open files
         return _mount("--bind", folder, folder) and _mount("-o", "remount,bind,ro", folder)
     if option == "rw":
         return not os.statvfs(folder).f_flag & os.ST_RDONLY or _unmount(folder)
@@ -64,7 +64,7 @@ def _unmount(folder: str) -> bool:
 
 
 def take_memory(pid: int) -> None:
-    """Let a process take next to no more memory than it has."""
+    """Limit a process to almost no more memory than it has."""
     with suppress(OSError, IndexError):
         pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[0])
         most = pages * resource.getpagesize() + LAST_BYTES
@@ -77,7 +77,7 @@ def take_folder(folder: Path) -> None:
 
 
 def send(number: signal.Signals) -> Callable[[int], None]:
-    """Return what sends a signal to the group of a process."""
+    """Return a function that sends a signal to a process group."""
 
     def sent(pid: int) -> None:
         with suppress(ProcessLookupError):
@@ -86,7 +86,7 @@ def send(number: signal.Signals) -> Callable[[int], None]:
     return sent
 
 
-#: what is done to a process at some moment
+#: faults of a process at some moment
 SIGNALS: Final[Mapping[str, Callable[[int], None]]] = {
     "SIGKILL": send(signal.SIGKILL),
     "SIGTERM": send(signal.SIGTERM),

@@ -1,6 +1,6 @@
-"""Damage what readers read, and see that they refuse it in a sentence, soon, and in little memory.
+"""Damage input files, and check that readers reject them in a sentence, quickly, and in little memory.
 
-``python -m benchmarks fuzz --minutes 10`` prints a row for each reader: inputs, and what went wrong.
+``python -m benchmarks fuzz --minutes 10`` prints a row for each reader: inputs, and failures.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from benchmarks.readers import Reader, all_readers
 
 SECONDS: Final = 10
 BYTES: Final = 1024**3
-#: pieces that readers are known to stumble over
+#: byte sequences that readers are known to stumble over
 PIECES: Final = (
     b"", b"0", b"-1", b"1e400", b"nan", b".inf", b"9" * 400, b"9" * 5000 + b"x", b"[" * 2000, b"{" * 2000,
     b"(" * 500,
@@ -40,7 +40,7 @@ PIECES: Final = (
     b"../../x",
     b'"', b"'", b"\n", b"\t", b":", b",", b"---\n", b"=cmd()", b"null", b"true", b"1e-320", b"<!DOCTYPE x>",
 )  # fmt: skip
-#: values that trees are known to be broken by
+#: values that are known to break trees
 VALUES: Final[tuple[Any, ...]] = (
     None, True, 0, -1, 1e308, -1e308, 1e-320, 10**30, 10**400, "", "x", "\u202e", [], {}, [[]], {"x": []},
     [0] * 1000,
@@ -58,7 +58,7 @@ class HangError(BaseException):
 
 @contextmanager
 def limited(seconds: int) -> Iterator[None]:
-    """Raise HangError in what takes more processor time."""
+    """Raise HangError in code that takes more processor time."""
 
     def stop(_signal: int, _frame: object) -> None:
         raise HangError(f"longer than {seconds} s")
@@ -73,12 +73,12 @@ def limited(seconds: int) -> Iterator[None]:
 
 
 def survives(reader: Reader, content: bytes, folder: Path) -> None:
-    """Read something; raise what a reader must not raise.
+    """Read something; pass on exceptions that a reader must not raise.
 
     Raises
     ------
     HangError, MemoryError
-        If it took too long or too much.
+        If it takes too long or too much memory.
     """
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with limited(SECONDS), warnings.catch_warnings():
@@ -94,7 +94,7 @@ def survives(reader: Reader, content: bytes, folder: Path) -> None:
 
 
 def damaged_bytes(content: bytes, rng: random.Random) -> bytes:
-    """Cut, repeat, swap, flip and insert."""
+    """Return bytes with cuts, repetitions, swaps, flips and insertions."""
     mutable = bytearray(content)
     for _ in range(rng.randint(1, 4)):
         at = rng.randrange(len(mutable) + 1)
@@ -116,7 +116,7 @@ def damaged_bytes(content: bytes, rng: random.Random) -> bytes:
 
 
 def damaged_tree(content: bytes, rng: random.Random) -> bytes:
-    """Replace, drop, add and repeat values of plain data."""
+    """Return plain data with replaced, dropped, added and repeated values."""
     tree = json.loads(content)
     for _ in range(rng.randint(1, 3)):
         node, key = tree, None
@@ -146,7 +146,7 @@ def damaged_tree(content: bytes, rng: random.Random) -> bytes:
 
 
 def damaged_table(content: bytes, rng: random.Random) -> bytes:
-    """Give columns other types, gaps and lengths."""
+    """Return a table with other column types, gaps and lengths."""
     table = pq.read_table(io.BytesIO(content))
     at = rng.randrange(table.num_columns)
     kind = rng.choice(COLUMN_TYPES)
@@ -166,7 +166,7 @@ def damaged_table(content: bytes, rng: random.Random) -> bytes:
 
 
 def damaged_recording(content: bytes, rng: random.Random) -> bytes:
-    """Write a recording anew, with right checksums, but for some words and messages."""
+    """Return a rewritten recording, with correct checksums but some changed words and messages."""
     reader = make_reader(io.BytesIO(content))
     sink = io.BytesIO()
     writer = Writer(sink, compression=rng.choice([*list(CompressionType)[:1], CompressionType.ZSTD]))
@@ -213,12 +213,12 @@ DAMAGES: Final = {
 
 
 def attack(reader: Reader, examples: int, number: int, folder: Path) -> int:
-    """Try so many inputs on a reader; return how many were tried.
+    """Try a number of inputs on a reader; return how many were tried.
 
     Raises
     ------
     BaseException
-        What the reader raised on the smallest input that hypothesis found.
+        Raised by the reader on the smallest input that hypothesis found.
     """
     tried = 0
 
@@ -240,7 +240,7 @@ def attack(reader: Reader, examples: int, number: int, folder: Path) -> int:
 
 
 def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Path) -> list[str]:
-    """Attack readers by turns until the time is over; return what was found, and print a table."""
+    """Attack readers in turn until the time is up; return the findings, and print a table."""
     until, number = time.monotonic() + 60.0 * minutes, first
     counts, found = dict.fromkeys(readers, 0), list[str]()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as root:
@@ -259,7 +259,7 @@ def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Pa
                 folder = Path(root)
                 try:
                     counts[name] += attack(reader, 200, number, folder)
-                except BaseException as error:  # whatever it is, the next reader is attacked as well
+                except BaseException as error:  # the next reader is attacked in any case
                     if isinstance(error, KeyboardInterrupt):
                         raise
                     place = traceback.extract_tb(error.__traceback__)[-1]

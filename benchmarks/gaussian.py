@@ -1,8 +1,8 @@
 """Draw a controller's terms as Gaussians: ``python -m benchmarks.gaussian CONTROLLER OUTPUT``.
 
-Each term keeps its centre and is a half where it meets the next, as triangles that part a range evenly are.
-What evolution may do with such terms, and with single rules, it may not do with those of a readable search: a
-front of fuel, points and rule consistency that begins there shows what readability costs.
+Each term keeps its centre and is one half where it meets the next, like triangles that partition a range
+evenly. Evolution may change such terms, and single rules, in ways that a search for readability excludes: a
+front of fuel, points and rule consistency that starts there shows the cost of readability.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def _drawn(variable: Variable) -> Variable:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Read a controller and write its twin."""
+    """Read a controller and write its Gaussian twin."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.gaussian", description=__doc__)
     parser.add_argument("controller", type=Path)
     parser.add_argument("output", type=Path)

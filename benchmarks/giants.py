@@ -1,4 +1,4 @@
-"""Files of up to 10 MB that readers are slow at or that grow in memory: what was found, made again.
+"""Files of up to 10 MB on which readers were slow or used much memory, generated again.
 
 Each is for a reader of `benchmarks.readers`, by its name.
 """
@@ -17,12 +17,12 @@ SIZE: Final = 10_000_000
 
 
 def _filled(before: bytes, piece: bytes, after: bytes = b"") -> bytes:
-    """Repeat a piece until the file is as large as it may be."""
+    """Repeat a piece up to the largest allowed file size."""
     return before + piece * ((SIZE - len(before) - len(after)) // len(piece)) + after
 
 
 def _sparse_archive() -> bytes:
-    """Return an archive of a few megabytes with an array of 1 GB in it, as checkpoints are."""
+    """Return an archive of a few megabytes with an array of 1 GB in it, like a checkpoint."""
     array, sink = io.BytesIO(), io.BytesIO()
     header = {"descr": "<f8", "fortran_order": False, "shape": (2**27,)}
     np.lib.format.write_array_header_1_0(array, header)
@@ -61,7 +61,7 @@ def _many_points(sample: bytes) -> bytes:
     return json.dumps(tree).encode()[:SIZE]
 
 
-#: reader, name, and what makes the file from an intact one
+#: reader, name, and function that makes the file from an intact one
 GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
     **{
         (reader, "digits and a letter"): lambda sample: _filled(sample, b"9", b"x")

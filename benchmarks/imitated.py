@@ -1,9 +1,9 @@
-"""What it costs to make a learned policy readable: ``python -m benchmarks imitated POLICY.onnx sun=random``.
+"""The cost of making a learned policy readable: ``python -m benchmarks imitated POLICY.onnx sun=random``.
 
-Fuzzy systems, one for each force, learn from what the policy answers on its own flights, and then also on
-theirs (Ross, Gordon and Bagnell, AISTATS 2011: else they are asked where the policy never was). They choose
-their inputs among the signals that follow from what the policy sees. Policy and systems fly the same other
-starts.
+Fuzzy systems, one for each force, learn from the policy's actions on its own flights, and then also on theirs
+(Ross, Gordon and Bagnell, AISTATS 2011: otherwise they meet states that the policy never visited). They
+choose their inputs among the signals that follow from the policy's observations. Policy and systems fly from
+the same other starts.
 """
 
 import argparse
@@ -37,12 +37,12 @@ Floats = NDArray[np.float64]
 
 FORCES: Final = ("force_x", "force_y", "force_z")
 AXES: Final = ("radial", "along_track", "cross_track")
-#: of the flights that are learned from, one sample in so many
+#: one sample in this many is learned from
 EVERY: Final = 5
 
 
 def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
-    """Return signals of `pipeline.flight.signals` that follow from what is observed, with their units."""
+    """Return signals of `pipeline.flight.signals` that follow from the observations, with their units."""
     position, velocity = seen[:, POSITION : POSITION + 3].T, seen[:, VELOCITY : VELOCITY + 3].T
     target, sun = seen[:, TARGET : TARGET + 3].T, seen[:, SUN : SUN + 3].T
     reach = np.maximum(np.hypot(position[0], position[1]), 1e-6)
@@ -62,7 +62,7 @@ def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
 def asked_along(
     policy: Policy, mission: Mission, starts: list[Scenario], forces: Floats
 ) -> tuple[Floats, Floats]:
-    """Return what is seen in flights under some forces, (m, K, 3), and what the policy does: a row each."""
+    """Return the observations in flights under forces, (m, K, 3), and the policy's actions, as rows."""
     is_tilted = any(start.sun_elevation_rad != 0.0 for start in starts)
     flights = Flights(mission, len(starts), is_tilted=is_tilted)
     for place, start in enumerate(starts):
@@ -71,7 +71,7 @@ def asked_along(
     seen, answers = [], []
     flights.step(found)
     for k in range(mission.num_controls):
-        # where all is seen nothing is fired, whatever the policy says
+        # once all is seen nothing is fired, whatever the policy's action
         is_asked = flights.observed[:, NUM_UNSEEN] > 0.0
         if k % EVERY == 0:
             answer(policy.network, flights.seen.astype(np.float64), work, found)
@@ -99,7 +99,7 @@ def learned(rows: Floats, answers: Floats, mission: Mission, terms: int, name: s
 
 
 def explained(fuzzy: FuzzyController, rows: Floats, answers: Floats, mission: Mission) -> float:
-    """Return the share of the variance of what the policy does that the systems explain."""
+    """Return the share of the variance of the policy's actions that the systems explain."""
     inputs = {
         label.partition(" (")[0]: values
         for label, values in signals(rows, mission.orbit.mean_motion_rad_s).items()

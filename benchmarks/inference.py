@@ -1,4 +1,4 @@
-"""Microseconds an inference: scikit-fuzzy and its kin, and ours, on the same systems and inputs."""
+"""Microseconds per inference: scikit-fuzzy, similar programs, and ours, on the same systems and inputs."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ from pipeline.controllers import source
 Floats = NDArray[np.float64]
 
 NUM_SAMPLES = 200_000
-#: fewer for those that take longer
+#: fewer samples for slow engines
 NUM_RIVAL, NUM_ARRAY, NUM_STOCK, NUM_CALLED = 20_000, 500, 100, 20
 #: other programs; the last two are called for each sample
 RIVALS: dict[str, Callable[[FuzzySystem, Floats], Timed]] = {
@@ -33,15 +33,15 @@ RIVALS: dict[str, Callable[[FuzzySystem, Floats], Timed]] = {
 }
 CALLED = ("fuzzytool, one at a time", "simpful, one at a time")
 
-#: Engines differ in where they sample. At this many points they agree to this share of the output's range:
-#: scikit-fuzzy joins exact points by lines, fuzzylite takes the middles of slices.
+#: Engines sample at different points. With this many they agree to this share of the output's range:
+#: scikit-fuzzy joins exact points by lines, fuzzylite uses the midpoints of slices.
 FINE_POINTS, AGREEMENT = 1001, 2e-4
-#: simpful sums the points, those at the ends whole
+#: simpful sums over the points, with full weight for those at the ends
 COARSE_AGREEMENT = 1e-3
 
 
 def run(controller: str) -> None:
-    """Print a table: a row an engine; microseconds an inference and times as fast as scikit-fuzzy."""
+    """Print a row per engine: microseconds per inference and speed relative to scikit-fuzzy."""
     experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
     systems = (source.load(experiment.controller, experiment.mission).systems[0], _large_system())
     names = ", ".join(f"{system.name} ({len(system.rules)} rules)" for system in systems)
@@ -58,7 +58,7 @@ def run(controller: str) -> None:
 
 
 def run_weighed() -> None:
-    """Print a table for Takagi-Sugeno: constants and numbers linear in the inputs, 25 and 125 rules."""
+    """Print a table for Takagi-Sugeno: constants and linear functions of the inputs, 25 and 125 rules."""
     print("Takagi-Sugeno, weighted average, product; microseconds an inference, one thread")
     print(f"  {'':<24}{'pyfuzzylite':>14}{'compile':>10}{'times':>7}{'one at a time, on the clock':>30}")
     for num_inputs, is_linear in product((2, 3), (False, True)):
@@ -74,7 +74,7 @@ def run_weighed() -> None:
 
 
 def _timed_weighed(system: FuzzySystem, inputs: Floats) -> tuple[float, float, float]:
-    """Return the seconds an inference of pyfuzzylite, of ours, and of ours one at a time."""
+    """Return the seconds per inference of pyfuzzylite, of ours, and of ours one at a time."""
     compiled = compile(system, threads=1)
     rival = rivals.pyfuzzylite(system, inputs[:NUM_RIVAL])
     difference = np.abs(compiled(inputs[:NUM_RIVAL])[:, 0] - rival.outputs).max()
@@ -85,7 +85,7 @@ def _timed_weighed(system: FuzzySystem, inputs: Floats) -> tuple[float, float, f
 
 
 def _weighed(num_inputs: int, *, is_linear: bool) -> FuzzySystem:
-    """Return a table of all rules over inputs of five Gaussian terms, five numbers in turn."""
+    """Return a full rule table over inputs of five Gaussian terms, cycling through five numbers."""
     terms = tuple(Term(f"t{place}", Gaussian(place / 2.0 - 1.0, 0.25)) for place in range(5))
     inputs = tuple(Variable(name, "", -1.0, 1.0, terms, FINE_POINTS) for name in ("x", "y", "z")[:num_inputs])
     numbers = [place / 4.0 - 0.5 for place in range(5)]
@@ -131,7 +131,7 @@ def _with_points(system: FuzzySystem, num_points: int) -> FuzzySystem:
 
 
 def _check_agreement(system: FuzzySystem) -> None:
-    """Fail unless all engines give the same on fine universes, within the discretisation."""
+    """Fail unless all engines agree on fine universes, within the discretisation."""
     fine = _with_points(system, FINE_POINTS)
     inputs = _inputs(fine, NUM_ARRAY)
     expected = compile(fine)(inputs)[:, 0]
@@ -151,7 +151,7 @@ def _check_agreement(system: FuzzySystem) -> None:
 
 
 def _timed(system: FuzzySystem, inputs: Floats) -> Iterator[tuple[str, float | None]]:
-    """Yield each engine and its seconds an evaluation."""
+    """Yield each engine and its seconds per evaluation."""
     yield "scikit-fuzzy compute()", _stock(system, inputs[:NUM_STOCK]).seconds
     yield "scikit-fuzzy, arrays as inputs", _arrays(system, inputs[:NUM_ARRAY])
     for name, engine in RIVALS.items():
@@ -181,7 +181,7 @@ def _rival(
 
 
 def _stock(system: FuzzySystem, inputs: Floats) -> Timed:
-    """Time compute(); each input once, for scikit-fuzzy remembers inputs that it has seen."""
+    """Time compute(); each input once, as scikit-fuzzy caches inputs."""
     simulation = build_simulation(system)
     outputs = []
     started = time.process_time()

@@ -1,7 +1,7 @@
-"""One population beside islands, at equal flights: ``python -m benchmarks islands`` prints a table.
+"""One population against islands, with equal numbers of flights: ``python -m benchmarks islands``.
 
-Each way trains on the paper's eight starts from the same seeds, with as many individuals and generations;
-what each comes to is then flown from starts that no training has flown. Of islands, the difference from one
+Each variant trains on the paper's eight starts from the same seeds, with as many individuals and generations;
+its result is then flown from starts not used in training. For islands, the difference from one
 population is paired by seed.
 """
 
@@ -22,7 +22,7 @@ from pipeline.settings.experiment import Experiment
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import costs_of, evolved
 
-#: what each way is called, and its words
+#: name of each variant, and its overrides
 WAYS: Final[Mapping[str, Sequence[str]]] = {
     "one population of 200": (),
     "4 islands of 50": ("optimizer=islands",),
@@ -33,7 +33,7 @@ VALIDATION_CASES: Final = 500
 
 
 def trained(experiment: Experiment) -> tuple[float, float, int]:
-    """Train; return the champion's fitness, its cost on other starts, and how often a controller flew."""
+    """Train; return the champion's fitness, its cost on other starts, and the number of flights."""
     genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
     result = evolved(experiment, genome)
     others = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, VALIDATION_CASES)
@@ -51,7 +51,7 @@ def difference(values: Sequence[float], first: Sequence[float]) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Train in every way from every seed, and print the table."""
+    """Train every variant from every seed, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks islands", description=__doc__)
     parser.add_argument("--seeds", type=int, default=6, help="trainings of each way")
     parser.add_argument("--generations", type=int, default=60, help="of each training")

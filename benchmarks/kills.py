@@ -1,7 +1,7 @@
-"""Kill runs at random moments, go on with them, and compare what they end in with runs left alone.
+"""Kill runs at random moments, resume them, and compare their results with undisturbed runs.
 
-``python -m benchmarks kills --number 200`` prints a row for each kind of run: how often it was killed, how
-many runs were lost (could not be gone on with) and how many ended in other files.
+``python -m benchmarks kills --number 200`` prints a row for each kind of run: number of kills, runs
+lost (could not be resumed) and runs with different files in the end.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from pipeline.run import artifacts
 
 SMALL: Final = ("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12",
                 "monte_carlo.num_cases=40", "telemetry.record_training=false")  # fmt: skip
-#: of searches that fly many starts by default
+#: for searches that fly many starts by default
 FEW: Final = ("optimizer.rounds=1", "optimizer.validation_cases=8", "starts.num_cases=8", "starts.num_hard=0")
 
 #: kinds of trainings and evaluations, small
@@ -49,7 +49,7 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {
 
 @dataclass
 class Tally:
-    """What became of the runs of a kind."""
+    """The results of the runs of a kind."""
 
     runs: int = 0
     kills: int = 0
@@ -58,12 +58,12 @@ class Tally:
 
 
 def command(words: Sequence[str]) -> list[str]:
-    """Return the command line of the pipeline with some words."""
+    """Return the command line of the pipeline with some arguments."""
     return [sys.executable, "-m", "pipeline", *words]
 
 
 def words_of(kind: str, folder: Path) -> list[str]:
-    """Return the words that start a run of a kind; later ones count."""
+    """Return the arguments that start a run of a kind; later ones take precedence."""
     chosen = KINDS[kind]
     given = {word.partition("=")[0] for word in chosen}
     small = [word for word in SMALL if word.partition("=")[0] not in given]
@@ -71,15 +71,15 @@ def words_of(kind: str, folder: Path) -> list[str]:
 
 
 def run_alone(words: Sequence[str], env: Mapping[str, str]) -> float:
-    """Run to the end, and return the seconds that it took."""
+    """Run to the end, and return the duration in seconds."""
     started = time.perf_counter()
     subprocess.run(command(words), check=True, capture_output=True, env=env)  # noqa: S603
     return time.perf_counter() - started
 
 
 def killed_after(words: Sequence[str], seconds: float, env: Mapping[str, str]) -> tuple[bool, int, str]:
-    """Run until it ends or is killed; return whether it was killed, its exit code and what it said last."""
-    # the whole group, so that nothing goes on behind our back
+    """Run until it ends or is killed; return whether it was killed, its exit code and its last output."""
+    # the whole group, so that nothing keeps running
     process = subprocess.Popen(  # noqa: S603
         command(words), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=env, text=True,
         start_new_session=True,
@@ -94,7 +94,7 @@ def killed_after(words: Sequence[str], seconds: float, env: Mapping[str, str]) -
 
 
 def survive(kind: str, folder: Path, seconds: float, rng: random.Random, tally: Tally, cold: bool) -> None:
-    """Start a run, kill it once to three times, and let it end."""
+    """Start a run, kill it once to three times, and let it finish."""
     first = words_of(kind, folder)
     kills = rng.choice((1, 1, 2, 3))
     tally.runs += 1
@@ -117,7 +117,7 @@ def survive(kind: str, folder: Path, seconds: float, rng: random.Random, tally: 
 
 
 def differences(folder: Path, other: Path) -> list[str]:
-    """Name the files in which two finished runs differ."""
+    """Return the files in which two finished runs differ."""
     one, two = (artifacts.read_manifest(place) for place in (folder, other))
     if one["finished_stages"] != two["finished_stages"]:
         return ["finished_stages"]
@@ -129,7 +129,7 @@ def differences(folder: Path, other: Path) -> list[str]:
 
 
 def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
-    """Kill runs of some kinds by turns until there were so many kills, or the time is over."""
+    """Kill runs of some kinds in turn until the number of kills is reached, or the time is up."""
     kinds, until = options.kinds, time.monotonic() + 60.0 * options.minutes
     rng = random.Random(options.seed)  # noqa: S311
     tallies = {kind: Tally() for kind in kinds}

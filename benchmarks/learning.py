@@ -1,4 +1,4 @@
-"""What learned fuzzy systems reach on tables that scikit-learn ships, beside a linear model and a tree."""
+"""Scores of learned fuzzy systems on scikit-learn's tables, with those of a linear model and a tree."""
 
 import numpy as np
 from sklearn.datasets import load_breast_cancer, load_diabetes, load_iris, load_wine
@@ -11,7 +11,7 @@ from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 from benchmarks.timing import line
 from fis_tools.learning import FuzzyClassifier, FuzzyRegressor
 
-#: Five parts, divided anew three times.
+#: Five folds, with three different splits.
 FOLDS = {"n_splits": 5, "n_repeats": 3, "random_state": 0}
 NUMBERS = {
     "linear regression": LinearRegression(),
@@ -31,7 +31,7 @@ TABLES = {"iris": load_iris, "wine": load_wine, "breast cancer": load_breast_can
 
 
 def run() -> None:
-    """Print the scores, mean over parts that were left out."""
+    """Print the scores, averaged over the held-out folds."""
     X, y = load_diabetes(return_X_y=True)
     print("diabetes, explained variance (R²) and rules")
     for name, model in NUMBERS.items():

@@ -1,7 +1,7 @@
-"""Time simpful or fuzzytool in an environment of their own: ENGINE SYSTEM.json INPUTS.npy OUTPUTS.npy.
+"""Time simpful or fuzzytool in a separate environment: ENGINE SYSTEM.json INPUTS.npy OUTPUTS.npy.
 
-ENGINE is ``simpful``, ``fuzzytool`` (a call a sample) or ``fuzzytool-arrays``. Prints the least processor
-time of some repeats, in seconds.
+ENGINE is ``simpful``, ``fuzzytool`` (one call per sample) or ``fuzzytool-arrays``. Prints the least processor
+time of several repeats, in seconds.
 """
 
 import json
@@ -32,8 +32,8 @@ def main() -> None:
 
 
 def simpful(told):
-    """Return simpful's inference, a sample at a time; it has no other."""
-    import simpful as sf  # noqa: PLC0415 - each engine in its turn
+    """Return simpful's inference, one sample at a time, as it supports no arrays."""
+    import simpful as sf  # noqa: PLC0415 - one engine per run
 
     system = sf.FuzzySystem(show_banner=False)
     *inputs, output = told["variables"]
@@ -77,7 +77,7 @@ def _fuzzytool(told):
 
 
 def fuzzytool(told):
-    """Return fuzzytool's inference, a call a sample."""
+    """Return fuzzytool's inference, one call per sample."""
     system, names = _fuzzytool(told)
     return lambda rows: np.array([system(**dict(zip(names, row, strict=True))) for row in rows])
 

@@ -1,10 +1,10 @@
-"""Learned policies beside other controllers, flown from the same starts: ``python -m benchmarks policies``.
+"""Learned policies and other controllers, flown from the same starts: ``python -m benchmarks policies``.
 
 ``python -m benchmarks policies -c champion_27 -c lqr seed-1.onnx seed-2.onnx sun=random`` prints two tables:
-the world as it is assumed to be, and dispersed. Policies are taken together, as trainings of one method from
+the nominal world, and the dispersed one. Policies are grouped, as trainings of one method from
 several seeds: their numbers are interquartile means over flights and trainings, with intervals by the
 stratified bootstrap, as Agarwal et al. propose (Deep Reinforcement Learning at the Edge of the Statistical
-Precipice, NeurIPS 2021), where a start stands for a task.
+Precipice, NeurIPS 2021), with starts as tasks.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from pipeline.flight.starts import evaluation_scenarios
 
 Floats = NDArray[np.float64]
 
-#: words of each way to fly
+#: overrides of each world
 WAYS: Final[Mapping[str, Sequence[str]]] = {
     "nominal": (),
     "dispersed": (
@@ -47,7 +47,7 @@ def interquartile_mean(values: Floats) -> float:
 def resampled(values: Floats, seed: int = 0) -> tuple[float, float]:
     """Return the 95 % interval of the interquartile mean of trainings by starts, shape (trainings, starts).
 
-    Each start draws its trainings with replacement; of one training, the starts are drawn.
+    For each start, trainings are drawn with replacement; for a single training, the starts are drawn.
     """
     generator, (trainings, starts) = np.random.default_rng(seed), values.shape
     found = np.empty(NUM_RESAMPLED)

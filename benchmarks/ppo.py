@@ -1,8 +1,8 @@
 """Train a policy by PPO, in an environment with Stable-Baselines3: ``python -m benchmarks.ppo FOLDER``.
 
 Proximal policy optimization (Schulman et al., arXiv 1707.06347) of Stable-Baselines3 on the flights of
-`pipeline.gym`, on one thread. The policy is written as ONNX, at the end and on the way, for
-``controller=PATH``; `training.json` beside it says how it was trained.
+`pipeline.gym`, on one thread. The policy is written as ONNX, at the end and at intervals, for
+``controller=PATH``; `training.json` beside it describes the training.
 """
 
 import argparse
@@ -24,9 +24,9 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from pipeline.gym import InspectionVectorEnv, NormalizedVectorObservation, Reward
 
-#: AFRL's published settings (safe-autonomy-sims, translational inspection) with RLlib's defaults for what
-#: they leave open; and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the
-#: first noise, a share of the greatest force) are not `PPO`'s own.
+#: AFRL's published settings (safe-autonomy-sims, translational inspection) with RLlib's defaults for the
+#: rest; and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the
+#: initial noise, a share of the largest force) are not `PPO`'s own.
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "afrl": {
         "num_envs": 20,
@@ -55,24 +55,24 @@ SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
         "log_std": -1.5,
     },
 }
-#: what a m/s costs at first; of another price in the end, the way there is geometric between these shares of
+#: initial price of a m/s; it approaches a different final price geometrically between these shares of
 #: the steps, so that something is inspected before fuel is saved
 FIRST_PRICE: Final = 0.1
 DEARER_FROM, DEARER_TO = 0.3, 0.9
-#: seeds of the starts of one training are so far from those of the next
+#: offset between the seeds of the starts of two trainings
 SEEDS_APART: Final = 100_000
 
 
 class Flights(VecEnv):
     """Our flights as Stable-Baselines3 steps them.
 
-    The step that starts an episode anew is one of its own, of no reward: one in some hundreds. Time that is
-    over ends an episode, for what is left of it is observed.
+    The step that restarts an episode counts as a step without reward: one in some hundreds. A time limit
+    ends an episode, as the remaining time is observed.
 
     Parameters
     ----------
     many : InspectionVectorEnv
-        Whose reward has no price of fuel.
+        Its reward must have no price of fuel.
     seed : int
     """
 
@@ -81,7 +81,7 @@ class Flights(VecEnv):
         self._many = NormalizedVectorObservation(many)
         self._ended = np.zeros(many.num_envs, dtype=np.bool_)
         self._spent, self._returns = np.zeros((2, many.num_envs))
-        #: of the episodes that ended: return, rate, delta-v, whether it succeeded, whether it ended outside
+        #: for the finished episodes: return, rate, delta-v, whether it succeeded, whether it ended outside
         self.ends: list[tuple[float, ...]] = []
         super().__init__(many.num_envs, self._many.single_observation_space, many.single_action_space)
 
@@ -90,11 +90,11 @@ class Flights(VecEnv):
         return self._many.reset(seed=self._seed * SEEDS_APART)[0]
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Take what is to be done."""
+        """Store the actions."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, ...]:
-        """Do it."""
+        """Execute them."""
         seen, rewards, terminated, truncated, told = self._many.step(self._actions)
         began, self._ended = self._ended, terminated | truncated
         spent, self._spent = told["delta_v_m_s"] - self._spent, told["delta_v_m_s"]
@@ -110,28 +110,28 @@ class Flights(VecEnv):
         return seen, rewards.astype(np.float32), self._ended | began, infos
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return nothing: there are no environments within."""
+        """Return nothing: there are no inner environments."""
         return [None] * self.num_envs
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set nothing."""
+        """Do nothing."""
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call nothing."""
+        """Return nothing."""
         return []
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Nothing is wrapped."""
+        """Return that nothing is wrapped."""
         return [False] * self.num_envs
 
 
 def layers_of(model: PPO, flights: Flights, normal: VecNormalize) -> list[tuple[Any, Any]]:
-    """Return weights and biases of a policy, from what is observed, in its units, to shares of the force.
+    """Return a policy's weights and biases, from observations in their units to shares of the force.
 
-    What observations are divided by, and the training's own scaling, go into the first layer.
+    The scaling of the observations, and that of the training, is merged into the first layer.
     """
     linear = [part for part in model.policy.mlp_extractor.policy_net if isinstance(part, torch.nn.Linear)]
     linear.append(model.policy.action_net)
@@ -146,9 +146,9 @@ def layers_of(model: PPO, flights: Flights, normal: VecNormalize) -> list[tuple[
 
 
 def write(model: PPO, flights: Flights, normal: VecNormalize, path: Path) -> None:
-    """Write what a policy does without noise as ONNX: observed numbers in, a force in N, Hill axes, out.
+    """Write the noise-free policy as ONNX, from observations to a force in N, Hill axes.
 
-    How it was trained, `training.json`, goes into the file.
+    The description of the training, `training.json`, is included in the file.
     """
     limits = {"low": -1.0, "high": 1.0, "force": flights.task.mission.deputy.max_force_n}
     constants = {name: np.array(value) for name, value in limits.items()}
@@ -179,7 +179,7 @@ def write(model: PPO, flights: Flights, normal: VecNormalize, path: Path) -> Non
 
 
 class Progress(BaseCallback):
-    """Makes fuel dearer by and by, and every so many steps prints a line and writes the policy."""
+    """Gradually raises the price of fuel, and regularly prints a line and writes the policy."""
 
     def __init__(
         self, flights: Flights, normal: VecNormalize, folder: Path, options: argparse.Namespace

@@ -1,6 +1,6 @@
-"""Time pyfuzzylite on a batch, in an environment of its own: SYSTEM.fll INPUTS.npy OUTPUTS.npy.
+"""Time pyfuzzylite on a batch, in a separate environment: SYSTEM.fll INPUTS.npy OUTPUTS.npy.
 
-Prints the least processor time of some repeats in seconds, over the batch sizes that it is fastest with.
+Prints the least processor time of several repeats in seconds, for its fastest batch size.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Every reader of files and settings, what it may raise, and intact samples to damage."""
+"""All readers of files and settings, the errors they may raise, and intact samples to damage."""
 
 import contextlib
 import io
@@ -32,7 +32,7 @@ from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
 from telemetry.scene import runs
 
-#: what may be raised: refusals, in sentences of ours
+#: the errors that may be raised, with our own messages
 REFUSALS: Final = (
     serialize.ControllerFileError, InvalidSystem, artifacts.ArtifactError, telemetry.RecordingError,
     CheckpointError,
@@ -41,7 +41,7 @@ REFUSALS: Final = (
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader and what it reads.
+    """A reader with its samples.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _controller(kind: serialize.Kind) -> Callable[[bytes, Path], object]:
 def _settings(content: bytes, _folder: Path) -> object:
     try:
         told = json.loads(content)
-    except RecursionError as error:  # of the harness: settings come from Hydra
+    except RecursionError as error:  # from this harness: settings come from Hydra
         raise ValueError("too deep") from error
     return replace(experiment_from(told))
 
@@ -184,7 +184,7 @@ def _flown(folder: Path) -> bytes:
 
 
 def all_readers(names: Sequence[str] = ()) -> Mapping[str, Reader]:
-    """Return the readers of some names, of all unless given, with their samples."""
+    """Return the readers with some names, all by default, with their samples."""
     champion = _champion()
     one = replace(champion, systems=champion.systems[:1])
     examples = Path(__file__).parents[1] / "docs" / "examples"

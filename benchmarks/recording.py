@@ -1,4 +1,4 @@
-"""What a recording costs: writing a flight, its size, and reading a part of a long file."""
+"""The cost of a recording: writing a flight, its size, and reading a part of a long file."""
 
 import tempfile
 from dataclasses import replace
@@ -23,7 +23,7 @@ PERIOD_NS = 3_610_000_000_000
 
 
 def run(controller: str) -> None:
-    """Print what logging a flight costs with 25 and 125 rules a system, and what reading a part costs."""
+    """Print the cost of logging a flight with 25 and 125 rules per system, and of reading a part."""
     composed = compose_experiment(["+experiment=evaluate", f"controller={controller}"])
     flown = controller_source.load(composed.experiment.controller, composed.experiment.mission)
     with tempfile.TemporaryDirectory() as folder:
@@ -54,7 +54,7 @@ def time_recording(composed: Composed, flown: Controller, path: Path) -> None:
 
 
 def with_third_inputs(controller: FuzzyController) -> FuzzyController:
-    """Give each system the last input of the next one besides: three inputs of five terms, 125 rules."""
+    """Add the last input of the next system to each: three inputs of five terms, 125 rules."""
     systems = controller.systems
     neighbours = [*systems[1:], systems[0]]
     widened = tuple(_widened(system, other) for system, other in zip(systems, neighbours, strict=True))
@@ -71,7 +71,7 @@ def _widened(system: FuzzySystem, other: FuzzySystem) -> FuzzySystem:
 
 
 def write_long(flight: Path, path: Path) -> int:
-    """Write a flight's messages again and again, one flight after the other; return how many they are."""
+    """Write a flight's messages repeatedly, one flight after the other; return their number."""
     num_messages = 0
     with flight.open("rb") as source, path.open("wb") as target:
         rows = list(make_reader(source).iter_messages())
@@ -93,7 +93,7 @@ def write_long(flight: Path, path: Path) -> int:
 
 
 def time_reading(path: Path, num_messages: int) -> None:
-    """Print what reading all of a long file costs, and what a hundredth of its time and one topic."""
+    """Print the cost of reading all of a long file, and one topic in a hundredth of its time."""
     middle = NUM_FLIGHTS // 2 * PERIOD_NS / 1e9
     span = PERIOD_NS / 1e9
     ways = {

@@ -1,6 +1,6 @@
-"""Other programs that infer, timed in processes of their own.
+"""Other inference programs, timed in separate processes.
 
-All get the same system, and their outputs come back with the time.
+All get the same system, and return their outputs with the time.
 """
 
 import json
@@ -27,12 +27,12 @@ OTHERS = ("simpful==2.12.0", "fuzzytool==0.7.0")
 
 
 class Missing(RuntimeError):  # noqa: N818
-    """A program that is not there; the text says what to do."""
+    """A program that is not installed; the text says what to do."""
 
 
 @dataclass(frozen=True)
 class Timed:
-    """What an engine gave for some samples, shape (n,), and the processor time it took for one."""
+    """An engine's outputs for some samples, shape (n,), and its processor time per sample."""
 
     outputs: Floats
     seconds: float
@@ -71,7 +71,7 @@ def fuzzylite(system: FuzzySystem, inputs: Floats) -> Timed:
 
 
 def pyfuzzylite(system: FuzzySystem, inputs: Floats) -> Timed:
-    """Time pyfuzzylite on arrays, in an environment of its own: it needs an older NumPy."""
+    """Time pyfuzzylite on arrays, in a separate environment: it needs an older NumPy."""
     python = environment()
     with tempfile.TemporaryDirectory() as name:
         folder = _files(Path(name), system)
@@ -94,7 +94,7 @@ def _seconds(command: list[str]) -> float:
 
 
 def other_python(engine: str, system: FuzzySystem, inputs: Floats) -> Timed:
-    """Time simpful or fuzzytool, as `benchmarks.other_python` calls them; over Gaussian terms and `and`."""
+    """Time simpful or fuzzytool through `benchmarks.other_python`; with Gaussian terms and `and`."""
     python = environment(*OTHERS)
     variables = (*system.inputs, *system.outputs)
     if not all(isinstance(term.membership, Gaussian) for v in variables for term in v.terms):
@@ -125,9 +125,9 @@ def other_python(engine: str, system: FuzzySystem, inputs: Floats) -> Timed:
 
 
 def environment(*packages: str) -> Path:
-    """Return the interpreter of a virtual environment with packages, made at the first call and kept.
+    """Return the interpreter of a virtual environment with packages, created on the first call and kept.
 
-    By default with pyfuzzylite.
+    The default package is pyfuzzylite.
     """
     packages = packages or (PYFUZZYLITE,)
     folder = cache_root() / "-".join(packages).replace("==", "-")

@@ -1,4 +1,4 @@
-"""What each round of a training bought: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions."""
+"""The gain of each round of a training: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions."""
 
 import argparse
 from pathlib import Path
@@ -16,7 +16,7 @@ from pipeline.training.genome import genome_of
 
 
 def main() -> None:
-    """Print a Markdown table: a row a round and Sun."""
+    """Print a Markdown table with one row per round and Sun."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rounds", description=__doc__)
     parser.add_argument("folder", type=Path, help="of a run with the stage train")
     parser.add_argument(

@@ -1,8 +1,8 @@
-"""What spreading costs: chunks, processes, memory of a campaign; and a simulation of many workers.
+"""The cost of distribution: parts, processes, memory of a campaign; and a simulation of many workers.
 
-``python -m benchmarks scaling`` measures in processor time, which neighbours on the machine stretch less than
-the clock's: what Dask spends on a part, and while nothing happens, and how the memory of a campaign grows
-with its flights. From these costs it computes, and says so, what up to 1,000 workers would do.
+``python -m benchmarks scaling`` measures processor time, which other processes affect less than
+wall time: Dask's cost per part and while idle, and the growth of a campaign's memory
+with its flights. From these it computes, and labels as such, the speed-up with up to 1,000 workers.
 """
 
 import argparse
@@ -28,12 +28,12 @@ WORKERS: Final = (1, 2, 10, 30, 100, 300, 1000)
 
 
 def nothing(number: int) -> int:
-    """Do a part without work."""
+    """Do nothing: a part without work."""
     return number
 
 
 def processor_seconds(root: psutil.Process) -> float:
-    """Return what a process and all that it has started have taken."""
+    """Return the processor time of a process and all that it has started."""
     total = 0.0
     for process in (root, *root.children(recursive=True)):
         times = process.cpu_times()
@@ -42,22 +42,22 @@ def processor_seconds(root: psutil.Process) -> float:
 
 
 class Spent:
-    """Processor time since it was made: of this process, and of all that it has started with it."""
+    """Processor time since its creation: of this process, and with all processes that it started."""
 
     def __init__(self) -> None:
         self.clock, self.here = time.perf_counter(), time.process_time()
         self.all = processor_seconds(psutil.Process())
 
     def seconds(self) -> tuple[float, float, float]:
-        """Return the time on the clock, of the processor here, and of it everywhere, s."""
+        """Return the wall time, the processor time here, and the processor time everywhere, s."""
         everywhere = processor_seconds(psutil.Process()) - self.all
         return time.perf_counter() - self.clock, time.process_time() - self.here, everywhere
 
 
 def overhead(num_parts: int, processes: int) -> tuple[float, float, float]:
-    """Return what Dask spends on a part, here and everywhere, and in a second of waiting, s of processor."""
+    """Return Dask's processor time per part, here and everywhere, and per second of idling, s."""
     with crew(Engine(kind="dask", processes=processes)) as do_all:
-        list(do_all(nothing, [(0,)] * 50))  # all are awake
+        list(do_all(nothing, [(0,)] * 50))  # wakes all processes
         idle = Spent()
         time.sleep(IDLE_S)
         clock, _, waiting = idle.seconds()
@@ -69,7 +69,7 @@ def overhead(num_parts: int, processes: int) -> tuple[float, float, float]:
 
 
 def memory_of(cases: int, part_cases: int, folder: Path) -> float:
-    """Fly a campaign of so many cases; return the most memory that its process held, MB."""
+    """Fly a campaign of `cases` flights; return the peak memory of its process, MB."""
     words = [
         "+experiment=evaluate", "controller=coast", "stages=[evaluate]", "duration_s=60",
         f"monte_carlo.num_cases={cases}", f"engine.part_cases={part_cases}", "optimum.reference=null",
@@ -83,7 +83,7 @@ def memory_of(cases: int, part_cases: int, folder: Path) -> float:
 
 
 def simulated(workers: int, part_s: float, scheduler_s: float, num_parts: int) -> float:
-    """Return how many times as fast as one worker many are: a scheduler serves one part at a time.
+    """Return the speed-up of many workers over one, if a scheduler serves one part at a time.
 
     Each part takes its worker `part_s`, and before that the one scheduler `scheduler_s`.
     """
@@ -97,7 +97,7 @@ def simulated(workers: int, part_s: float, scheduler_s: float, num_parts: int) -
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure, and print."""
+    """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks scaling", description=__doc__)
     parser.add_argument("--parts", type=int, default=500, help="without work, that are timed")
     parser.add_argument("--cases", type=int, nargs="*", default=[100_000, 200_000, 400_000])

@@ -1,7 +1,7 @@
-"""Preempt, requeue and signal the jobs of a sweep on a small SLURM of this machine, started for the purpose.
+"""Preempt, requeue and signal the jobs of a sweep on a small local SLURM, started for this purpose.
 
-``python -m benchmarks slurm`` needs Debian's ``slurm-wlm``, and root. The runs of the sweep have to end in
-the same files, bit for bit, as runs that were left alone.
+``python -m benchmarks slurm`` needs Debian's ``slurm-wlm``, and root. The runs of the sweep must end with
+the same files, bit for bit, as undisturbed runs.
 """
 
 import argparse
@@ -53,27 +53,27 @@ NodeName={host} NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN
 PartitionName=low Nodes={host} Default=YES MaxTime=INFINITE State=UP PriorityTier=1 PreemptMode=REQUEUE
 PartitionName=high Nodes={host} MaxTime=INFINITE State=UP PriorityTier=10 PreemptMode=OFF
 """
-#: for anything to happen, s
+#: longest wait for any event, s
 LONGEST_S: Final = 1800.0
 WORDS: Final = ("+experiment=train", "stages=[scenario,train,evaluate]", "optimizer=islands",
                 "optimizer.migrants=1", "optimizer.migrate_every=3", *SMALL)  # fmt: skip
 
 
 def missing() -> str:
-    """Say which program is missing, nothing where all are there."""
+    """Return the name of a missing program, or nothing."""
     lacking = [name for name in PROGRAMS if shutil.which(name) is None]
     return f"{lacking[0]} is not installed; apt-get install slurm-wlm" if lacking else ""
 
 
 def free_port() -> int:
-    """Return a port that nobody listens at."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def until(what: str, is_so: Callable[[], bool]) -> None:
-    """Wait until something is so."""
+    """Wait until a condition holds."""
     end = time.monotonic() + LONGEST_S
     while not is_so():
         if time.monotonic() > end:
@@ -89,7 +89,7 @@ def answer(*words: str) -> str:
 
 @contextmanager
 def daemon(folder: Path, *words: str) -> Iterator[None]:
-    """Run a program in the background, its output in a file, and end it."""
+    """Run a program in the background, with its output in a file, and end it."""
     with (folder / f"{words[0]}.log").open("w") as log:
         process = subprocess.Popen(words, stdout=log, stderr=log, stdin=subprocess.DEVNULL)  # noqa: S603
     try:
@@ -101,7 +101,7 @@ def daemon(folder: Path, *words: str) -> Iterator[None]:
 
 @contextmanager
 def small_slurm(folder: Path) -> Iterator[None]:
-    """Start a SLURM of one node, and end it; the environment tells its commands where it is."""
+    """Start a SLURM of one node, and end it; its commands find it through the environment."""
     host = platform.node().partition(".")[0]
     for name in ("state", "spool"):
         (folder / name).mkdir()
@@ -123,7 +123,7 @@ def small_slurm(folder: Path) -> Iterator[None]:
 
 
 def is_idle(host: str) -> bool:
-    """Tell whether a node has nothing to do."""
+    """Return whether a node is idle."""
     command = ["sinfo", "-h", "-n", host, "-o", "%T"]
     done = subprocess.run(command, check=False, capture_output=True, text=True)  # noqa: S603
     return done.stdout.split()[:1] == ["idle"]
@@ -136,12 +136,12 @@ def states(job: str) -> dict[str, str]:
 
 
 def restarts(job: str) -> int:
-    """Return how often the tasks of an array were begun again."""
+    """Return how often the tasks of an array were restarted."""
     return sum(map(int, re.findall(r"Restarts=(\d+)", answer("scontrol", "show", "job", job))))
 
 
 def has_begun(folder: Path) -> bool:
-    """Tell whether a run has a generation to go on from."""
+    """Return whether a run has a generation to resume from."""
     return any(folder.rglob("checkpoint.npz"))
 
 
@@ -165,7 +165,7 @@ def disturb(job: str, folder: Path, runs: Sequence[str]) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Start SLURM, disturb a sweep, and compare it with runs that were left alone."""
+    """Start SLURM, disturb a sweep, and compare it with undisturbed runs."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks slurm", description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--generations", type=int, default=400, help="of each run")

@@ -1,8 +1,8 @@
-"""Train, evaluate, record and replay for as long as one likes, with faults at random moments.
+"""Train, evaluate, record and replay for any length of time, with faults at random moments.
 
-``python -m benchmarks soak --minutes 30`` prints a table of works and faults: how many of each, and how many
-ended badly. A fault may stop a process, if it says so in sentences; then the work is gone on with, and has to
-end in the same files, bit for bit, as work that was left alone.
+``python -m benchmarks soak --minutes 30`` prints a table of tasks and faults: the number of each, and of
+failures. A fault may stop a process if it reports it in sentences; then the task is resumed, and must
+end with the same files, bit for bit, as an undisturbed one.
 """
 
 import argparse
@@ -29,24 +29,24 @@ from pipeline.run.maker import git_revision, product_version
 
 REPLAY: Final = "replay"
 FAULTS: Final = ("none", *faults.SIGNALS, "folder deleted", "disk full", "disk read-only")
-#: exit codes: done, refused in a sentence, interrupted, ended
+#: exit codes: done, user error, interrupted, terminated
 IN_ORDER: Final = (0, 2, 130, 143)
-#: how a process ends that a signal ends; running out of memory aborts LLVM
+#: exit codes of a process terminated by a signal; exhausted memory aborts LLVM
 BY_SIGNAL: Final = {
     "SIGKILL": (-signal.SIGKILL,), "SIGTERM": (-signal.SIGTERM,), "Ctrl-C": (-signal.SIGINT,),
     "no memory": (-signal.SIGABRT, -signal.SIGSEGV, -signal.SIGTRAP, 1),
 }  # fmt: skip
-#: of a disk that is too small, KiB
+#: size of a disk that is too small, KiB
 SMALL_DISK: Final = (30, 700)
-#: what makes a disk one to write to again
+#: options that make a disk writable again
 CURES: Final = {"disk full": "size=256m", "disk read-only": "rw"}
-#: no work may take longer, s
+#: longest duration of a task, s
 LONGEST_S: Final = 1200.0
 
 
 @dataclass
 class Soak:
-    """What has been done, and what went wrong."""
+    """The tasks done so far, and their failures."""
 
     rng: random.Random
     root: Path
@@ -56,7 +56,7 @@ class Soak:
     bad: list[str] = field(default_factory=list)
 
     def prepare(self, kinds: Sequence[str]) -> None:
-        """Do each work once to compile what it needs, and once alone."""
+        """Run each task once to compile what it needs, and once undisturbed."""
         for kind in kinds:
             run_alone(words_of(kind, self.root / f"{kind}-first"), os.environ)
             folder = self.root / f"{kind}-alone"
@@ -67,7 +67,7 @@ class Soak:
         return next(path for folder, _ in self.alone.values() for path in folder.rglob("*.mcap"))
 
     def once(self, kind: str, fault: str) -> None:
-        """Do a work under a fault, go on with it, and judge what comes of it."""
+        """Run a task under a fault, resume it, and check the result."""
         number = sum(self.done.values())
         self.done[kind, fault] += 1
         place = self.root / f"{number}"
@@ -80,7 +80,7 @@ class Soak:
         faults.take_folder(place)
 
     def _strike(self, words: Sequence[str], fault: str, seconds: float, hit: Callable[[], object]) -> str:
-        """Start a process, bring about a fault at a random moment, and tell what is wrong with its end."""
+        """Start a process, cause a fault at a random moment, and return what is wrong with its end."""
         process = subprocess.Popen(  # noqa: S603
             words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
         )
@@ -140,7 +140,7 @@ class Soak:
         return "" if ended.returncode == 0 else f"cannot be done again: {ended.stderr.strip()[-300:]}"
 
     def table(self, kinds: Sequence[str], chosen: Sequence[str]) -> str:
-        """Return how often each work was done under each fault, as Markdown."""
+        """Return how often each task was run under each fault, as Markdown."""
         lines = [f"| work | {' | '.join(chosen)} |", "|---" * (len(chosen) + 1) + "|"]
         lines += [f"| {kind} | {' | '.join(str(self.done[kind, one]) for one in chosen)} |" for kind in kinds]
         return "\n".join(
@@ -149,7 +149,7 @@ class Soak:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Soak, and print the report."""
+    """Run the soak test, and print the report."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=1)

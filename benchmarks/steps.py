@@ -1,7 +1,7 @@
-"""What a control step takes: by part, and of every shipped controller, beside the readable flight.
+"""Time of a control step: by part, and for every shipped controller, relative to the readable flight.
 
-The readable flight is compiled as well, written plainly, and hardly ever changed. How many times as fast a
-flight is says more about the code than nanoseconds do, which depend on the machine and on who else uses it.
+The readable flight is also compiled, plainly written, and rarely changed. The speed-up over it says more
+about the code than nanoseconds do, which depend on the machine and its other users.
 """
 
 import json
@@ -24,14 +24,14 @@ from pipeline.flight.simulation import law_for
 from pipeline.flight.starts import evaluation_scenarios
 from pipeline.flight.world import pack_world
 
-#: by the kind of processor, for they differ from one to the other
+#: by type of processor, as they differ
 STORED = Path(__file__).with_name("ratios.json")
-#: a ratio that falls by more than this share of the stored one is named
+#: a ratio below the stored one by more than this share is reported
 TOLERANCE = 0.05
-#: flights of the readable loop, which takes longer; it is timed beside each controller, for others who use
+#: flights of the readable loop, which is slower; it is timed next to each controller, as other users of
 #: the machine slow it down within seconds
 PLAIN_FLIGHTS = 2
-#: what ships, each under the Sun or in the world that it was trained for
+#: the shipped controllers, each with the Sun or in the world that it was trained for
 CONTROLLERS = (
     ("controller=paper_champion",),
     ("controller=paper_octants",),
@@ -44,13 +44,13 @@ CONTROLLERS = (
     ("controller=champion_leo", "world=leo"),
     ("controller=lqr", "sun=random"),
 )
-#: how each is flown: both guidances, without and with the safety layer
+#: variants of each flight: both guidances, without and with the safety layer
 WAYS = ((), ("guidance=clusters",), ("safety=filter",), ("guidance=clusters", "safety=filter"))
 FLIGHTS = tuple((*controller, *way) for controller in CONTROLLERS for way in WAYS)
 
 
 def run(num_flights: int, *, stores: bool = False) -> list[str]:
-    """Print all figures; return the flights that became slower than stored, beside the readable one."""
+    """Print all figures; return the flights that became slower than stored, relative to the readable one."""
     print(f"Steps: one thread, {num_flights} flights each, no coasting when complete")
     print_parts(num_flights)
     kept, processor = json.loads(STORED.read_text(encoding="utf-8")), binding.get_host_cpu_name()
@@ -78,7 +78,7 @@ def run(num_flights: int, *, stores: bool = False) -> list[str]:
 
 
 def print_parts(num_flights: int) -> None:
-    """Print what parts of a step take, as differences between flights that have them and that do not."""
+    """Print the time of the parts of a step, as differences between flights with and without them."""
     moved = step_seconds(("controller=coast", "attitude=ideal", "chief.num_points=4"), num_flights)
     sensed = step_seconds(("controller=coast", "attitude=ideal"), num_flights)
     turned = step_seconds(("controller=coast",), num_flights)
@@ -97,7 +97,7 @@ def print_parts(num_flights: int) -> None:
 
 
 def step_seconds(overrides: Sequence[str], num_flights: int) -> float:
-    """Return the processor time of a control step on one thread, the best of some repeats, s."""
+    """Return the processor time of a control step on one thread, the best of several repeats, s."""
     experiment = compose_experiment(
         ["+experiment=evaluate", "coast_when_complete=false", *overrides]
     ).experiment
@@ -119,7 +119,7 @@ def step_seconds(overrides: Sequence[str], num_flights: int) -> float:
 
 
 def readable_flight() -> Callable[[], float]:
-    """Return what measures the same for the readable flight of `paper_champion`."""
+    """Return a function that measures the same for the readable flight of `paper_champion`."""
     overrides = ["+experiment=evaluate", "coast_when_complete=false", "controller=paper_champion"]
     experiment = compose_experiment(overrides).experiment
     mission = experiment.mission

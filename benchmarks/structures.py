@@ -1,8 +1,8 @@
-"""What signals and rules are worth: ``python -m benchmarks.structures FOLDER`` trains variants alike.
+"""The value of signals and rules: ``python -m benchmarks.structures FOLDER`` trains variants alike.
 
 Each variant of ``controller=ellipse`` is searched by ``+experiment=train_planes`` with the same seed and
-starts, and flown from 1,000 starts that no search has seen. Runs go to FOLDER, a table to the terminal.
-Variants that are there already are not searched again.
+starts, and flown from 1,000 starts not used in the search. Runs go to FOLDER, a table to the terminal.
+Existing variants are not searched again.
 """
 
 import argparse
@@ -40,7 +40,7 @@ RADIAL = ("centre_radial", "ring_error_radial", "urgent_along_track")
 ACROSS = ("position_cross_track", "velocity_cross_track", "urgent_cross_track")
 WHOLE = (ALONG, RADIAL, ACROSS)
 
-#: inputs of the three systems, the terms of each of their inputs, and constants that are not tuned but zero
+#: inputs of the three systems, the terms of each of their inputs, and constants set to zero instead of tuned
 VARIANTS = {
     "whole": (WHOLE, (5, 5, 3), ()),
     "centroid": (
@@ -72,8 +72,8 @@ VARIANTS = {
 
 
 def variable(name: str, num_terms: int, known: Mapping[str, Variable]) -> Variable:
-    """Return an input with even terms, as wide as their spacing asks for."""
-    reach = OTHERS[name][0] if name in OTHERS else known[name].maximum  # ranges reach as far on either side
+    """Return an input with evenly spaced terms of matching width."""
+    reach = OTHERS[name][0] if name in OTHERS else known[name].maximum  # ranges are symmetric
     low, high = -reach, reach
     means = np.linspace(low, high, num_terms)
     width = 0.4 * (high - low) / (num_terms - 1)
@@ -84,7 +84,7 @@ def variable(name: str, num_terms: int, known: Mapping[str, Variable]) -> Variab
 
 
 def leaning(systems: Sequence[FuzzySystem], gains: Mapping[str, float]) -> tuple[FuzzySystem, ...]:
-    """Return systems whose tables lean by a gain for each input."""
+    """Return systems with planar rule tables, with a gain for each input."""
     planes = Planes(SystemEncoding(tuple(systems), Bounds()))
     genes = planes.reduce(planes.encoding.encode(tuple(systems)))
     names = planes.gene_names()
@@ -96,7 +96,7 @@ def leaning(systems: Sequence[FuzzySystem], gains: Mapping[str, float]) -> tuple
 
 
 def gains_of(systems: Sequence[FuzzySystem]) -> dict[str, float]:
-    """Return how much each input of some systems leans their tables."""
+    """Return the gain of each input in the rule tables of some systems."""
     planes = Planes(SystemEncoding(tuple(systems), Bounds()))
     genes = planes.reduce(planes.encoding.encode(tuple(systems)))
     pairs = zip(planes.gene_names(), genes, strict=True)
@@ -108,7 +108,7 @@ def gains_of(systems: Sequence[FuzzySystem]) -> dict[str, float]:
 
 
 def template(name: str) -> FuzzyController:
-    """Return a variant untrained: the shipped ``ellipse`` with other inputs or terms."""
+    """Return an untrained variant: the shipped ``ellipse`` with other inputs or terms."""
     inputs_of, terms, _ = VARIANTS[name]
     base = serialize.load(Path("conf/controller/ellipse.yaml"))
     known = {variable.name: variable for system in base.systems for variable in system.inputs}
@@ -122,7 +122,7 @@ def template(name: str) -> FuzzyController:
 
 
 def search(name: str, folder: Path, rounds: int, sun: str) -> None:
-    """Train and evaluate a variant in a folder of its own."""
+    """Train and evaluate a variant in its own folder."""
     folder.mkdir(parents=True, exist_ok=True)
     controller = template(name)
     words = [f"optimizer.rounds={rounds}", f"sun={sun}", f"hydra.run.dir={folder / name}"]
@@ -140,7 +140,7 @@ def search(name: str, folder: Path, rounds: int, sun: str) -> None:
 
 
 def main() -> None:
-    """Search the variants that are asked for, all of them unless told, and print what they fly like."""
+    """Search the requested variants, all by default, and print their results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.structures", description=__doc__)
     parser.add_argument("folder", type=Path, help="for the runs")
     parser.add_argument("names", nargs="*", default=list(VARIANTS), metavar="NAME", help=", ".join(VARIANTS))

@@ -1,11 +1,11 @@
-"""How things are timed: processor time of this process, the best of some repeats."""
+"""Timing functions: processor time of this process, the best of several repeats."""
 
 import time
 from collections.abc import Callable
 
 
 def best_cpu_seconds(work: Callable[[], object], repeats: int = 5) -> float:
-    """Return the least processor time of some repeats after one that is not counted."""
+    """Return the least processor time of several repeats after a warm-up."""
     work()
     times = []
     for _ in range(repeats):
@@ -16,7 +16,7 @@ def best_cpu_seconds(work: Callable[[], object], repeats: int = 5) -> float:
 
 
 def best_wall_seconds(work: Callable[[], object], repeats: int = 5) -> float:
-    """Return the least time on the clock of some repeats after one that is not counted."""
+    """Return the least wall time of several repeats after a warm-up."""
     work()
     times = []
     for _ in range(repeats):

@@ -1,4 +1,4 @@
-"""The tools on the clock, imports included: flights into scenes, controllers into findings and pages."""
+"""Durations of the tools, imports included: flights into scenes, controllers into findings and pages."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ from pipeline.command_line.config import conf_folder
 
 
 def run(controller: str) -> None:
-    """Print how long scenes take, and an audit and a review page of systems of 125 rules."""
+    """Print the durations of scenes, and of an audit and a review page for systems of 125 rules."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         _call("pipeline", "+experiment=fly", f"controller={controller}", f"hydra.run.dir={folder}/flown")

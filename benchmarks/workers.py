@@ -1,8 +1,8 @@
-"""Kill the processes of one campaign, then the scheduler of another, and compare what they end in.
+"""Kill the processes of one campaign, then the scheduler of another, and compare their results.
 
-``python -m benchmarks workers --kills 50`` flies a campaign in processes of Dask's and kills one of them at
-random moments, also while they start; then it takes the scheduler of a second campaign away, which has to end
-in a sentence and to go on. Both have to come to the same files, bit for bit, as a campaign without Dask.
+``python -m benchmarks workers --kills 50`` flies a campaign in Dask's processes and kills one of them at
+random moments, also while they start; then it kills the scheduler of a second campaign, which must end
+with a sentence and be resumable. Both must produce the same files, bit for bit, as a campaign without Dask.
 """
 
 import argparse
@@ -26,13 +26,13 @@ Quiet = subprocess.Popen[bytes]
 
 
 def workers_of(pid: int) -> list[int]:
-    """Return the processes that a process has had Dask start."""
+    """Return the processes that a process started through Dask."""
     found = []
     for path in Path("/proc").glob("[0-9]*"):
         try:
             parent = int((path / "stat").read_text().rpartition(")")[2].split()[1])
             is_worker = parent == pid and b"spawn_main" in (path / "cmdline").read_bytes()
-        except (OSError, ValueError, IndexError):  # it has gone
+        except (OSError, ValueError, IndexError):  # it has ended
             continue
         if is_worker:
             found.append(int(path.name))
@@ -40,12 +40,12 @@ def workers_of(pid: int) -> list[int]:
 
 
 def parts_of(folder: Path) -> int:
-    """Count the parts that a campaign has kept."""
+    """Return the number of parts that a campaign has kept."""
     return len(list((folder / artifacts.EPISODE_PARTS).rglob("*.parquet")))
 
 
 def kill_workers(words: Sequence[str], kills: int, pause_s: float, rng: random.Random) -> tuple[int, int]:
-    """Run a campaign and kill its processes; return how many were killed, and the exit code."""
+    """Run a campaign and kill its processes; return the number killed, and the exit code."""
     campaign = quietly(*words)
     killed, until = 0, time.monotonic() + LONGEST_S
     while campaign.poll() is None and time.monotonic() < until:
@@ -60,7 +60,7 @@ def kill_workers(words: Sequence[str], kills: int, pause_s: float, rng: random.R
 
 @contextmanager
 def dask_at(place: Path) -> Iterator[Quiet]:
-    """Have a scheduler, which is given, and two workers."""
+    """Run a scheduler, which is yielded, and two workers."""
     (place / "scheduler.json").unlink(missing_ok=True)
     scheduler = quietly("cluster", "scheduler", str(place), "--host", "127.0.0.1")
     while not (place / "scheduler.json").exists():
@@ -75,14 +75,14 @@ def dask_at(place: Path) -> Iterator[Quiet]:
 
 
 def quietly(*words: str) -> Quiet:
-    """Start a command of the pipeline that nobody listens to."""
+    """Start a command of the pipeline and discard its output."""
     return subprocess.Popen(command(words), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # noqa: S603
 
 
 def lose_scheduler(words: Sequence[str], folder: Path, place: Path) -> tuple[int, int, str]:
-    """Run a campaign whose scheduler is killed, and go on with another in its place.
+    """Run a campaign whose scheduler is killed, and resume it with another.
 
-    Returns the exit code without a scheduler, how many parts were kept, and what was said.
+    Returns the exit code without a scheduler, the number of parts kept, and the message.
     """
     with dask_at(place) as scheduler:
         campaign = subprocess.Popen(  # noqa: S603
@@ -99,7 +99,7 @@ def lose_scheduler(words: Sequence[str], folder: Path, place: Path) -> tuple[int
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Kill, and print what came of it."""
+    """Kill processes, and print the results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks workers", description=__doc__)
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--cases", type=int, default=200_000, help="flights of each campaign")

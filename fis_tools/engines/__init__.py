@@ -1,1 +1,1 @@
-"""Inference: the plain definition, the compiled engines, and inference with intervals."""
+"""Inference: the plain definition, the compiled engines, and interval inference."""

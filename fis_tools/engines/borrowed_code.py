@@ -1,7 +1,7 @@
 """The LLVM code of `fis_tools.engines.vectors.borrowed`, for numba.
 
-Arrays that are borrowed have references that are not counted; a named tuple that is borrowed is one pointer.
-Importing this module registers that with numba, and with it all of `fis_tools.engines.vector_code`.
+Borrowed arrays have references that are not counted; a borrowed named tuple is one pointer.
+Importing this module registers them with numba, as well as all of `fis_tools.engines.vector_code`.
 """
 
 from functools import cache
@@ -22,7 +22,7 @@ I8 = ir.IntType(8)
 
 
 class BorrowedType(types.Type):
-    """A named tuple that somebody further up holds, as a pointer to its values."""
+    """A named tuple that a caller holds, as a pointer to its values."""
 
     def __init__(self, held: Any) -> None:
         self.held = held
@@ -55,7 +55,7 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """Return a value as `_borrowed_type` says; what is in a named tuple is put where a pointer leads."""
+    """Return a value of the type `_borrowed_type`; a named tuple is stored where the pointer leads."""
     if isinstance(kind, types.BaseNamedTuple):
         place = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
         return builder.bitcast(place, I8.as_pointer())
@@ -88,9 +88,9 @@ class _BorrowedAttributes(AttributeTemplate):
 
 @cache
 def _offset(context: Any, held: Any, place: int) -> int:
-    """Return how many bytes into a tuple's values one of them lies."""
+    """Return the byte offset of one of a tuple's values."""
     values, data = context.get_value_type(held), context.target_data
-    if isinstance(values, ir.ArrayType):  # all are of one type
+    if isinstance(values, ir.ArrayType):  # all have the same type
         return place * int(values.element.get_abi_size(data))
     return int(values.get_element_offset(data, place))
 

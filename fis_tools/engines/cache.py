@@ -1,9 +1,9 @@
-"""Where compiled code is kept, why a stale one cannot be loaded, and whose code is never loaded.
+"""The cache of compiled code: its location, why stale code cannot be loaded, and whose code is never loaded.
 
-numba's own cache looks at the file that holds a compiled function, not at the files of the functions it
+numba's own cache checks the file of a compiled function, not the files of the functions it
 calls, so it would miss a change in a callee. Here every module with compiled functions has a cache folder
-named after a hash of its own source and of all that it imports, at any remove, from the packages that
-compile. An edit starts new folders for the modules that depend on the edited file, and for no others.
+named after a hash of its own source and of all that it imports, directly or not, from packages with compiled
+functions. An edit creates new folders for the modules that depend on the edited file, and for no others.
 
 A cache is unpickled, so whoever can write to it can run code as its user. It is used only in a folder that
 belongs to the user and that nobody else can write to or replace.
@@ -29,31 +29,31 @@ CACHE_NAME = "fis-tools"
 KEPT_DAYS = 30
 DAY_S = 86400.0
 
-#: The packages whose version shapes compiled code; they are imported by the time it is asked for.
+#: The packages whose versions affect compiled code; they are imported by the time the versions are needed.
 COMPILERS = ("numba", "llvmlite", "numpy")
 
-#: Modules that every compiled function's module imports, and that leave its code alone.
+#: Modules that every module with compiled functions imports, and that do not affect its code.
 SHAPING_NOTHING = {"fis_tools.engines.cache", "fis_tools.engines.notice"}
 
-#: The imports of a file: `from X import Y, …` and `import X`; and what only type checkers see.
+#: The imports of a file: `from X import Y, …` and `import X`; and those for type checkers only.
 IMPORTS = re.compile(r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
 FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
 
-#: When this module was loaded. A source that has changed since may not be the one that runs.
+#: When this module was loaded. A source that has changed since may differ from the code that runs.
 _loaded_ns = time.time_ns()
 
-#: Packages with compiled functions, and the folder that each lies in; our own has the decorator.
+#: Packages with compiled functions, and their folders; our own has the decorator.
 _roots: dict[str, Path] = {"fis_tools": Path(__file__).parents[2]}
 
 
 @dataclass(frozen=True)
 class Refused:
-    """Why compiled code is not kept.
+    """Why compiled code is not cached.
 
     Parameters
     ----------
     reason : str
-        The fact and its cure, in a sentence without its full stop.
+        The fact and its remedy, in a sentence without its full stop.
     """
 
     reason: str
@@ -61,12 +61,12 @@ class Refused:
 
 @dataclass(frozen=True)
 class Sources:
-    """What the compiled functions of a module depend on.
+    """The sources that a module's compiled functions depend on.
 
     Parameters
     ----------
     files : tuple of str
-        The module's own file and all that it imports from packages that compile, at any remove.
+        The module's own file and all that it imports from packages with compiled functions, directly or not.
     digest : str
         Sixteen hexadecimal digits of a hash over the files and the versions of the compilers.
     """
@@ -76,7 +76,7 @@ class Sources:
 
 
 def register(function: Callable[..., Any]) -> None:
-    """Note that the package of a function compiles, so that imports from it are followed."""
+    """Register the package of a function, so that imports from it are followed."""
     path = Path(function.__code__.co_filename)
     depth = function.__module__.count(".") + (path.name == "__init__.py")
     if depth < len(path.parents):  # else it was never a file, as in a notebook
@@ -84,7 +84,7 @@ def register(function: Callable[..., Any]) -> None:
 
 
 def place_for(function: Callable[..., Any]) -> Path | Refused:
-    """Return the folder for the compiled code of a function's module; it is made if it is missing."""
+    """Return the folder for the compiled code of a function's module; it is made if missing."""
     try:
         sources = sources_of(function.__module__, function.__code__.co_filename)
         changed = changed_since_loaded(sources.files)
@@ -109,12 +109,12 @@ def place_for(function: Callable[..., Any]) -> Path | Refused:
     return refused or root / name
 
 
-#: What has been asked of functions whose code is not kept.
+#: Signatures requested of functions whose code is not cached.
 _asked: set[tuple[Callable[..., Any], str]] = set()
 
 
 def was_asked(function: Callable[..., Any], what: str) -> bool:
-    """Tell whether the same has been asked of a function's code before, by any process; it has been now."""
+    """Return whether this was requested of a function's code before, by any process; record the request."""
     place = place_for(function)
     if isinstance(place, Path):
         name = f"{function.__qualname__}-{hashlib.sha256(what.encode()).hexdigest()[:16]}.asked"
@@ -135,14 +135,14 @@ def cache_root() -> Path:
     Raises
     ------
     RuntimeError
-        If no variable names one and the user has no home.
+        If no environment variable names one and the user has no home.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     return (Path(chosen).absolute() if chosen else Path.home() / ".cache") / CACHE_NAME
 
 
 def _make(folder: Path) -> None:
-    """Make a folder, and drop old ones for it; note on one that is there that it is still in use."""
+    """Make a folder, and remove old ones; mark an existing one as still in use."""
     try:
         folder.mkdir(mode=0o700)
     except FileExistsError:
@@ -152,11 +152,11 @@ def _make(folder: Path) -> None:
 
 
 def drop_old_caches(root: Path) -> None:
-    """Remove the folders that nobody has used for a month, so that edits do not fill the disk."""
+    """Remove the folders that have not been used for a month, so that edits do not fill the disk."""
     oldest = time.time() - KEPT_DAYS * DAY_S
     with suppress(OSError):
         for folder in root.iterdir():
-            with suppress(OSError):  # another process may be at it as well
+            with suppress(OSError):  # another process may be doing the same
                 if folder.is_dir() and folder.stat().st_mtime < oldest:
                     shutil.rmtree(folder, ignore_errors=True)
 
@@ -164,16 +164,16 @@ def drop_old_caches(root: Path) -> None:
 def refusal(folder: Path) -> Refused | None:
     """Return why a folder's content may come from somebody else; None if it cannot.
 
-    The folder must be the user's own, and nobody else may replace anything in it or in the folders above.
+    The folder must be the user's own, and nobody else may be able to replace anything in it or above it.
     """
-    if not hasattr(os, "getuid"):  # Windows: what lies below a user's profile is the user's
+    if not hasattr(os, "getuid"):  # Windows: everything below a user's profile is the user's
         return None
     resolved = folder.resolve()
     fact = f"{folder} is a link" if folder.is_symlink() else None
     for place in (resolved, *resolved.parents):
         status = place.stat()
         owners = {os.getuid()} if place == resolved else {0, os.getuid()}
-        # nobody can replace what belongs to another in a folder like /tmp
+        # in a sticky folder like /tmp nobody can replace another's files
         is_safe_above = place != resolved and status.st_mode & stat.S_ISVTX
         if status.st_uid not in owners:
             fact = fact or f"{place} belongs to somebody else"
@@ -187,7 +187,7 @@ def refusal(folder: Path) -> Refused | None:
 
 
 def _others_may_write(status: os.stat_result) -> bool:
-    """Tell whether the mode lets others write; a user's group of the same name has nobody else in it."""
+    """Return whether the mode lets others write; a user's private group has no other members."""
     import grp  # noqa: PLC0415 - not on every system
     import pwd  # noqa: PLC0415
 
@@ -205,7 +205,7 @@ def changed_since_loaded(files: Iterable[str]) -> str | None:
     """Return the first of the files that is newer than this process's code; None if none is."""
     for file in files:
         status = os.stat(file)
-        # the second cannot be set back by whoever copies a file with its time
+        # the change time cannot be set back when a file is copied with its time
         if max(status.st_mtime_ns, status.st_ctime_ns) > _loaded_ns:
             return file
     return None
@@ -213,7 +213,7 @@ def changed_since_loaded(files: Iterable[str]) -> str | None:
 
 @cache
 def sources_of(module: str, file: str) -> Sources:
-    """Find what the compiled functions of a module depend on.
+    """Return the sources that a module's compiled functions depend on.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def sources_of(module: str, file: str) -> Sources:
 
 @cache
 def _versions() -> str:
-    """Return the versions that shape compiled code."""
+    """Return the versions that affect compiled code."""
     compilers = (str(import_module(name).__version__) for name in COMPILERS)
     return " ".join((platform.python_version(), *compilers))
 
@@ -263,7 +263,7 @@ def _read(file: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _file_of(module: str) -> str | None:
-    """Return the source of a module of the packages that compile; None for any other name."""
+    """Return the source of a module of the packages with compiled functions; None for any other name."""
     root = _roots.get(module.partition(".")[0])
     return None if root is None else _file_below(root, module)
 

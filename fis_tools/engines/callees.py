@@ -1,9 +1,9 @@
-"""How functions are compiled that only compiled code calls: up to what their callers are linked with.
+"""Compilation of functions that only compiled code calls: up to the stage at which callers link them.
 
-numba optimises every function to the end and turns it into machine code, then does so again within all that
-call it. Nobody runs the code of a function without an entry for Python, so here it is left as numba first
-wrote it; its callers optimise it with their own. What is computed stays the same, to the last bit: every
-operation is rounded by itself.
+numba optimises every function completely and turns it into machine code, then does so again within all its
+callers. A function without an entry for Python never runs by itself, so here it stays as numba first
+generates it; its callers optimise it with their own code. Results stay bit-identical: every
+operation is rounded separately.
 """
 
 from typing import Any
@@ -14,12 +14,12 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import AnnotateTypes
 
-#: The releases of numba whose libraries of code are known to be made as `_Unfinished` expects.
+#: The releases of numba whose code libraries are known to work as `_Unfinished` expects.
 KNOWN = {(0, 68)}
 
 
 class _Nowhere:
-    """In place of what tells machine code its surroundings, where there is none."""
+    """Stands in for the environment that machine code is given, where there is none."""
 
     def set_env(self, name: str, environment: Any) -> None:
         """Do nothing."""
@@ -29,14 +29,14 @@ class _Unfinished(JITCodeLibrary):
     """A library of code that is only linked into others."""
 
     def _optimize_final_module(self) -> None:
-        """Leave that to those that link it."""
+        """Leave that to the callers that link it."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return that there is none, as numba does of a function without an entry for Python."""
+        """Return no pointer, as numba does for a function without an entry for Python."""
         return 0
 
     @property

@@ -1,8 +1,8 @@
-"""The decorator of every compiled function: numba at the first call, with a cache and a notice of our own.
+"""The decorator of every compiled function: numba at the first call, with our own cache and notices.
 
-Importing a module with compiled functions does not import numba. The first call makes numba's dispatcher and
-gives it a cache folder of its own (`fis_tools.engines.cache`). numba's settings for the process, and the
-compiled functions of other packages, stay as they are.
+Importing a module with compiled functions does not import numba. The first call creates numba's dispatcher
+and gives it its own cache folder (`fis_tools.engines.cache`). numba's settings for the process, and the
+compiled functions of other packages, are unaffected.
 """
 
 import os
@@ -24,18 +24,18 @@ from fis_tools.engines import cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Dispatchers are made one at a time: making one lends numba's setting of the cache folder for a moment.
+#: Dispatchers are created one at a time: this changes numba's cache setting for a moment.
 _making = threading.RLock()
 
-#: The package whose functions run as plain Python here and now; see `sparingly`.
+#: The package whose functions currently run as plain Python; see `sparingly`.
 _plain: ContextVar[str] = ContextVar("plain")
 
 
 class Compiled:
     """A function that numba compiles when it is first called, from Python or from another one.
 
-    It has every attribute of numba's dispatcher, which is made when the first of them is asked for. There is
-    one for calls from Python, and one without an entry for Python for calls from compiled functions.
+    It has every attribute of numba's dispatcher, which is created when the first of them is requested. There
+    is one for calls from Python, and one without an entry for Python for calls from compiled functions.
     """
 
     dispatcher: Any
@@ -52,23 +52,23 @@ class Compiled:
         """Call the compiled function."""
         if _plain.get("") == self._package:
             return self.py_func(*args, **kwargs)
-        if kwargs:  # numba takes a tenth of a microsecond longer where there may be some
+        if kwargs:  # numba takes a tenth of a microsecond longer if there may be some
             return self.dispatcher(*args, **kwargs)
         return self.dispatcher(*args)
 
     def prepared(self, *args: Any) -> Callable[..., Any]:
-        """Return the code for arguments of these types, compiled.
+        """Return the compiled code for arguments of these types.
 
-        A call of it does not ask for types, which takes numba longer than a short function does where many
-        arrays are given. It must be given the very types again.
+        Calling it skips type resolution, which takes numba longer than a short function does when many
+        arrays are passed. It must be called with exactly these types.
         """
         compile_for = getattr(self.dispatcher, "compile", None)
-        if compile_for is None:  # numba is switched off
+        if compile_for is None:  # numba is disabled
             return cast(Callable[..., Any], self.dispatcher)
         return cast(Callable[..., Any], compile_for(tuple(map(self.dispatcher.typeof_pyval, args))))
 
     def __getattr__(self, name: str) -> Any:
-        # Only names that are not set yet get here. Among them is `_numba_type_`, by which numba asks a global
+        # Only names that are not yet set get here. One is `_numba_type_`, by which numba asks a global
         # of a function that it compiles for its type: the type is that of the dispatcher.
         if name.startswith("__") or name in {"py_func", "_options", "_package"}:
             raise AttributeError(name)
@@ -91,9 +91,9 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
     Parameters
     ----------
     function : callable
-        At module level; what it calls in compiled code is decorated likewise.
+        At module level; functions that it calls in compiled code must be decorated as well.
     **options
-        Options of ``numba.njit`` but for ``cache``, such as ``error_model="numpy"``.
+        Options of ``numba.njit`` except ``cache``, such as ``error_model="numpy"``.
 
     Returns
     -------
@@ -108,17 +108,17 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
 
 
 def sparingly(function: F) -> F:
-    """Return what calls a compiled function for a single result, which plain Python may give sooner.
+    """Return a function that calls a compiled function for a single result, first in plain Python.
 
-    The first time that anybody calls it so with arguments of these types, in any process, the function runs
-    as plain Python, and so do all functions of its package that it calls; from then on it is compiled. The
+    The first call with arguments of these types, in any process, runs the function
+    and all functions of its package that it calls as plain Python; later calls are compiled. The
     result is the same.
     """
 
     def call(*args: Any) -> Any:
         known = cast(Compiled, function)
         typeof = getattr(known.dispatcher, "typeof_pyval", None)
-        if typeof is None:  # numba is switched off
+        if typeof is None:  # numba is disabled
             return known(*args)
         types = tuple(map(typeof, args))
         if types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types)):
@@ -134,18 +134,18 @@ def sparingly(function: F) -> F:
 
 
 def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Make numba's dispatcher for calls from Python, with a cache folder where one can be trusted."""
+    """Create numba's dispatcher for calls from Python, with a cache folder if one can be trusted."""
     from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
 
     _import_without_blas()
-    # as above; the vectors teach numba what `fis_tools.engines.vectors` means in compiled code
+    # as above; the vectors register `fis_tools.engines.vectors` with numba
     from fis_tools.engines import borrowed_code, notice  # noqa: F401, PLC0415
 
     place = cache.place_for(function)
     if isinstance(place, Path):
         with _numba_caching_in(place):
             dispatcher = njit(cache=True, **options)(function)
-        stats = getattr(dispatcher, "stats", None)  # a plain function where numba is switched off
+        stats = getattr(dispatcher, "stats", None)  # a plain function if numba is disabled
         if stats is not None and not Path(stats.cache_path).is_relative_to(place):
             place = cache.Refused(f"numba cannot write to {place}")
     if isinstance(place, cache.Refused):
@@ -155,10 +155,10 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 
 def _import_without_blas() -> None:
-    """Import the part of numba that imports SciPy's linear algebra to know whether there is any.
+    """Import the part of numba that imports SciPy's linear algebra to check whether it is there.
 
-    That takes a fifth of a second, and code that uses it asks again. So for this moment there is an empty
-    module of its name, unless another thread might import it meanwhile.
+    That takes a fifth of a second, and code that uses it checks again. So an empty
+    module replaces it for this moment, unless another thread might import it at the same time.
     """
     asked = "scipy.linalg.cython_blas"
     is_known = asked in sys.modules or "numba.np.arraymath" in sys.modules
@@ -172,11 +172,11 @@ def _import_without_blas() -> None:
 
 
 def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Make numba's dispatcher for calls from compiled code.
+    """Create numba's dispatcher for calls from compiled code.
 
-    It is not cached: a caller compiled with a function from the cache may round otherwise than one compiled
-    with it afresh, and results would depend on what was compiled before. A constant among its arguments
-    shares the code of a variable; numba would compile one for each.
+    It is not cached: a caller compiled with a cached function may round differently from one compiled
+    with a fresh one, and results would depend on what was compiled before. A constant among its arguments
+    uses the code for a variable; numba would otherwise compile one version for each.
     """
     from numba import njit, types  # noqa: PLC0415 - as above
 
@@ -194,10 +194,10 @@ def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 @contextmanager
 def _numba_caching_in(folder: Path) -> Iterator[None]:
-    """Let dispatchers made inside cache in a folder; numba notes its setting once, when it makes one."""
+    """Let dispatchers created inside cache in a folder; numba reads its setting once, at creation."""
     from numba import config  # noqa: PLC0415 - as above
 
-    settings: Any = config  # numba makes its attributes at run time, out of a type checker's sight
+    settings: Any = config  # numba sets its attributes at run time, unseen by type checkers
     before = settings.CACHE_DIR
     settings.CACHE_DIR = os.fspath(folder)
     try:

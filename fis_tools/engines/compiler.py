@@ -1,7 +1,7 @@
-"""Fuzzy systems as functions of whole arrays: ``compile(system)`` and then arrays in, arrays out.
+"""Fuzzy systems as functions of whole arrays: after ``compile(system)``, from arrays to arrays.
 
-What comes out is what scikit-fuzzy's ``ControlSystemSimulation.compute()`` gives sample by sample, but for
-three things. NaN is refused; scikit-fuzzy takes it for "does not matter". Where no rule fires an output has
+The results are those of scikit-fuzzy's ``ControlSystemSimulation.compute()`` sample by sample, with
+three exceptions. NaN is an error; in scikit-fuzzy it means "does not matter". If no rule fires an output has
 its default; scikit-fuzzy then gives no output, a stale one, or, for the defuzzifiers of the maximum, some
 point of the universe. Memberships below `fis_tools.model.membership.SMALLEST_MEMBERSHIP` are zero.
 """
@@ -25,39 +25,40 @@ from fis_tools.model.membership import sample_terms
 from fis_tools.model.validate import validate
 
 Floats = NDArray[np.float64]
-#: What goes by the names of its columns; see `fis_tools.engines.rows.columns_of`.
+#: Inputs that are identified by column names; see `fis_tools.engines.rows.columns_of`.
 Table = Any
 OnNoFire = Literal["default", "nan", "hold", "raise"]
 
-#: A thread of its own is worth its while from this many samples on.
+#: From this many samples on an additional thread pays.
 SAMPLES_A_THREAD = 10_000
 
-#: What the kernel is trusted with: how far memberships go from point to point, and what each term reaches.
+#: Limits of the kernel: the change of memberships from point to point, and the peak of each term.
 STEEPEST = 0.25
 LOWEST_PEAK = 0.5
-#: It counts positions from the middle of an output's range, scikit-fuzzy from zero. Where both round alike to
-#: this share of the range is its place; elsewhere only the very same arithmetic gives the same result.
+#: The kernel measures positions from the middle of an output's range, scikit-fuzzy from zero. It is used
+#: where both round alike to this share of the range; elsewhere only identical arithmetic gives the same
+#: result.
 ROUNDED = 1e-12
-#: Units in the last place by which scikit-fuzzy's sum over a universe is off, or more.
+#: Error of scikit-fuzzy's sum over a universe, in units in the last place; it may be larger.
 UNITS_OFF = 16
 
 
 class NoRuleFired(ValueError):  # noqa: N818 - the sentence is the message
-    """Raised where the caller wants to know that an output has nothing to go by."""
+    """Raised on request if no rule fires for an output."""
 
 
 @dataclass(frozen=True)
 class Answers:
-    """Outputs, and where they are not what rules concluded.
+    """Outputs, and where no rule determined them.
 
     Parameters
     ----------
     outputs : (n, num_outputs) array, or dict of names to arrays
-        As the inputs came.
+        In the form of the inputs.
     no_rule_fired : array or dict of bool
-        Of the same form: where no rule that concludes on the output fires.
+        In the same form: where no rule that concludes on the output fires.
     count : dict of str to int
-        For each output, in how many samples none does.
+        For each output, the number of samples in which none fires.
     """
 
     outputs: Any
@@ -72,14 +73,14 @@ class CompiledSystem:
     Parameters
     ----------
     system : FuzzySystem
-        What was compiled.
+        The compiled system.
     program : Program
         The system as numbers.
     packed : Packed or None
-        The same for `fis_tools.engines.kernel`, where that covers the system: faster, equal to 1e-13 of the
+        The same for `fis_tools.engines.kernel`, if that supports the system: faster, equal to 1e-13 of the
         range.
     threads : int
-        How many share a large batch; their number changes no result.
+        Worker threads for a large batch; their number does not affect results.
     """
 
     system: FuzzySystem
@@ -97,24 +98,24 @@ class CompiledSystem:
         Parameters
         ----------
         inputs : (n, num_inputs) array, or mapping or table of names to arrays or numbers
-            A row a sample, in the order of the system's inputs; or each input by its name, of shapes that
-            broadcast. A table (a data frame, a structured array) goes by its columns' names, whatever their
-            order; it may have others besides. Values out of range are clipped to the universes.
+            One row per sample, in the order of the system's inputs; or each input by its name, of shapes that
+            broadcast. In a table (a data frame, a structured array) columns are found by name, in any
+            order; other columns are ignored. Values out of range are clipped to the universes.
         on_no_fire : {"default", "nan", "hold", "raise"}
-            What an output is where no rule that concludes on it fires: its default, NaN, what it was in the
-            row before (the default in rows before the first at which one fires), or an error.
+            The output where no rule that concludes on it fires: its default, NaN, the value of the
+            row before (the default before the first row in which one fires), or an error.
 
         Returns
         -------
         (n, num_outputs) array, or dict of names to arrays
-            As the inputs came.
+            In the form of the inputs.
 
         Raises
         ------
         ValueError
             If the shape is wrong, an input is missing or unknown, or a value is NaN.
         NoRuleFired
-            If the caller wants to know.
+            If no rule fires and `on_no_fire` is "raise".
         """
         if on_no_fire != "default":
             outputs: Floats | dict[str, Floats] = self.infer(inputs, on_no_fire=on_no_fire).outputs
@@ -126,7 +127,7 @@ class CompiledSystem:
         return self._named(self._infer(self._rows(_stacked(columns))), columns[0].shape)
 
     def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
-        """Infer many samples, and tell where no rule fired; takes and raises what a call does."""
+        """Infer many samples, and report where no rule fired; same parameters and errors as a call."""
         if on_no_fire not in get_args(OnNoFire):
             raise ValueError(f"on_no_fire is {on_no_fire!r}; use one of {', '.join(get_args(OnNoFire))}")
         names = columns_of(inputs)
@@ -152,7 +153,7 @@ class CompiledSystem:
         return {variable.name: column for variable, column in zip(self.system.outputs, columns, strict=True)}
 
     def _unfired(self, rows: Floats) -> NDArray[np.bool_]:
-        """Return where nothing is left to defuzzify: a centroid is a number wherever there is an area."""
+        """Return where there is nothing to defuzzify: a centroid is a number if there is any area."""
         found: NDArray[np.bool_] = np.isnan(
             self._shared(lambda part: interpreter.evaluate(self._marking, part), rows)
         )
@@ -160,22 +161,22 @@ class CompiledSystem:
 
     @cached_property
     def _marking(self) -> Program:
-        """The program, with centroids for outputs, NaN for their defaults, and zero for formulas."""
+        """The program, with centroids as defuzzifiers, NaN as defaults, and zero for formulas."""
         return replace(self.program, conclusions=tuple(map(_marked, self.program.conclusions)))
 
     def prepare(self) -> Callable[..., list[float]]:
-        """Return a function for one sample at a time, some microseconds a call; for one thread.
+        """Return a function for one sample at a time, some microseconds per call; for one thread.
 
         It takes the inputs as numbers in their order, and returns a list of the outputs. It raises a
-        ValueError for a wrong count of inputs or NaN; infinite ones are clipped, as all are.
+        ValueError for a wrong number of inputs or NaN; infinite ones are clipped, as always.
         """
         ends = np.array([variable.universe[[0, -1]] for variable in self.system.inputs])
         return single.prepare(self.program, ends)
 
     def firing_strengths(self, inputs: Any) -> Floats:
-        """Return how far each rule's antecedent holds, before weights: (n, num_rules), in the rules' order.
+        """Return each rule's firing strength, before weights: (n, num_rules), in the rules' order.
 
-        Takes and raises what a call does; of a mapping or table its columns have one dimension.
+        Same parameters and errors as a call; columns of a mapping or table must have one dimension.
         """
         return interpreter.fire(self.program, self._rows(inputs))
 
@@ -186,12 +187,12 @@ class CompiledSystem:
         ----------
         firing : (n, num_rules)
         inputs : (n, num_inputs), optional
-            Needed where rules conclude numbers that depend on the inputs.
+            Required if rules conclude numbers that depend on the inputs.
 
         Raises
         ------
         ValueError
-            If the shape is wrong, a strength is NaN, or the inputs are needed and missing.
+            If the shape is wrong, a strength is NaN, or required inputs are missing.
         """
         strengths = np.ascontiguousarray(firing, dtype=np.float64)
         if strengths.ndim != 2 or strengths.shape[1] != self.program.num_rules:
@@ -214,7 +215,7 @@ class CompiledSystem:
         return self._shared(lambda part: kernel.evaluate(packed, part)[:, np.newaxis], rows)
 
     def _shared(self, work: Callable[[Floats], Floats], rows: Floats) -> Floats:
-        """Do some work on rows that do not depend on one another, in threads if there are very many."""
+        """Process independent rows, in threads if there are very many."""
         threads = min(self.threads, len(rows) // SAMPLES_A_THREAD)
         if threads < 2:
             return work(rows)
@@ -243,24 +244,25 @@ class CompiledSystem:
 def compile(
     system: object, *, defaults: Mapping[str, float] | None = None, threads: int | None = None
 ) -> CompiledSystem:
-    """Turn a fuzzy system into a function of whole arrays.
+    """Compile a fuzzy system into a function of whole arrays.
 
     Parameters
     ----------
     system : FuzzySystem, or scikit-fuzzy's ControlSystem or ControlSystemSimulation
-        What to compile. It is read once: later changes of a control system have no effect.
+        The system to compile. It is read once: later changes of a control system have no effect.
     defaults : mapping, optional
         For a control system: an output's value when no rule fires, by its name. Others get zero, or the end
-        of their universe that is nearest to zero. A FuzzySystem declares its own.
+        of their universe nearest to zero. A FuzzySystem declares its own.
     threads : int, optional
-        How many may share a batch, `SAMPLES_A_THREAD` samples each or more; by default one a processor.
+        Maximum number of threads that share a batch, with at least `SAMPLES_A_THREAD` samples each; by
+        default one per processor.
 
     Raises
     ------
     fis_tools.model.validate.InvalidSystem
-        If something is wrong with the system.
+        If the system is invalid.
     fis_tools.scikit_fuzzy.read.UnreadableControlSystem
-        If a control system holds what cannot be compiled, or this is none; the text says what.
+        If a control system contains something that cannot be compiled, or is not one; the text says what.
     ValueError
         If defaults are given for a FuzzySystem.
     """
@@ -292,7 +294,7 @@ def _stacked(columns: list[Floats]) -> Floats:
 
 
 def _told(system: FuzzySystem, rows: Floats, unfired: NDArray[np.bool_]) -> str:
-    """Say where no rule fires: how often, and at which sample first."""
+    """Return where no rule fires, in words: how often, and at which sample first."""
     sample, place = np.argwhere(unfired)[0]
     values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))
     return (
@@ -302,10 +304,10 @@ def _told(system: FuzzySystem, rows: Floats, unfired: NDArray[np.bool_]) -> str:
 
 
 def _packed(system: FuzzySystem) -> Packed | None:
-    """Pack a system for the kernel where its method keeps all digits: over smooth terms that reach their top.
+    """Pack a system for the kernel if its method keeps all digits: with smooth terms that reach their top.
 
-    Where terms are narrower than the grid, hardly any area is left and rounding decides; there only the very
-    same arithmetic gives the same result.
+    If terms are narrower than the grid, hardly any area is left and rounding dominates; then only
+    identical arithmetic gives the same result.
     """
     if system.weighed:
         return None

@@ -1,7 +1,7 @@
 """Mamdani inference in plain numpy, step by step: for reading, inspecting and drawing.
 
-It takes the steps of scikit-fuzzy 0.5's ``ControlSystemSimulation.compute()`` in the same order and with the
-same arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the fast form for the common
+It follows scikit-fuzzy 0.5's ``ControlSystemSimulation.compute()`` in the same order and with the same
+arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the fast version for the common
 case.
 """
 
@@ -34,22 +34,22 @@ from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS
 
 Floats = NDArray[np.float64]
 
-#: The centroid divides by the area, but by no less than this.
+#: The centroid divides by the area, but by at least this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
 class Weighing:
-    """What the rules conclude on an output that is weighed, in their order.
+    """The rules' conclusions on a weighted output, in their order.
 
     Parameters
     ----------
     rules : (c,) int
-        Which rule concludes.
+        Indices of the rules.
     strengths : (c,)
         Its firing strength times the weight of its consequent.
     numbers : (c,)
-        What it concludes; NaN where its strength is zero.
+        Concluded numbers; NaN where the strength is zero.
     """
 
     rules: NDArray[np.int64]
@@ -66,20 +66,20 @@ class OutputInference:
     variable : Variable
         The output.
     cuts : (num_terms,)
-        The height each term is cut at: the strongest of its rules, or as the variable accumulates them. NaN
-        for a term that no rule concludes. Of an output that is weighed, the sum of the strengths.
+        The height at which each term is cut: the strongest of its rules, or as the variable accumulates them.
+        NaN for a term that no rule concludes. For a weighted output, the sum of the strengths.
     universe : (m,)
         The variable's universe with the points inserted where a cut crosses its own membership function;
-        empty of an output that is weighed, as is `aggregated`.
+        empty for a weighted output, as is `aggregated`.
     aggregated : (m,)
-        What the rules conclude together at each point of `universe`: the highest of the cut terms, or as the
-        system implies and the variable aggregates.
+        The aggregated conclusion at each point of `universe`: the highest of the cut terms, or by the
+        system's implication and the variable's aggregation.
     value : float
         The defuzzified output, or the default.
     is_default : bool
         Whether nothing fired, so that `value` is the default.
     weighing : Weighing or None
-        What is weighed, and by how much, where the output is.
+        The weighted conclusions, for a weighted output.
     """
 
     variable: Variable
@@ -98,15 +98,15 @@ class Inference:
     Parameters
     ----------
     system : FuzzySystem
-        What was evaluated.
+        The evaluated system.
     inputs : (num_inputs,)
         As given.
     clipped : (num_inputs,)
         Inside the universes.
     memberships : tuple of (num_terms,)
-        For each input, how far it belongs to each of its terms.
+        For each input, its degree of membership in each of its terms.
     firing_strengths : (num_rules,)
-        How far each antecedent holds, before weights.
+        Degree to which each antecedent holds, before weights.
     outputs : tuple of OutputInference
         In the order of the system's outputs.
     """
@@ -130,7 +130,7 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
     Parameters
     ----------
     system : FuzzySystem
-        A system without problems (see `fis_tools.model.validate`).
+        A valid system (see `fis_tools.model.validate`).
     inputs : (num_inputs,) array, mapping, or row of a table
         In the order of the system's inputs, or by their names; clipped to the universes.
 
@@ -160,9 +160,9 @@ def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
     Parameters
     ----------
     system : FuzzySystem
-        A system without problems.
+        A valid system.
     inputs : (n, num_inputs) array, mapping, or table
-        A row a sample, or columns by their names; clipped to the universes.
+        One row per sample, or columns by their names; clipped to the universes.
 
     Returns
     -------
@@ -178,14 +178,14 @@ def evaluate(system: FuzzySystem, inputs: Any) -> Floats:
 
 
 def firing_strengths(system: FuzzySystem, inputs: Any) -> Floats:
-    """Return how far each rule's antecedent holds, before weights.
+    """Return each rule's firing strength, before weights.
 
     Parameters
     ----------
     system : FuzzySystem
-        A system without problems.
+        A valid system.
     inputs : (n, num_inputs) array, mapping, or table
-        A row a sample, or columns by their names; clipped to the universes.
+        One row per sample, or columns by their names; clipped to the universes.
 
     Returns
     -------
@@ -201,7 +201,7 @@ def firing_strengths(system: FuzzySystem, inputs: Any) -> Floats:
 
 
 def fuzzify(system: FuzzySystem, inputs: Floats) -> list[Floats]:
-    """Return for each input how far each sample belongs to each term, arrays of shape (n, num_terms)."""
+    """Return for each input the degrees of membership of samples in its terms, shape (n, num_terms)."""
     memberships = []
     for variable, column in zip(system.inputs, inputs.T, strict=True):
         universe = variable.universe
@@ -249,13 +249,13 @@ def _degree(
 
 
 def _clipped(system: FuzzySystem, rows: Floats) -> Floats:
-    """Return values, (n, num_inputs), inside of the universes."""
+    """Return values, (n, num_inputs), clipped to the universes."""
     ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
     return np.clip(rows, ends[:, 0], ends[:, 1])
 
 
 def _infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
-    """Infer one output after the other, each from the inputs and, by a formula, from those before it."""
+    """Infer one output after the other, from the inputs and, for formulas, from the outputs before it."""
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     found = []
     for variable in system.outputs:
@@ -285,7 +285,7 @@ def _infer_output(
 def _weigh(
     system: FuzzySystem, variable: Variable, firing: Floats, values: Mapping[str, Any]
 ) -> OutputInference:
-    """Weigh what each rule concludes by its strength, one after the other."""
+    """Weight each rule's conclusion by its strength, one after the other."""
     found, total, moment = [], 0.0, 0.0
     cuts = np.full(len(variable.terms), np.nan)
     for place, rule in enumerate(system.rules):
@@ -315,9 +315,9 @@ def _concluded(
     strength: float,
     values: Mapping[str, Any],
 ) -> float:
-    """Return the number that a rule of a strength above zero concludes.
+    """Return the number that a rule of positive strength concludes.
 
-    A sigmoid reaches one nowhere; at a strength of one its rule concludes the end of the range.
+    A sigmoid never reaches one; at a strength of one its rule concludes the end of the range.
     """
     if isinstance(shape, Formula):
         return float(shape.value(values))
@@ -326,7 +326,7 @@ def _concluded(
         for coefficient, each in zip(coefficients, system.inputs, strict=True):
             number += coefficient * values[each.name]
         return float(number)
-    assert isinstance(shape, MonotoneFunction)  # noqa: S101 - any other has been refused by validation
+    assert isinstance(shape, MonotoneFunction)  # noqa: S101 - others are rejected by validation
     number = float(shape.inverse(np.array(min(strength, 1.0))))
     if np.isinf(number):
         return variable.maximum if number > 0.0 else variable.minimum
@@ -359,7 +359,7 @@ def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
 
 
 def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
-    """Aggregate what each rule implies, one after the other, at the points of the universe."""
+    """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
     memberships = sample_terms(variable)
     aggregated = np.zeros(len(variable.universe))
@@ -373,7 +373,7 @@ def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -
 
 
 def _crossings(grid: Floats, mf: Floats, cut: float) -> Floats:
-    """Return where a membership function crosses its cut between two points of the grid."""
+    """Return the points where a membership function crosses its cut between two points of the grid."""
     reaches = mf > cut if cut == 0.0 else mf >= cut
     i = np.flatnonzero(reaches[1:] != reaches[:-1])
     crossings: Floats = grid[i] + (cut - mf[i]) * (grid[i + 1] - grid[i]) / (mf[i + 1] - mf[i])
@@ -402,10 +402,11 @@ def _centroid(x: Floats, y: Floats) -> float:
 
 
 def _bisector(x: Floats, y: Floats) -> float:
-    """Return where half of the area lies on either side.
+    """Return the point with half of the area on either side.
 
     scikit-fuzzy takes the area left of a segment from the segment before it, and for an empty one that is
-    zero; with a gap in the polygon the result is therefore not the bisector, and may be NaN. So it is here.
+    zero; with a gap in the polygon the result is therefore not the bisector, and may be NaN. This function
+    does the same.
     """
     areas = np.zeros(len(x) - 1)
     total = 0.0

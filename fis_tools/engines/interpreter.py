@@ -1,8 +1,8 @@
-"""The compiled functions that run a `Program`: any fuzzy system, exact, step for step.
+"""The compiled functions that run a `Program`: any fuzzy system, exactly, step by step.
 
-`fis_tools.engines.inference` says what is computed; this is the same arithmetic in the same order for many
+`fis_tools.engines.inference` defines the computation; this is the same arithmetic in the same order for many
 samples, with every operator, weight, universe, output and defuzzifier of the model.
-`fis_tools.engines.kernel` is faster still and covers less.
+`fis_tools.engines.kernel` is faster still and supports fewer systems.
 """
 
 from collections.abc import Callable
@@ -48,12 +48,12 @@ Integers = NDArray[np.int64]
 
 #: scikit-fuzzy divides by the larger of the area and this
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
-#: The least positive number: a cut of zero crosses where memberships begin to be positive.
+#: The smallest positive number: a cut of zero crosses where memberships become positive.
 SMALLEST = float(np.nextafter(0.0, 1.0))
 
-#: samples whose rules are evaluated side by side: a constant, so that the compiler does so
+#: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
 LANES = 16
-#: firing strengths between two changes from rules to outputs: so many stay in the processor's cache
+#: firing strengths per block between evaluating rules and outputs: so many stay in the processor's cache
 BLOCK = 65_536
 
 
@@ -67,12 +67,12 @@ def fire(program: Program, inputs: Floats) -> Floats:
 def conclude(program: Program, firing: Floats, inputs: Floats | None = None) -> Floats:
     """Return the outputs, (n, num_outputs), for firing strengths (n, num_rules) of inputs (n, num_inputs).
 
-    Inputs matter to rules alone that conclude numbers linear in them.
+    Inputs are needed only for rules that conclude numbers linear in them.
 
     Raises
     ------
     ValueError
-        If inputs matter and are not given.
+        If inputs are needed and not given.
     """
     if inputs is None:
         if program.asks_for_inputs:
@@ -106,9 +106,9 @@ def concluding(
     earlier: Floats,
     out: Floats,
 ) -> Callable[[], None]:
-    """Return what writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs).
+    """Return a function that writes one output for firing strengths (n, num_rules) of inputs (n, num_inputs).
 
-    The outputs before it, (num_outputs, n), have been written by then.
+    The outputs before it, (num_outputs, n), must have been written.
     """
     if isinstance(conclusion, Weighing):
         return partial(weigh, conclusion, firing, inputs, program.ends, earlier, out)
@@ -131,8 +131,8 @@ def concluding(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - a line an operator
-    """Return what one operator makes of two degrees of truth, as `fis_tools.model.operators` does."""
+def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - one line per operator
+    """Return the result of an operator on two degrees of truth, as in `fis_tools.model.operators`."""
     if operator == MIN:
         return a if a < b else b
     if operator == MAX:
@@ -171,7 +171,7 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
 
 @compiled(error_model="numpy", forceinline=True)
 def _changed(operator: int, a: float) -> float:
-    """Return what a hedge makes of a degree of truth, or its complement."""
+    """Return the result of a hedge on a degree of truth, or its complement."""
     if operator == VERY:
         return a * a
     if operator == SOMEWHAT:
@@ -188,7 +188,7 @@ def _changed(operator: int, a: float) -> float:
 
 @compiled(error_model="numpy", forceinline=True)
 def fuzzify_one(layout: Integers, universes: Floats, memberships: Floats, x: float, out: Floats) -> None:
-    """Write how far a value belongs to each term of an input, linear between the points of its universe."""
+    """Write a value's membership in each term of an input, linear between the points of its universe."""
     terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
     low, high = universes[start], universes[start + points - 1]
     x = min(max(x, low), high)
@@ -254,7 +254,7 @@ def _conclude_by_term(
     firing: Floats,
     out: Floats,
 ) -> None:
-    """Write one output whose terms are cut, each once, and of which the highest counts."""
+    """Write one output whose terms are each cut once and aggregated by the maximum."""
     num_terms, num_points = memberships.shape
     cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
     room = num_points + len(runs)
@@ -297,7 +297,7 @@ def _conclude_by_rule(
     firing: Floats,
     out: Floats,
 ) -> None:
-    """Write one output to which each rule adds what it implies, at the points of the universe."""
+    """Write one output from each rule's implied set, at the points of the universe."""
     count = len(universe)
     heights, areas = np.empty(count), np.empty(count)
     for sample in range(len(firing)):
@@ -319,7 +319,7 @@ def _conclude_by_rule(
 
 @compiled(error_model="numpy", forceinline=True)
 def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, crossings: Floats) -> int:
-    """Write where terms cross their cuts between two points of the universe, ascending; return how many."""
+    """Write where terms cross their cuts between points of the universe, ascending; return how many."""
     count = 0
     for run in range(len(runs)):
         term, left, right = runs[run, 0], runs[run, 1], runs[run, 2]
@@ -385,7 +385,7 @@ def _merge(
 
 @compiled(error_model="numpy", forceinline=True)
 def _is_empty(y: Floats, count: int) -> bool:
-    """Tell whether nothing has a height: most of what has shows it after a few points."""
+    """Return whether all heights are zero: most others show after a few points."""
     point = 0
     while point < count and y[point] == 0.0:
         point += 1
@@ -415,7 +415,7 @@ def _centroid(x: Floats, y: Floats, count: int) -> float:
 
 @compiled(error_model="numpy")
 def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
-    """Return where half of the area lies on either side, as `fis_tools.engines.inference` explains it."""
+    """Return the point with half of the area on either side; see `fis_tools.engines.inference`."""
     total = 0.0
     for right in range(1, count):
         y1, y2 = y[right - 1], y[right]
@@ -444,7 +444,7 @@ def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
 
 @compiled(error_model="numpy")
 def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
-    """Return the mean, the least or the greatest of the highest points."""
+    """Return the mean, the smallest or the largest of the highest points."""
     total, found, least, greatest = 0.0, 0, 0.0, 0.0
     for point in range(count):
         if y[point] == highest:

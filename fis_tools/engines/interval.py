@@ -1,10 +1,10 @@
-"""Interval inference, compiled: what the outputs of a system can be while its inputs lie anywhere in a box.
+"""Interval inference, compiled: the possible outputs of a system for all inputs in a box.
 
 Each number of an inference becomes a lower and an upper bound: memberships over an interval, strengths of
-rules, the cut of each output term. The least and the greatest centroid that cuts inside these bounds allow
+rules, the cut of each output term. The least and the greatest centroid possible with cuts inside these bounds
 follow from a switch like that of N. N. Karnik and J. M. Mendel (Information Sciences 132, 2001): the
-aggregated set as high as it can be on one side of the centroid and as low on the other. Every step is rounded
-outward; docs/decisions/bounds.md gives the argument.
+aggregated set is as high as possible on one side of the centroid and as low on the other. Every step is
+rounded outward; docs/decisions/bounds.md gives the argument.
 
 Bounds are rows of two numbers, the lower first.
 """
@@ -38,8 +38,8 @@ EPSILON = float(np.finfo(np.float64).eps)
 #: Rounding of an interpolation between two numbers, in units of the larger.
 INTERPOLATION_ERROR = 16 * EPSILON
 
-# Columns of a segment of the output's universe: area and moment of the function below all that can be and of
-# the one above, then the ends of a line below the one and of a line above the other.
+# Columns of a segment of the output's universe: area and moment of the function below all possible sets and
+# of the one above, then the ends of a line below the one and of a line above the other.
 AREA_LOW, MOMENT_LOW, AREA_HIGH, MOMENT_HIGH, LEFT_LOW, RIGHT_LOW, LEFT_HIGH, RIGHT_HIGH = range(8)
 NUM_COLUMNS = 8
 
@@ -49,14 +49,14 @@ class NotBounded(ValueError):  # noqa: N818
 
 
 def pack(system: FuzzySystem) -> Program:
-    """Turn a system into the arrays that interval inference reads.
+    """Return a system as the arrays that interval inference reads.
 
     Raises
     ------
     fis_tools.model.validate.InvalidSystem
-        If the system is wrong in itself.
+        If the system is invalid.
     NotBounded
-        If an output is defuzzified by the bisector, or does not take the highest of cut terms.
+        If an output is defuzzified by the bisector, or is not the maximum of cut terms.
     """
     validate(system)
     for output in system.outputs:
@@ -78,7 +78,7 @@ def pack(system: FuzzySystem) -> Program:
 
 
 def _require_limits(output: Variable) -> None:
-    """Refuse Tsukamoto's terms that lead ever farther away as the strength of their rule vanishes."""
+    """Raise NotBounded for Tsukamoto terms whose conclusions diverge as the firing strength vanishes."""
     for term in output.terms:
         if isinstance(term.membership, Formula):
             raise NotBounded(
@@ -99,16 +99,16 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     Parameters
     ----------
     program : Program
-        What `pack` returns.
+        From `pack`.
     low, high : (n, num_inputs)
-        The corners of the boxes, ``low <= high``; infinite ones are taken as the universe's ends.
+        The corners of the boxes, ``low <= high``; infinite ones are replaced by the universe's ends.
 
     Returns
     -------
     least, greatest : (n, num_outputs)
-        No output of an input inside the box lies below or above.
+        No output for an input inside the box lies below or above.
     variation : (n, num_inputs)
-        How much the memberships in each input's terms vary over the box, summed over the terms.
+        Variation of the memberships in each input's terms over the box, summed over the terms.
     """
     strengths = np.empty((len(low), program.num_rules, 2))
     variation = np.empty(low.shape)
@@ -127,7 +127,7 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
 
 @compiled(error_model="numpy", nogil=True)
 def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, variation: Floats) -> None:
-    """Bound how strongly each rule fires over each box, before weights."""
+    """Bound each rule's firing strength over each box, before weights."""
     num_terms = antecedents.inputs[:, 0].sum()
     slots = np.empty((num_terms + len(antecedents.steps), 2))
     for box in range(len(low)):
@@ -149,10 +149,10 @@ def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, vari
 
 @compiled(error_model="numpy", nogil=True)
 def _memberships(antecedents: Antecedents, place: int, low: float, high: float, out: Floats) -> float:
-    """Bound the memberships in the terms of one input over an interval; return how much they vary.
+    """Bound the memberships in the terms of one input over an interval; return their variation.
 
-    Between two points of the universe a membership lies between those at the points. The interval grows by
-    what an engine may err in placing an input on the universe.
+    Between two points of the universe a membership lies between those at the points. The interval is widened
+    by an engine's possible error in placing an input on the universe.
     """
     num_terms, num_points, start, row = antecedents.inputs[place]
     x = antecedents.universes[start : start + num_points]
@@ -182,29 +182,29 @@ def _memberships(antecedents: Antecedents, place: int, low: float, high: float, 
 
 @compiled(error_model="numpy", nogil=True)
 def _combine(operator: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    """Bound the result of one step. Operators grow with either degree; those that round are widened."""
+    """Bound the result of one step. Operators increase with either degree; those that round are widened."""
     if operator == NOT:
         return max(0.0, 1.0 - a[1]), 1.0 - a[0]
     if operator in (MIN, MAX):
         return combine(operator, a[0], b[0]), combine(operator, a[1], b[1])
-    if operator == DRASTIC_PRODUCT:  # it looks whether a degree is one
+    if operator == DRASTIC_PRODUCT:  # it tests whether a degree is one
         a, b = (a[0], min(a[1], 1.0)), (b[0], min(b[1], 1.0))
     return _widened(combine(operator, a[0], b[0]), combine(operator, a[1], b[1]))
 
 
 @compiled(error_model="numpy", nogil=True)
 def _widened(low: float, high: float) -> tuple[float, float]:
-    """Widen bounds by the rounding of some operations on numbers that are not negative; zero stays zero."""
+    """Widen bounds by the rounding of some operations on nonnegative numbers; zero stays zero."""
     return low * (1.0 - 8 * EPSILON), high * (1.0 + 8 * EPSILON)
 
 
 def _inside(ends: Floats, low: Floats, high: Floats) -> Floats:
-    """Return boxes of inputs inside of the universes, (n, num_inputs, 2)."""
+    """Return boxes of inputs clipped to the universes, (n, num_inputs, 2)."""
     return np.clip(np.stack([low, high], axis=-1), ends[:, :1], ends[:, 1:])
 
 
 def _steepness(weighing: Weighing, ends: Floats) -> Floats:
-    """Return how far concluded numbers move with each input, as shares of the output's range."""
+    """Return the sensitivity of concluded numbers to each input, as shares of the output's range."""
     factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == NUMBER, weighing.parameters, 0.0))
     steepest: Floats = factors[:, : len(ends)].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
     return steepest
@@ -214,7 +214,7 @@ def _steepness(weighing: Weighing, ends: Floats) -> Floats:
 def _weigh(
     weighing: Weighing, ends: Floats, low: Floats, high: Floats, strengths: Floats, out: Floats
 ) -> None:
-    """Bound one output that is weighed, for bounded firing strengths, (n, rules, 2), of boxes of inputs."""
+    """Bound one weighted output, for bounded firing strengths, (n, rules, 2), of boxes of inputs."""
     count = len(weighing.rules)
     weights, numbers = np.empty((count, 2)), np.empty((count, 2))
     for box in range(len(strengths)):
@@ -243,7 +243,7 @@ def _weigh(
 
 @compiled(error_model="numpy", nogil=True)
 def _least_average(weights: Floats, numbers: Floats) -> float:
-    """Return the least average that bounded weights allow: high ones up to a switch, then low ones."""
+    """Return the least average for bounded weights: high ones up to a switch, then low ones."""
     order = np.argsort(numbers)
     total, moment = weights[:, 0].sum(), (weights[:, 0] * numbers).sum()
     least = np.inf
@@ -335,7 +335,7 @@ def _defuzzify(
 
 @compiled(error_model="numpy", nogil=True)
 def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, float]:
-    """Bound the aggregated heights at the points of the universe; return the highest of either bound."""
+    """Bound the aggregated heights at the points of the universe; return the maximum of either bound."""
     out[:] = 0.0
     for term in range(len(cuts)):
         low, high = cuts[term]
@@ -349,7 +349,7 @@ def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, 
 
 @compiled(error_model="numpy", nogil=True)
 def _support(x: Floats, heights: Floats) -> tuple[float, float]:
-    """Return the ends of the segments in which the aggregated set can be above zero."""
+    """Return the ends of the segments in which the aggregated set may be positive."""
     first, last = 0, len(x) - 1
     while heights[first, 1] == 0.0:
         first += 1
@@ -381,7 +381,7 @@ def _of_maximum(
 
 @compiled(error_model="numpy", nogil=True)
 def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> float:
-    """Return how far from a point towards its neighbour a membership function stays at a height or above."""
+    """Return how far from a point towards its neighbour a membership function stays at least at a height."""
     if other < 0 or other == len(x) or mu[other] >= height:
         return 0.0
     way: float = abs(x[other] - x[point]) * (mu[point] - height) / (mu[point] - mu[other])
@@ -390,7 +390,7 @@ def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> f
 
 @compiled(error_model="numpy", nogil=True)
 def _is_crossed(conclusion: Conclusion, cuts: Floats, left: int) -> bool:
-    """Tell whether a cut can cross its membership function between a point of the universe and the next."""
+    """Return whether a cut can cross its membership function between a point of the universe and the next."""
     for term in range(len(cuts)):
         a, b = conclusion.memberships[term, left], conclusion.memberships[term, left + 1]
         if a != b and max(a, b) > cuts[term, 0] and min(a, b) < cuts[term, 1]:
@@ -400,10 +400,11 @@ def _is_crossed(conclusion: Conclusion, cuts: Floats, left: int) -> bool:
 
 @compiled(error_model="numpy", nogil=True)
 def _segments(conclusion: Conclusion, centre: float, cuts: Floats, heights: Floats, out: Floats) -> float:
-    """Write a function below and one above all that the aggregated set can be, segment by segment.
+    """Write a function below and one above all possible aggregated sets, segment by segment.
 
     Where no cut can cross its membership function the aggregated set is a straight line between the points.
-    Elsewhere, and beside, points are inserted, with an error. Returns the area of the function below.
+    In other segments, and next to them, points are inserted, with an error. Returns the area of the function
+    below.
     """
     x = conclusion.universe
     relative_error = INTERPOLATION_ERROR * (1.0 + max(abs(x[0]), abs(x[-1])) / np.diff(x).min())
@@ -449,7 +450,7 @@ def _steepest(conclusion: Conclusion, cuts: Floats, left: int) -> float:
 def _area_and_moment(
     x: float, width: float, left: float, right: float, tent: float, at: float
 ) -> tuple[float, float]:
-    """Return area and moment of a line with a tent upon it, `at` from 0 to 1 along the segment from `x`."""
+    """Return area and moment of a line plus a tent function, `at` from 0 to 1 along the segment from `x`."""
     line, triangle = 0.5 * width * (left + right), 0.5 * width * tent
     moment = x * (line + triangle) + width * width * (left / 6.0 + right / 3.0)
     return line + triangle, moment + triangle * width * (1.0 + at) / 3.0
@@ -457,7 +458,7 @@ def _area_and_moment(
 
 @compiled(error_model="numpy", nogil=True)
 def _below(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tuple[float, float]:
-    """Take the term with most area below its lowest cut; write its line and return its tent.
+    """Use the term with the largest area below its lowest cut; write its line and return its tent.
 
     Each cut term lies below the aggregated set, and a term at its lowest cut below the same at any other.
     """
@@ -479,10 +480,10 @@ def _below(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tupl
 
 @compiled(error_model="numpy", nogil=True)
 def _above(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tuple[float, float]:
-    """Put a tent upon the line that reaches above every point inserted at the highest cuts.
+    """Add a tent to the line such that it lies above every point inserted at the highest cuts.
 
     The terms at their highest cuts lie below the concave function with corners at the points inserted, and so
-    does any polygon with corners on lower ones. Where several points are inserted the line is lifted instead.
+    does any polygon with corners on lower ones. If several points are inserted the line is raised instead.
     """
     count, best_tent, best_at = 0, 0.0, 0.0
     for term in range(len(cuts)):
@@ -508,11 +509,11 @@ def _above(conclusion: Conclusion, cuts: Floats, left: int, row: Floats) -> tupl
 def _least_centroid(
     x: Floats, centre: float, sign: float, segments: Floats, sums: Floats, relative_error: float
 ) -> float:
-    """Return a number below the centroid of every function between the lower and the upper one.
+    """Return a lower bound on the centroid of every function between the lower and the upper one.
 
-    With ``sign`` -1 the axis is turned round, so that the result is below the negated centroid. The number t
+    With ``sign`` -1 the axis is reversed, so that the result is below the negated centroid. The number t
     is below if the integral of (x - t) times the function that is high up to t and low beyond is positive,
-    by more than what sums err.
+    by more than the error of the sums.
     """
     count = len(x) - 1
     area = moment = 0.0
@@ -581,10 +582,10 @@ def _zero_crossing(
     high_left: float,
     high_right: float,
 ) -> float:
-    """Return the greatest distance at which `_balance` is not negative, or less; -1 if it is at once.
+    """Return the largest distance at which `_balance` is not negative, or less; -1 if there is none.
 
-    The balance falls ever faster, so that Newton's steps come from above and secants from below, but for
-    rounding, which `moment` makes up for.
+    The balance falls with increasing steepness, so that Newton's steps come from above and secants from
+    below, except for rounding, which `moment` makes up for.
     """
     lines = (width, low_left, low_right, high_left, high_right)
     left, right = 0.0, width

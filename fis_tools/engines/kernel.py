@@ -1,13 +1,12 @@
-"""Compiled Mamdani inference with scikit-fuzzy's exact meaning, many samples side by side.
+"""Compiled Mamdani inference with exactly scikit-fuzzy's meaning, many samples side by side.
 
-`fis_tools.engines.packing` turns systems into the numbers that are read here. As many samples are
-inferred at once as the working space has lanes: every formula is written once, for vectors
-(`fis_tools.engines.vectors`).
+`fis_tools.engines.packing` turns systems into the numbers that are read here. One sample per lane of the
+working space is inferred at once: every formula is written once, for vectors (`fis_tools.engines.vectors`).
 
 The method is division-free: the aggregated output is linear between the points on which scikit-fuzzy samples
 it, so its area and moment are weighted sums over the grid, and each further point that scikit-fuzzy inserts
 (where a cut crosses its own membership function) adds one triangle. Crossings of two different clipped terms
-are not inserted, as scikit-fuzzy does not insert them either. Lengths on the output's universe are counted
+are not inserted, as in scikit-fuzzy. Lengths on the output's universe are measured
 in steps of its grid.
 """
 
@@ -57,12 +56,12 @@ Integers = NDArray[np.int64]
 #: scikit-fuzzy divides by the larger of the area and this
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
-#: samples that are inferred side by side, and where there are at most half as many; the compiler knows both
+#: samples that are inferred side by side, and where there are at most half as many; both are constants
 LANES, FEW_LANES = 16, 8
 
-#: What one inference works with: memberships in the terms of all inputs; those at both ends of a segment of a
-#: universe; where each output term is cut; where cuts cross flanks: right of which point, how much of a step,
-#: and at which aggregated height; what goes in, and what comes out.
+#: Working space of an inference: memberships in the terms of all inputs; those at both ends of a segment of a
+#: universe; the cut of each output term; where cuts cross flanks: right of which point, at which fraction of
+#: a step, and at which aggregated height; the inputs, and the output.
 SCRATCH: Rows = {
     "memberships": (ANY + 1,),
     "ends": (2 * MAX_TERMS,),
@@ -125,9 +124,9 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
 
 @compiled(error_model="numpy", forceinline=True)
 def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratch: Any) -> int:
-    """Return how many terms, the highest first, tell the aggregated height in a piece of the grid.
+    """Return how many terms, the highest first, determine the aggregated height in a piece of the grid.
 
-    As soon as they come to more everywhere in it than the next one anywhere, the others are hidden.
+    As soon as their minimum exceeds the maximum of the next one in it, the others are hidden.
     """
     width = width_of(scratch)
     terms = system.output_terms
@@ -145,7 +144,7 @@ def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratc
 def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector, Vector]:
     """Return the sum of the aggregated heights on the grid, and area and moment below the lines between them.
 
-    The moment is about the centre of the universe. Terms that are hidden in a piece of it are left out there.
+    The moment is about the centre of the universe. Terms hidden in a piece of it are skipped there.
     """
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
@@ -176,9 +175,9 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
 def points_below(
     values: Floats, foot: int, direction: int, num_points: int, cut: Vector, scratch: Any
 ) -> Vector:
-    """Return how many points of a flank lie below the cut, counted from its foot in a direction.
+    """Return the number of points of a flank below the cut, counted from its foot in a direction.
 
-    Whole rows first, then one by one. Where the cut is above the peak of the flank, the number means nothing.
+    Whole rows first, then one by one. If the cut is above the peak of the flank, the number has no meaning.
     """
     width = width_of(scratch)
     below = splat(0.0, width)
@@ -210,9 +209,9 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
 def neighbours(
     segment: Vector, fraction: Vector, left: Vector, right: Vector, found: int, scratch: Any
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return the nearest points in a segment: its ends, of these heights, or what was inserted nearer by.
+    """Return the nearest points in a segment: its ends, of these heights, or points inserted closer by.
 
-    Each as a fraction of the segment and a height, the one on the left first.
+    Each as a fraction of the segment and a height, the left one first.
     """
     width = width_of(scratch)
     start, end = splat(0.0, width), splat(1.0, width)
@@ -229,7 +228,7 @@ def neighbours(
 
 @compiled(error_model="numpy", forceinline=True)
 def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -> int:
-    """Write in which segment each flank is cut, -1 for none; return how many flanks are cut at all."""
+    """Write the segment in which each flank is cut, -1 for none; return how many flanks are cut at all."""
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     found = 0
@@ -252,7 +251,7 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
 
 @compiled(error_model="numpy", forceinline=True)
 def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
-    """Return the area and moment that the points inserted at cut crossings add to the grid's."""
+    """Return the area and moment that the points inserted at cut crossings add to those of the grid."""
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     by_point = system.output_values + HEADER + terms * points
@@ -287,7 +286,7 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
 
 @compiled(error_model="numpy", forceinline=True)
 def conclude(values: Floats, rules: Integers, system: Any, scratch: Any) -> None:
-    """Write the centroid of the output's terms as they are cut, or the default where none is."""
+    """Write the centroid of the output's cut terms, or the default if none is cut above zero."""
     total, area, moment = grid_sums(values, rules, system, scratch)
     more_area, more_moment = crossing_triangles(values, rules, system, scratch)
     at = system.output_values
@@ -309,8 +308,8 @@ def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any
     layout : `Packed.layout`
     index : which of the systems
     scratch : working space of `make_scratch`
-        With the inputs, which are finite and clipped to the universes here. Written: the output, which is the
-        centroid, or the system's default where no rule fires.
+        With the inputs, which must be finite and clipped to the universes. Written: the output, which is the
+        centroid, or the system's default if no rule fires.
     """
     system, room = layout[index], scratch[0]
     fuzzify(values, system, room)
@@ -320,7 +319,7 @@ def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any
 
 @compiled(error_model="numpy", forceinline=True)
 def put_side_by_side(inputs: Floats, first: int, room: Any) -> int:
-    """Write as many rows of inputs as there are lanes, or those left; return how many."""
+    """Write one row of inputs per lane, or the remaining ones; return how many."""
     num_lanes = min(width_of(room), len(inputs) - first)
     for lane in range(num_lanes):
         for place in range(inputs.shape[1]):
@@ -360,7 +359,7 @@ def _strengths(
 
 
 def make_scratch(width: int = LANES) -> Any:
-    """Allocate the working space that `infer` needs, for any system and so many samples side by side."""
+    """Allocate the working space of `infer`, for any system and `width` samples side by side."""
     rows = rows_of(SCRATCH, width).descr
     scratch = aligned(1, np.dtype([*rows, ("cut_terms", np.int64, 2 * MAX_TERMS)], align=True)).view(
         np.recarray
@@ -379,7 +378,7 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
     inputs : (n, number of inputs)
         Finite; clipped to the universes.
     system : int
-        Which of the controller's systems.
+        Index of the controller's system.
 
     Returns
     -------
@@ -397,9 +396,9 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
 
 
 def firing_strengths(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
-    """Return how strongly each rule fires, shape (n, rules), in the order of the rules.
+    """Return each rule's firing strength, shape (n, rules), in the order of the rules.
 
-    Takes and raises what `evaluate` does.
+    Same parameters and errors as `evaluate`.
     """
     rows = _checked(packed, inputs, system)
     out = np.empty((len(rows), len(packed.cells[system])))

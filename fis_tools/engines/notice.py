@@ -1,10 +1,10 @@
-"""Says on standard error which function is being compiled, and for how long: nobody waits in silence.
+"""Reports on standard error which function is being compiled, and for how long.
 
-numba tells its listeners when it compiles (``numba.core.event``, in its documentation as the event API).
-Functions that come from the cache, and those of other packages, are not told.
+numba notifies listeners when it compiles (``numba.core.event``, in its documentation as the event API).
+Functions from the cache, and those of other packages, are not reported.
 
-While one of ours is compiled, Python's collector of garbage rests: next to nothing of what numba makes is
-garbage before the end, and looking for some took a sixth of the time.
+While one of ours is compiled, Python's garbage collector is paused: almost nothing that numba allocates is
+garbage before the end, and searching for some took a sixth of the time.
 """
 
 import _thread
@@ -20,15 +20,15 @@ from numba.core import event
 
 from fis_tools.engines.cache import Refused
 
-#: Nothing is told of what is over sooner; then in plain lines, so often.
+#: Compilations shorter than this are not reported; then the interval between plain lines.
 SHORTEST_S = 0.5
 SECONDS_BETWEEN_LINES = 5.0
-#: How often the line in a terminal is written anew.
+#: Interval between updates of the line in a terminal.
 REFRESH_S = 0.1
 
 
 class _Display(Protocol):
-    """What shows a text about what has been going on for some seconds."""
+    """Shows a text about what has been going on for some seconds."""
 
     def show(self, text: str, seconds: float) -> None: ...
 
@@ -36,7 +36,7 @@ class _Display(Protocol):
 
 
 class _Lines:
-    """One line now and then, for files and notebooks; it goes on from one compilation to the next."""
+    """One line now and then, for files and notebooks; continues from one compilation to the next."""
 
     def __init__(self) -> None:
         self._next_s = SHORTEST_S
@@ -47,11 +47,11 @@ class _Lines:
             _write(f"  {text}")
 
     def close(self) -> None:
-        """Leave what has been written."""
+        """Keep what has been written."""
 
 
 class _Terminal:
-    """One line that is written anew and vanishes at the end."""
+    """One line that is rewritten and vanishes at the end."""
 
     def __init__(self) -> None:
         self._status: Any = None
@@ -119,14 +119,14 @@ class _Notice(event.Listener):
         self._names.pop()
 
     def _heed(self, unraisable: Any) -> None:
-        """Interrupt again where Ctrl-C came in a callback from LLVM, out of which nothing can be raised."""
+        """Repeat a Ctrl-C that came in a callback from LLVM, where nothing can be raised."""
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
             threading.Timer(REFRESH_S, _thread.interrupt_main).start()
         else:
             self._hook(unraisable)
 
     def _tick(self, began: float) -> None:
-        """Show what is going on until it is over."""
+        """Show the progress until compilation ends."""
         if self._display is None:
             self._display = _Terminal() if _is_terminal() else _Lines()
         is_over = False
@@ -143,8 +143,8 @@ _notice = _Notice()
 
 
 def watch(dispatcher: Any, place: Path | Refused | None = None) -> None:
-    """Tell from now on when numba compiles this function, and why its code is not kept, if it is not."""
-    if not hasattr(dispatcher, "py_func"):  # numba is switched off
+    """Report from now on when numba compiles this function, and why its code is not cached, if so."""
+    if not hasattr(dispatcher, "py_func"):  # numba is disabled
         return
     if not _notice._watched:
         event.register("numba:compile", _notice)  # type: ignore[no-untyped-call]

@@ -1,7 +1,7 @@
-"""Systems with one output to which rules contribute numbers, compiled from inputs to output in one go.
+"""Systems with one weighted output, compiled from inputs to output in one pass.
 
 It takes the steps of `fis_tools.engines.interpreter` and `fis_tools.engines.weigher` in the same order, some
-samples side by side, and keeps no strengths.
+samples side by side, and stores no strengths.
 """
 
 from typing import Any
@@ -19,13 +19,13 @@ Integers = NDArray[np.int64]
 
 
 def covers(program: Program) -> bool:
-    """Return whether a program is of this kind."""
+    """Return whether this kernel supports a program."""
     (first, *others) = program.conclusions
     return not others and isinstance(first, Weighing) and bool((first.kinds == NUMBER).all())
 
 
 def arguments(program: Program) -> tuple[Any, ...]:
-    """Return what `infer_rows` needs to know of a program that this covers."""
+    """Return the arguments of `infer_rows` for a supported program."""
     (weighing,) = program.conclusions
     assert isinstance(weighing, Weighing)  # noqa: S101 - see `covers`
     return (
@@ -41,7 +41,7 @@ def arguments(program: Program) -> tuple[Any, ...]:
 
 
 def evaluate(program: Program, inputs: Floats) -> Floats:
-    """Return the outputs, (n, 1), for inputs (n, num_inputs) of a program that this covers."""
+    """Return the outputs, (n, 1), for inputs (n, num_inputs) of a supported program."""
     out = np.empty(len(inputs))
     infer_rows(*(*arguments(program), inputs, out))
     return out[:, np.newaxis]
@@ -57,14 +57,14 @@ def fuzzify_all(
     slots: Floats,
     slot: int,
 ) -> None:
-    """Do what `fuzzify_one` does for values from an index on, side by side; write rows from a slot on."""
+    """Do the same as `fuzzify_one` for values from an index on, side by side; write rows from a slot on."""
     terms, points, start, row = layout[0], layout[1], layout[2], layout[3]
     low, high = universes[start], universes[start + points - 1]
     x = least(most(load(values, at, LANES), low), high)
     left = least(np.floor((x - low) * ((points - 1) / (high - low))), points - 1.0)
     here = gather(universes, start, left)
     beyond = gather(universes, start, least(left + 1.0, points - 1.0))
-    if some((x < here) | ((x >= beyond) & (left < points - 1.0))):  # the points are not even
+    if some((x < here) | ((x >= beyond) & (left < points - 1.0))):  # the points are not evenly spaced
         for lane in range(LANES):
             fuzzify_one(layout, universes, memberships, values[at + lane], slots[slot + lane :: LANES])
         return

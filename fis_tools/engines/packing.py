@@ -1,7 +1,7 @@
-"""Fuzzy systems as numbers in flat arrays, for the compiled kernel: a row a controller.
+"""Fuzzy systems as numbers in flat arrays, for the compiled kernel: one row per controller.
 
-What can be packed: one output, unimodal terms on evenly spaced universes, rules that are conjunctions of at
-most one term of each input, minimum and maximum, centroid. Anything else is refused with a sentence.
+Supported are one output, unimodal terms on evenly spaced universes, rules that are conjunctions of at
+most one term of each input, minimum and maximum, centroid. Anything else is an error.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ Layout = NDArray[np.void]
 MAX_INPUTS = 3
 MAX_TERMS = 16
 
-#: Where the membership of one lies for inputs that a rule does not ask for: after those of all inputs.
+#: Index of the membership one, for inputs that a rule does not use: after those of all inputs.
 ANY = MAX_INPUTS * MAX_TERMS
 
-#: Where the numbers of one system lie. Of each input and of the output: how many terms and points, and where
-#: in a row of values its numbers begin. Where in a row of values the most and the least stand that the
-#: output's terms come to in each piece of the grid, and where in a row of rules which terms these are
-#: (`ranks_of`). Where in a row of rules the peaks of the output's terms begin, which the rules follow.
+#: Positions of one system's numbers. For each input and the output: the numbers of terms and points, and
+#: where in a row of values its data begin. Where in a row of values the maxima and minima of the output's
+#: terms in each piece of the grid are, and where in a row of rules the order of these terms is (`ranks_of`).
+#: Where in a row of rules the peaks of the output's terms begin, followed by the rules.
 LAYOUT = np.dtype(
     [
         ("num_inputs", np.int64),
@@ -45,13 +45,13 @@ LAYOUT = np.dtype(
     align=True,
 )
 
-# The numbers of an input are these, then its memberships, point by point.
+# The data of an input are these, then its memberships, point by point.
 MINIMUM, MAXIMUM, STEP, STEPS_A_UNIT = range(4)
-# The numbers of the output are these, then its memberships term by term, then the same point by point.
+# The data of the output are these, then its memberships term by term, then the same point by point.
 CENTRE, WIDTH_OF_STEP, DEFAULT = range(3)
 HEADER = 4
 
-#: points of a piece of the grid, in all of which the same terms are looked at
+#: points per piece of the grid; the same terms are evaluated throughout a piece
 PIECE = 8
 
 
@@ -62,16 +62,16 @@ class Packed:
     Parameters
     ----------
     layout : (F,) records of `LAYOUT`
-        Where the numbers of each of F systems lie.
+        Positions of the numbers of each of F systems.
     values : (n, V) float
-        A row a controller: universes, sampled memberships, and between which bounds these lie in pieces of
+        One row per controller: universes, sampled memberships, and their bounds in pieces of
         the output's grid.
     rules : (n, R) int
-        A row a controller: for each system, the output's terms in the order of these bounds; the peak of each
-        output term as an index of the universe, the bounds of each output term's rules, then the rules sorted
-        by output term, each as the positions of its memberships in the concatenated input terms.
+        One row per controller: for each system, the output's terms in the order of these bounds; the peak of
+        each output term as an index of the universe, the bounds of each output term's rules, then the rules
+        sorted by output term, each as the positions of its memberships in the concatenated input terms.
     cells : tuple of (rules, inputs) int arrays
-        For each system, in the order of its rules, the term that a rule asks for of each input, -1 for none.
+        For each system, in the order of its rules, the term of each input that a rule uses, -1 for none.
     """
 
     layout: Layout
@@ -81,11 +81,11 @@ class Packed:
 
 
 class NotCompilable(ValueError):  # noqa: N818
-    """A system that the compiled kernel does not cover; the text says why."""
+    """A system that the compiled kernel does not support; the text says why."""
 
 
 def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
-    """Lay out the numbers of some systems one after the other.
+    """Return the positions of the numbers of some systems, one after the other.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
     Raises
     ------
     NotCompilable
-        If a system is of a kind that the kernel does not cover.
+        If the kernel does not support a system.
     """
     layout = np.zeros(len(systems), dtype=LAYOUT).view(np.recarray)
     value, entry = 0, 0
@@ -118,7 +118,7 @@ def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
 
 
 def num_pieces(points: int) -> int:
-    """Return how many pieces a grid of so many points has."""
+    """Return the number of pieces of a grid with a number of points."""
     return -(-points // PIECE)
 
 
@@ -147,14 +147,14 @@ def _require_compilable(system: FuzzySystem) -> None:
 
 
 def pack(*systems: FuzzySystem) -> Packed:
-    """Turn systems into the arrays that the kernel reads, as one controller.
+    """Return systems as the arrays that the kernel reads, as one controller.
 
     Raises
     ------
     fis_tools.model.validate.InvalidSystem
-        If a system is wrong in itself.
+        If a system is invalid.
     NotCompilable
-        If the kernel does not cover it.
+        If the kernel does not support one.
     """
     for system in systems:
         validate(system)
@@ -176,7 +176,7 @@ def pack(*systems: FuzzySystem) -> Packed:
         default = 0.0 if output.default is None else output.default
         fill_output(values, rules, row, *_ends(output), np.array([default]), memberships[np.newaxis])
         rule_base = conjunctions(system)
-        assert rule_base is not None  # noqa: S101 - any other has been refused by layout_of
+        assert rule_base is not None  # noqa: S101 - others are rejected by layout_of
         cells.append(rule_base[0])
         fill_rules(rules, row, rule_base[0], rule_base[1][np.newaxis])
     return Packed(layout, values, rules, tuple(cells))
@@ -212,14 +212,14 @@ def fill_output(
 
 
 def ranks_of(terms: Floats) -> tuple[Integers, Floats]:
-    """Order terms, shape (n, terms, points), in each piece of the grid by the most that they come to there.
+    """Order terms, shape (n, terms, points), in each piece of the grid by their maximum there.
 
     Returns
     -------
     ranks : (n, pieces, terms) int
         The highest first.
     ends : (n, pieces, terms, 2)
-        In this order, the most and the least that each comes to.
+        In this order, the maximum and the minimum of each.
     """
     firsts = np.arange(0, terms.shape[2], PIECE)
     most, least = (np.swapaxes(end.reduceat(terms, firsts, axis=2), 1, 2) for end in (np.maximum, np.minimum))
@@ -228,13 +228,13 @@ def ranks_of(terms: Floats) -> tuple[Integers, Floats]:
 
 
 def _write(values: NDArray[Any], at: int, table: NDArray[Any]) -> None:
-    """Write a table of each controller, shape (n, ...), into its row."""
+    """Write a table for each controller, shape (n, ...), into its row."""
     flat = table.reshape(len(table), -1)
     values[:, at : at + flat.shape[1]] = flat
 
 
 def fill_rules(rules: Integers, row: Any, cells: Integers, consequents: Integers) -> None:
-    """Write the rules of n controllers: cells (rules, inputs) that all share, consequents (n, rules)."""
+    """Write the rules of n controllers: common cells (rules, inputs), and consequents (n, rules)."""
     num_terms = int(row.output_terms)
     at = int(row.rules) + num_terms
     counts = row.input_terms[: row.num_inputs]

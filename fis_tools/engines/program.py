@@ -38,7 +38,7 @@ from fis_tools.model.membership import sample_terms
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: What a step does, as numbers: a compiled function knows no words.
+#: Operations as numbers, since compiled functions have no strings.
 AND_CODES = range(7)
 OR_CODES = range(7, 14)
 NOT = 14
@@ -59,9 +59,9 @@ DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
 WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
 
-#: What a rule concludes where the output is weighed: a number, or where one of these shapes has its strength.
-#: Each of these has two parameters.
-#: or a formula, of which the first parameter is the place.
+#: Conclusions of weighted outputs: a number, the point where one of these shapes has the strength (each with
+#: two parameters),
+#: or a formula, whose first parameter is its index.
 NUMBER, FORMULA = -1, -2
 INVERTED: tuple[type[MonotoneFunction], ...] = (Ramp, Sigmoid, SShape, ZShape, Concave, Arc)
 RAMP, SIGMOID, S_SHAPE, Z_SHAPE, CONCAVE, ARC = range(6)
@@ -73,17 +73,17 @@ class Antecedents(NamedTuple):
     Attributes
     ----------
     inputs : (num_inputs, 4) int
-        A row an input: number of terms, number of points, where its points begin in `universes` and its
+        One row per input: number of terms, number of points, start of its points in `universes` and of its
         memberships in `memberships`.
     universes : (u,) float
         The points of each input.
     memberships : (m,) float
         For each point of each input the memberships of all its terms, then their slopes to the next point.
     steps : (num_steps, 3) int
-        What is computed: operator, left slot, right slot. Slots are numbered through: first the memberships
+        Operator, left slot, right slot. Slots are numbered consecutively: first the memberships
         of all inputs, then the result of each step.
     rule_slots : (num_rules,) int
-        Where the firing strength of each rule is found.
+        Slot of each rule's firing strength.
     """
 
     inputs: Integers
@@ -94,7 +94,7 @@ class Antecedents(NamedTuple):
 
 
 class Conclusion(NamedTuple):
-    """One output from firing strengths on, with the terms that some rule concludes.
+    """One output, computed from firing strengths, with the terms that rules conclude.
 
     Attributes
     ----------
@@ -103,23 +103,23 @@ class Conclusion(NamedTuple):
     memberships : (num_terms, num_points) float
         The sampled membership functions.
     bounds : (num_terms + 1,) int
-        Where the rules of each term begin in `rules` and `weights`.
+        Start of the rules of each term in `rules` and `weights`.
     rules : (c,) int
         The rules that conclude each term, in order.
     weights : (c,) float
-        What their firing strengths are multiplied by.
+        Factors of their firing strengths.
     runs : (r, 3) int
-        Term, first and last point of each stretch in which a membership function does not change its
-        direction, so that a cut crosses it there once at most.
+        Term, first and last point of each stretch in which a membership function is monotone,
+        so that a cut crosses it there at most once.
     accumulation, defuzzifier : int
         Of `OPERATORS` and `DEFUZZIFIERS`.
     default : float
-        The output where no rule fires; NaN where none is declared.
+        The output where no rule fires; NaN if none is declared.
     terms : (c,) int
-        Which of the terms each of `rules` concludes.
+        The term that each of `rules` concludes.
     implication, aggregation : int
-        Of `OPERATORS`. Where they are not MIN and MAX, each rule counts by itself: then `rules`, `weights`
-        and `terms` are in the order of the rules, and `bounds` and `runs` say nothing.
+        Of `OPERATORS`. Unless they are MIN and MAX, each rule counts separately: then `rules`, `weights`
+        and `terms` are in the order of the rules, and `bounds` and `runs` are not used.
     """
 
     universe: Floats
@@ -137,23 +137,23 @@ class Conclusion(NamedTuple):
 
     @property
     def cuts(self) -> bool:
-        """Whether terms are cut, and the highest of them counts."""
+        """Whether terms are cut and aggregated by the maximum."""
         return self.implication == MIN and self.aggregation == MAX
 
 
 class Weighing(NamedTuple):
-    """One output that is weighed, from firing strengths on.
+    """One weighted output, computed from firing strengths.
 
     Attributes
     ----------
     rules : (c,) int
         The rules that conclude on it, in order.
     weights : (c,) float
-        What their firing strengths are multiplied by.
+        Factors of their firing strengths.
     kinds : (c,) int
-        What each concludes: NUMBER, or one of `INVERTED` by its place.
+        Kind of each conclusion: NUMBER, or the index of one of `INVERTED`.
     parameters : (c, max(num_inputs + 1, 2)) float
-        Of a number the factor of each input, then the constant; of a shape its parameters.
+        For a number the factor of each input, then the constant; for a shape its parameters.
     is_constant : bool
         Whether all numbers are the same for all inputs.
     low, high : float
@@ -161,11 +161,11 @@ class Weighing(NamedTuple):
     defuzzifier : int
         WEIGHTED_AVERAGE or WEIGHTED_SUM.
     default : float
-        The output where no rule fires; NaN where none is declared.
+        The output where no rule fires; NaN if none is declared.
     formulas : tuple of Formula
-        Those that some rule concludes.
+        Those that rules conclude.
     names : tuple of str
-        What formulas call the inputs, then the outputs before this one.
+        Names in formulas of the inputs, then of the outputs before this one.
     """
 
     rules: Integers
@@ -197,7 +197,7 @@ class Program:
 
     @property
     def num_rules(self) -> int:
-        """How many rules there are."""
+        """Number of rules."""
         return len(self.antecedents.rule_slots)
 
     @cached_property
@@ -209,7 +209,7 @@ class Program:
 
     @property
     def asks_for_inputs(self) -> bool:
-        """Whether some rule concludes a number that depends on the inputs."""
+        """Whether a rule concludes a number that depends on the inputs."""
         return any(
             bool(c.formulas)
             or bool((c.parameters[c.kinds == NUMBER, : len(self.antecedents.inputs)] != 0.0).any())
@@ -219,7 +219,7 @@ class Program:
 
 
 def assemble(system: FuzzySystem) -> Program:
-    """Turn a valid system into a program."""
+    """Return a valid system as a program."""
     return Program(
         _antecedents(system),
         tuple(
@@ -250,13 +250,13 @@ def _antecedents(system: FuzzySystem) -> Antecedents:
 
 def _memberships_with_slopes(variable: Variable) -> Floats:
     sampled = sample_terms(variable)
-    slopes = np.zeros_like(sampled)  # beyond the last point nothing rises
+    slopes = np.zeros_like(sampled)  # constant beyond the last point
     slopes[:, :-1] = np.diff(sampled) / np.diff(variable.universe)
     return np.concatenate([sampled, slopes]).T.ravel()
 
 
 def _steps(system: FuzzySystem) -> tuple[list[tuple[int, int, int]], list[int]]:
-    """Translate the antecedents; what several rules share is computed once."""
+    """Translate the antecedents; common parts of several rules are computed once."""
     terms = [(variable.name, term.name) for variable in system.inputs for term in variable.terms]
     slots = {term: slot for slot, term in enumerate(terms)}
     steps: dict[tuple[int, int, int], int] = {}
@@ -353,7 +353,7 @@ def _weighing(system: FuzzySystem, output: Variable) -> Weighing:
 
 
 def _runs(sampled: Floats) -> list[tuple[int, int]]:
-    """Cut a sampled function where it turns; flat stretches go with what is before them."""
+    """Cut a sampled function where its direction changes; flat stretches belong to what is before them."""
     bounds, direction = [0], 0.0
     for point, step in enumerate(np.sign(np.diff(sampled))):
         if step * direction < 0.0:

@@ -1,4 +1,4 @@
-"""Inputs as rows of numbers: from arrays by place, from mappings and tables by the names of their columns."""
+"""Inputs as rows of numbers: from arrays by position, from mappings and tables by column names."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,10 +13,10 @@ Floats = NDArray[np.float64]
 
 
 def columns_of(inputs: Any) -> tuple[str, ...] | None:
-    """Return what a mapping or a table calls its columns; None of a plain array, which has places only.
+    """Return the column names of a mapping or a table; None for a plain array, which has positions only.
 
-    Known are mappings, structured arrays, and what has keys or columns as the tables and rows of pandas,
-    polars and Arrow do. A row of a table without words for its numbers is a plain array.
+    Mappings, structured arrays, and objects with keys or columns like the tables and rows of pandas,
+    polars and Arrow are recognised. A table's row without names for its numbers is a plain array.
     """
     found = getattr(getattr(inputs, "dtype", None), "names", None)
     for attribute in ("column_names", "keys", "columns"):
@@ -33,8 +33,8 @@ def columns_of(inputs: Any) -> tuple[str, ...] | None:
 def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
     """Return each input of a system by its name, broadcast to one shape.
 
-    A table may have other columns besides; a mapping is written for this call, so what it has besides is
-    taken for a slip of the pen.
+    A table may have other columns; a mapping is written for this call, so unknown names are
+    errors.
 
     Raises
     ------
@@ -56,12 +56,12 @@ def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Float
 def as_rows(system: FuzzySystem, inputs: ArrayLike | Any) -> Floats:
     """Return inputs as an array, the last axis in the order of the system's inputs.
 
-    A plain array is returned as it is; a mapping or table as (n, num_inputs), or (num_inputs,) of numbers.
+    A plain array is returned unchanged; a mapping or table as (n, num_inputs), or (num_inputs,) for numbers.
 
     Raises
     ------
     ValueError
-        As `pick` does.
+        As in `pick`.
     """
     names = columns_of(inputs)
     if names is None:

@@ -1,7 +1,7 @@
-"""One inference at a time, in a few microseconds: everything that a call needs is prepared beforehand.
+"""One inference at a time, in a few microseconds, with everything prepared beforehand.
 
-For control loops in Python. The arrays that inputs and outputs go through are kept, so that a prepared
-function belongs to one thread.
+For control loops in Python. The arrays for inputs and outputs are reused, so a prepared
+function must be used by one thread only.
 """
 
 from collections.abc import Callable
@@ -30,11 +30,11 @@ def prepare(program: Program, ends: Floats) -> Callable[..., list[float]]:
     Returns
     -------
     callable
-        It raises a ValueError for a wrong count of inputs or NaN.
+        It raises a ValueError for a wrong number of inputs or NaN.
     """
     row = np.zeros((1, len(ends)))
     run, outputs = _runner(program, row)
-    run()  # compiles, or loads what has been compiled
+    run()  # compiles, or loads compiled code
     limits = [(float(low), float(high)) for low, high in ends]
     flat = row.reshape(-1)
 
@@ -53,14 +53,14 @@ def prepare(program: Program, ends: Floats) -> Callable[..., list[float]]:
 
 
 def _finite(value: float, ends: tuple[float, float]) -> float:
-    """Return a number, or the end of its range where it is infinite."""
+    """Return a number, or the end of its range if it is infinite."""
     if isnan(value):
         raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
     return value if isfinite(value) else ends[value > 0.0]
 
 
 def _runner(program: Program, row: Floats) -> tuple[Callable[[], None], Floats]:
-    """Return what infers from a row, (1, num_inputs), and the array that it writes into."""
+    """Return a function that infers from a row, (1, num_inputs), and the array that it writes into."""
     if number_kernel.covers(program):
         out = np.empty(1)
         words = number_kernel.arguments(program)

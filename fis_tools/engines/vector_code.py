@@ -1,8 +1,8 @@
 """The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.engines.vectors`.
 
-Importing this module registers all of it with numba. `fis_tools.engines.borrowed_code` adds what is borrowed,
+Importing this module registers all of it with numba. `fis_tools.engines.borrowed_code` adds borrowed values,
 and `fis_tools.engines.compiled` imports both before it compiles anything. LLVM has vectors of any width as
-values and maps them to the registers that a processor has.
+values and maps them to the processor's registers.
 """
 
 import operator
@@ -19,7 +19,7 @@ from fis_tools.engines import vectors
 
 @contextmanager
 def needed_of_numba() -> Iterator[None]:
-    """Say which numba has what is imported inside, where the one at hand lacks it."""
+    """Say which numba release has what is imported inside, if the installed one lacks it."""
     try:
         yield
     except ImportError as error:
@@ -40,17 +40,17 @@ with needed_of_numba():
 
 MOST_LANES = 64
 
-#: so few columns are gathered without transposing whole squares
+#: up to this many columns are gathered without transposing whole squares
 NARROW = 2
 
-#: makes numba ask a typing before those for any target
+#: makes numba try a typing before those for any target
 FIRST = {"target": "cpu"}
 
 I1, I32, I64, F64 = (*map(ir.IntType, (1, 32, 64)), ir.DoubleType())
 
 
 class VectorType(types.Type):
-    """A float in each of so many lanes."""
+    """A float in each lane."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -58,7 +58,7 @@ class VectorType(types.Type):
 
 
 class MaskType(types.Type):
-    """A truth in each of so many lanes."""
+    """A truth value in each lane."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -78,7 +78,7 @@ class _MaskModel(models.PrimitiveModel):
 
 
 def _width_of(width: Any) -> int:
-    """Return the width that the type of an argument stands for."""
+    """Return the width that an argument's type stands for."""
     lanes = getattr(width, "literal_value", None)
     if not isinstance(lanes, int):
         raise TypingError(f"the width of a vector is {width}; pass a constant")
@@ -88,7 +88,7 @@ def _width_of(width: Any) -> int:
 
 
 def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
-    """Return what vectors of one width and numbers make together: a vector, or a float without any."""
+    """Return the common type of vectors of one width and numbers: a vector, or a float without any."""
     found = {kind for kind in (one, other) if isinstance(kind, VectorType)}
     rest = [kind for kind in (one, other) if not isinstance(kind, VectorType)]
     if len(found) > 1 or not all(isinstance(kind, (types.Float, types.Integer)) for kind in rest):
@@ -97,11 +97,11 @@ def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
 
 
 def typed(operation: Any, typer: Callable[..., Any], takes_constants: bool = False) -> None:
-    """Tell numba the type of an operation's result; a typer returns None for what does not concern it.
+    """Register an operation's result type with numba; a typer returns None if it does not apply.
 
-    It is asked before all that numba itself knows of the operation, and, where it takes constants, with these
-    before variables of their type: otherwise to find types is a third of what compiling takes, for numba
-    makes a text of each kind that does not fit.
+    It is tried before all of numba's own typings of the operation and, if it takes constants, with these
+    before variables of their type: otherwise type inference is a third of the compilation time, because numba
+    formats a text for each mismatch.
     """
     count = len(signature_of(typer).parameters)
 
@@ -132,7 +132,7 @@ def _splat(builder: Any, value: Any, width: int) -> Any:
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(I32, width), [0] * width))
 
 
-# Elements of arrays: numba knows them itself, but would ask for lists, dictionaries and texts before
+# Elements of arrays: numba supports them itself, but would try lists, dictionaries and texts first
 
 
 class _Element(GetItemBuffer):
@@ -152,7 +152,7 @@ infer_global(operator.setitem, types.Function(_Assigned))
 
 
 def _binary(operation: Any, result: Callable[[Any], Any], emit: Callable[[Any, Any, Any], Any]) -> None:
-    """Register an operation of two vectors, or of a vector and a number; that of two numbers is numba's."""
+    """Register an operation of two vectors, or of a vector and a number; for two numbers it is numba's."""
 
     def typer(one: Any, other: Any) -> Any:
         if one is other and one in (types.float64, types.int64):
@@ -190,7 +190,7 @@ def _truth_of(kind: Any) -> Any:
 
 def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
     def emit(builder: Any, one: Any, other: Any) -> Any:
-        # what is NaN differs from everything, and all else is false of it
+        # NaN differs from everything, and all other comparisons with it are false
         compare = builder.fcmp_unordered if symbol == "!=" else builder.fcmp_ordered
         return compare(symbol, one, other)
 
@@ -273,7 +273,7 @@ lower_builtin(vectors.select, types.Any, types.Any, types.Any)(_lower_select)
 
 
 def _chosen_by(symbol: str) -> Callable[[Any, Any, Any], Any]:
-    """Return the one that compares so with the other, else the other."""
+    """Return the operand that compares so with the other, else the other."""
     return lambda builder, one, other: builder.select(builder.fcmp_ordered(symbol, one, other), one, other)
 
 
@@ -306,7 +306,7 @@ def _lower_higher(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     return builder.bitcast(higher, args[0].type)
 
 
-# Between vectors and what they are made of
+# Conversions between vectors and their elements
 
 
 def _vector_in(operation: Any, *kinds: Any) -> Callable[[Any], Any]:
@@ -344,7 +344,7 @@ def _lower_splat(context: Any, builder: Any, signature: Any, value: Any, width: 
 
 
 def _is_of_floats(array: Any, most_dimensions: int) -> bool:
-    """Tell whether the elements of an array's rows follow one another; others are refused."""
+    """Return whether the elements of an array's rows are contiguous; others are rejected."""
     if not isinstance(array, types.Array):
         return False
     if array.dtype != types.float64 or array.layout != "C" or array.ndim > most_dimensions:
@@ -356,13 +356,13 @@ def _is_of_floats(array: Any, most_dimensions: int) -> bool:
 
 
 def members(kind: Any) -> tuple[Any, ...] | None:
-    """Return the types of what a tuple holds; None of what is none."""
+    """Return the types of a tuple's elements; None if it is not a tuple."""
     held: tuple[Any, ...] = getattr(kind, "types", ())
     return held if isinstance(kind, types.BaseTuple) else None
 
 
 def _is_place(array: Any, at: Any) -> bool:
-    """Tell whether an index is one of whole numbers; others than lead to an element or a row are refused."""
+    """Return whether an index consists of whole numbers; others do not lead to an element or a row."""
     kinds = members(at) or (at,)
     if not all(isinstance(kind, types.Integer) for kind in kinds):
         return False
@@ -372,7 +372,7 @@ def _is_place(array: Any, at: Any) -> bool:
 
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
-    """Return the pointer to the element of an array that an index leads to."""
+    """Return the pointer to the element of an array at an index."""
     whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
     kinds = members(index)
     pairs = [(at, index)]
@@ -450,7 +450,7 @@ def _lower_gather(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     first = _place(context, builder, signature.args[0], array, at, signature.args[1])
     whole = builder.fptosi(offsets, ir.VectorType(I64, width))
     found = ir.Constant(offsets.type, ir.Undefined)
-    # one by one: on most processors an instruction that gathers is no faster
+    # one by one: on most processors a gather instruction is no faster
     for lane in range(width):
         element = builder.load(builder.gep(first, [builder.extract_element(whole, I32(lane))]), align=8)
         found = builder.insert_element(found, element, I32(lane))
@@ -500,13 +500,13 @@ def _lower_gather_rows(context: Any, builder: Any, signature: Any, args: Any) ->
 
 
 def _loaded(builder: Any, places: list[Any], size: int) -> list[Any]:
-    """Return so many elements from each of some pointers on."""
+    """Return `size` elements from each of some pointers on."""
     row = ir.VectorType(F64, size).as_pointer()
     return [builder.load(builder.bitcast(place, row), align=8) for place in places]
 
 
 def _columns(builder: Any, places: list[Any], size: int) -> list[Any]:
-    """Return the columns of short rows: all rows one after another, then every so many elements of that."""
+    """Return the columns of short rows: all rows concatenated, then every `size`-th element."""
     lanes = len(places)
     every = _beside(builder, _loaded(builder, places, size), lanes * size)
     return [
@@ -518,7 +518,7 @@ def _columns(builder: Any, places: list[Any], size: int) -> list[Any]:
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """Return the columns of a square, by exchanging blocks off the diagonal: of one, of two, of four."""
+    """Return the columns of a square, by exchanging off-diagonal blocks: of one, of two, of four."""
     size, stride = len(rows), 1
     while stride < size:
         upper = [k if k & stride == 0 else size + k - stride for k in range(size)]
@@ -533,7 +533,7 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
-    """Return vectors of one width one after another as one, or the first lanes of a single one."""
+    """Return the concatenation of vectors of one width, or the first lanes of a single one."""
     while len(parts) > 1:
         both = 2 * parts[0].type.count
         chosen = ir.Constant(ir.VectorType(I32, both), list(range(both)))
@@ -546,7 +546,7 @@ def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
 
 
 def _of_vector(operation: Any, kind: type, result: Any) -> Callable[[Any], Any]:
-    """Register an operation that makes a scalar of a vector or a mask."""
+    """Register an operation from a vector or a mask to a scalar."""
 
     def register(emit: Any) -> Any:
         typed(operation, lambda x: result if isinstance(x, kind) else None)
@@ -601,7 +601,7 @@ def _lower_count(builder: Any, mask: Any) -> Any:
 
 
 def _power_of_two(builder: Any, exponent: Any) -> Any:
-    """Put whole numbers where a float has its exponent, bits 52 to 62, which counts from 1023."""
+    """Put whole numbers into a float's exponent, bits 52 to 62, with its bias of 1023."""
     whole = ir.VectorType(I64, exponent.type.count)
     biased = builder.add(builder.fptosi(exponent, whole), ir.Constant(whole, [1023] * whole.count))
     return builder.bitcast(builder.shl(biased, ir.Constant(whole, [52] * whole.count)), exponent.type)

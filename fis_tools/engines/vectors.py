@@ -1,12 +1,12 @@
-"""Vectors of floats: one formula for many samples, as instructions of the processor where it is compiled.
+"""Vectors of floats: one formula for many samples, as the processor's vector instructions when compiled.
 
-A vector holds a float in each of its lanes; comparing vectors gives a mask, which holds a truth in each lane.
+A vector holds a float in each of its lanes; comparing vectors gives a mask, with a truth value in each lane.
 ``+ - * /``, comparisons, ``& | ^ ~``, `abs` and NumPy's ``sqrt``, ``floor`` and ``rint`` work lane by lane,
-between vectors and floats as well. A function that is written for floats therefore works on vectors, unless
-it branches on a comparison: it calls `select`, `least` or `most` instead, which take floats, too.
+between vectors and floats as well. A function written for floats therefore works on vectors, unless
+it branches on a comparison: it must call `select`, `least` or `most` instead, which also take floats.
 
-Here stands what the operations mean, in NumPy: a vector is an array of shape (width,), a mask one of bools.
-Kernels run on that where numba is switched off. `fis_tools.engines.vector_code` gives the same operations to
+This module defines the operations in NumPy: a vector is an array of shape (width,), a mask one of bools.
+Kernels run on these when numba is disabled. `fis_tools.engines.vector_code` gives the same operations to
 numba, where a vector is a value like a float. Its width is part of its type: where an operation takes a
 `width`, it is a constant, a power of two up to 64. See docs/explanation/vectors.md.
 """
@@ -17,23 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-#: A vector, or a float in its place; a mask, or a bool in its place.
+#: A vector, or a float instead; a mask, or a bool instead.
 Vector = Any
 Mask = Any
-#: The fields of a record that are rows of vectors: how many of each, along any number of axes.
+#: The fields of a record that are rows of vectors: their number, along any number of axes.
 Rows = dict[str, tuple[int, ...]]
-#: Where in an array a vector begins.
+#: Index in an array at which a vector begins.
 Place = int | tuple[int, ...]
 
 #: elements that `gather_rows` reads from each offset on
 ROW = 8
 
-#: bytes that processors fetch at once, most of them
+#: size of a cache line on most processors, bytes
 CACHE_LINE = 64
 
 
 class Lanes(np.ndarray[Any, Any]):
-    """An array of shape (width,) that is a value: `a += b` makes another `a`, as for numbers."""
+    """An array of shape (width,) with value semantics: `a += b` makes another `a`, as for numbers."""
 
 
 for _name in ("add", "sub", "mul", "truediv", "and", "or", "xor"):
@@ -46,14 +46,14 @@ def rows_of(fields: Rows, width: int) -> np.dtype[Any]:
 
 
 def make_rows(fields: Rows, width: int, count: int = 1) -> Any:
-    """Allocate such records, zeros, shape (count,), so that no vector lies across two lines of the cache."""
+    """Return such records, zeros, shape (count,), aligned so that no vector crosses a cache line."""
     return aligned(count, rows_of(fields, width)).view(np.recarray)
 
 
 def width_of(rows: Any) -> int:
-    """Return how many lanes the rows of a record have, or those of one of its fields.
+    """Return the number of lanes in the rows of a record, or in those of one of its fields.
 
-    In compiled code this is a constant: the type of a record tells the shapes of its fields.
+    In compiled code this is a constant: a record's type includes the shapes of its fields.
     """
     fields = rows.dtype.names
     return int((rows[fields[0]] if fields else rows).shape[-1])
@@ -67,9 +67,8 @@ def splat(value: float, width: int) -> Vector:
 def load(array: Floats, at: Place, width: int) -> Vector:
     """Return consecutive elements of an array, from an index on.
 
-    The index has as many numbers as the array has dimensions; of an array of shape (n, m) the number of a row
-    will do. Compiled code does not check that the elements lie inside the row, and counts no index from the
-    end.
+    The index has one number per dimension of the array; for an array of shape (n, m) a row number is enough.
+    Compiled code does not check that the elements lie inside the row, and does not support negative indices.
     """
     return np.array(_row_from(array, at)[:width]).view(Lanes)
 
@@ -77,13 +76,13 @@ def load(array: Floats, at: Place, width: int) -> Vector:
 def spread(array: Floats, at: int, width: int) -> Vector:
     """Return a vector with one element of an array of shape (n,) in each of its lanes.
 
-    Compiled code does not check that it lies inside the array, and counts no index from the end.
+    Compiled code does not check that it lies inside the array, and does not support negative indices.
     """
     return splat(array[at], width)
 
 
 def store(array: Floats, at: Place, vector: Vector) -> None:
-    """Write a vector to where `load` reads it."""
+    """Write a vector to the place from which `load` reads it."""
     _row_from(array, at)[: len(vector)] = vector
 
 
@@ -94,7 +93,7 @@ def _row_from(array: Floats, at: Place) -> Floats:
 
 
 def gather(array: Floats, at: int, offsets: Vector) -> Vector:
-    """Return the elements of an array of shape (n,) at offsets from an index; their fractions are cut off.
+    """Return the elements of an array of shape (n,) at offsets from an index; fractional parts are cut off.
 
     Compiled code does not check that they lie inside the array.
     """
@@ -106,8 +105,8 @@ def gather_rows(array: Floats, at: int, offsets: Vector, count: int, out: Floats
     """Write up to `ROW` consecutive elements from each offset on: the k-th of each lane to ``out[k]``.
 
     It equals `gather` from `at`, from ``at + 1`` and so on, and takes about as long as two of them. `out` has
-    the shape (n, width), n not less than `count`. Compiled code reads `ROW` elements from each offset on,
-    whatever the count, and does not check that they lie inside the array.
+    the shape (n, width), n at least `count`. Compiled code reads `ROW` elements from each offset on,
+    for any count, and does not check that they lie inside the array.
     """
     for row in range(count):
         out[row] = gather(array, at + row, offsets)
@@ -120,19 +119,19 @@ def select(mask: Mask, one: Vector, other: Vector) -> Vector:
 
 
 def least(one: Vector, other: Vector) -> Vector:
-    """Return the lesser; `other` where they are equal or one of them is NaN."""
+    """Return the smaller value; `other` where they are equal or one of them is NaN."""
     return select(one < other, one, other)
 
 
 def most(one: Vector, other: Vector) -> Vector:
-    """Return the greater; `other` where they are equal or one of them is NaN."""
+    """Return the larger value; `other` where they are equal or one of them is NaN."""
     return select(one > other, one, other)
 
 
 def higher(one: Vector, other: Vector) -> Vector:
-    """Return the greater of two degrees: numbers not below zero, none of them NaN.
+    """Return the larger of two degrees: nonnegative numbers, neither NaN.
 
-    It is `most` for those, whose bits are in order as whole numbers are: processors compare whole numbers
+    It equals `most` for those, whose bits are ordered like integers: processors compare integers
     while they compare floats for `least`.
     """
     return most(one, other)
@@ -146,19 +145,19 @@ def total(vector: Vector) -> float:
 
 
 def highest(vector: Vector) -> float:
-    """Return the greatest of the lanes, found by halves as by `total`; no lane is NaN."""
+    """Return the largest of the lanes, found by halves as in `total`; no lane may be NaN."""
     while len(vector) > 1:
         vector = most(vector[: len(vector) // 2], vector[len(vector) // 2 :])
     return float(vector[0])
 
 
 def some(mask: Mask) -> bool:
-    """Tell whether a mask holds in any lane."""
+    """Return whether a mask holds in any lane."""
     return bool(np.any(mask))
 
 
 def count(mask: Mask) -> int:
-    """Return in how many lanes a mask holds."""
+    """Return the number of lanes in which a mask holds."""
     return int(np.count_nonzero(mask))
 
 
@@ -175,21 +174,21 @@ def power_of_two(exponent: Vector) -> Vector:
 def borrowed(value: Any) -> Any:
     """Return an array, or a tuple with arrays in it, whose references compiled code does not count.
 
-    numba counts references by atomic operations, also where a function merely reads an element of an array in
-    a tuple. And it hands a tuple down number by number, which is most of what there is to compile where there
-    are hundreds; a named tuple that is borrowed is handed down as one pointer. Whoever calls has to hold what
-    is borrowed for as long as the call takes.
+    numba counts references by atomic operations, even where a function merely reads an element of an array in
+    a tuple. It also passes a tuple number by number, which dominates compilation where there
+    are hundreds; a borrowed named tuple is passed as one pointer. The caller must hold what
+    is borrowed for the duration of the call.
     """
     return value
 
 
 def padded(count: int, width: int) -> int:
-    """Return the least number of lanes of whole vectors that hold so many values."""
+    """Return the least number of lanes in whole vectors that holds `count` values."""
     return -(-count // width) * width
 
 
 def aligned(count: int, dtype: Any = np.float64) -> Any:
-    """Allocate zeros, shape (count,), so that no vector in whole rows lies across two lines of the cache."""
+    """Return zeros, shape (count,), aligned so that no vector in whole rows crosses a cache line."""
     kind = np.dtype(dtype)
     room = np.zeros(count * kind.itemsize + CACHE_LINE, dtype=np.uint8)
     skipped = -room.ctypes.data % CACHE_LINE

@@ -1,4 +1,4 @@
-"""Outputs that are weighed, compiled; `fis_tools.engines.inference` is the readable twin."""
+"""Weighted outputs, compiled; `fis_tools.engines.inference` is the readable twin."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,9 @@ def weigh(
     Parameters
     ----------
     universes : (num_inputs, 2)
-        The ends of each input, inside of which it is taken.
+        The ends of each input, to which it is clipped.
     earlier : (num_outputs, n)
-        The outputs before this one, which formulas may speak of.
+        The outputs before this one, which formulas may use.
     """
     if weighing.is_constant:
         _weigh_constants(
@@ -48,7 +48,7 @@ def weigh(
 
 
 def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlier: Floats) -> Floats:
-    """Return what the formulas of an output come to, (n, num_formulas); see `weigh`."""
+    """Return the values of an output's formulas, (n, num_formulas); see `weigh`."""
     found = np.empty((len(values), len(weighing.formulas)))
     if weighing.formulas:
         clipped = np.clip(values, universes[:, 0], universes[:, 1]).T
@@ -128,12 +128,12 @@ def _weigh(
 
 @compiled(error_model="numpy")
 def invert(kind: int, first: float, second: float, degree: float) -> float:
-    """Return where one of `fis_tools.engines.program.INVERTED` has a degree, as its own `inverse` does."""
+    """Return where one of `fis_tools.engines.program.INVERTED` has a degree, like its own `inverse`."""
     place: float
     if kind == RAMP:
         place = first + (second - first) * degree
     elif kind == SIGMOID:
-        # a logarithm of zero would warn where numba is switched off
+        # a logarithm of zero would warn when numba is disabled
         away = -np.log(1.0 / degree - 1.0) if degree < 1.0 else np.inf
         place = first + away / second
     elif kind == CONCAVE:

@@ -1,1 +1,1 @@
-"""Fuzzy systems to bounded vectors of numbers and back."""
+"""Fuzzy systems as bounded vectors of numbers, and back."""

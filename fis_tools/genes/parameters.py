@@ -1,9 +1,9 @@
 """A controller's tunable numbers as a flat vector of genes in [0, 1], and back.
 
-Tuned are, for every variable, the means of the inner terms (the outer ones stay at the ends of the range)
-and all standard deviations; for the output also how far its range reaches either side of zero; and the output
-term of every rule. Each inner mean moves inside a window of its own around its evenly spaced place, so that
-terms keep their order and stay apart whatever the genes are.
+For every variable, the means of the inner terms (the outer ones stay at the ends of the range) and all
+standard deviations are tuned; for the output also the half-width of its symmetric range; and the output term
+of every rule. Each inner mean moves inside its own window around its evenly spaced place, so that terms keep
+their order and stay apart whatever the genes are.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """How far genes can move what they tune.
+    """Range of what the genes tune.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Bounds:
     output_reach: tuple[float, float] = (0.01, 0.3)
 
     def __post_init__(self) -> None:
-        """Refuse windows that overlap and bounds that are not ascending and positive."""
+        """Raise ValueError for windows that overlap and bounds that are not ascending and positive."""
         if not 0 < self.mean_window < 1:
             raise ValueError(f"mean_window is {self.mean_window}; choose a fraction between 0 and 1")
         for name in ("standard_deviation", "output_reach"):
@@ -53,7 +53,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the genes of one system lie: of each variable, inputs first, the reach and the rules."""
+    """Positions of one system's genes: for each variable, inputs first, the reach and the rules."""
 
     means: tuple[slice, ...]
     widths: tuple[slice, ...]
@@ -63,7 +63,7 @@ class Places:
 
 @dataclass(frozen=True)
 class SystemEncoding:
-    """Which gene tunes what in the systems of one controller.
+    """The mapping from genes to the systems of one controller.
 
     Genes run system by system; inside a system input by input (inner means, then standard deviations), then
     the output (inner means, standard deviations, reach), then the rules, the last input fastest.
@@ -71,7 +71,7 @@ class SystemEncoding:
     Parameters
     ----------
     systems : tuple of FuzzySystem
-        The structure; its tunable numbers are the ones that `decode` replaces.
+        The structure; `decode` replaces its tunable numbers.
     bounds : Bounds
     """
 
@@ -79,7 +79,7 @@ class SystemEncoding:
     bounds: Bounds
 
     def __post_init__(self) -> None:
-        """Refuse systems that have no such genes."""
+        """Raise ValueError for systems that cannot be tuned in this way."""
         require_mamdani(self.systems, "tuning by these genes")
         for system in self.systems:
             if rule_table(system) is None:
@@ -100,7 +100,7 @@ class SystemEncoding:
         return len(self.gene_names())
 
     def gene_names(self) -> list[str]:
-        """Say for each gene what it tunes."""
+        """Return for each gene what it tunes."""
         names = []
         for system in self.systems:
             for variable in (*system.inputs, *system.outputs):
@@ -112,7 +112,7 @@ class SystemEncoding:
         return names
 
     def places(self) -> "list[Places]":
-        """Say for each system where its genes lie."""
+        """Return for each system the positions of its genes."""
         places, at = [], 0
         for system in self.systems:
             means, widths = [], []
@@ -127,7 +127,7 @@ class SystemEncoding:
         return places
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
-        """Build the systems that one genome of shape (num_genes,) stands for."""
+        """Return the systems of one genome of shape (num_genes,)."""
         genes = self._read(np.asarray(genome, dtype=np.float64)[np.newaxis])
         systems = []
         for system in self.systems:
@@ -163,7 +163,7 @@ class SystemEncoding:
         return Packed(layout, values, rules, tuple(cells))
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
-        """Find the genome, shape (num_genes,), of systems of this structure; what lies outside is clipped."""
+        """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
         genes: list[float] = []
         for system in systems:
             for variable in (*system.inputs, *system.outputs):
@@ -245,7 +245,7 @@ class _Genes:
 
 
 def _fault(variable: Variable) -> str:
-    """Say why a variable cannot be tuned; nothing where it can."""
+    """Return why a variable cannot be tuned, or nothing."""
     if len(variable.terms) < 2:
         return f"has {len(variable.terms)} term; give it two or more to tune it"
     if variable.points is not None:

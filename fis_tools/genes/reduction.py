@@ -1,8 +1,8 @@
-"""Fewer genes than a genome has: short vectors that stand for whole genomes, for searches that need few.
+"""Reduced genomes: short vectors that represent whole genomes, for searches that need few genes.
 
-`Planes` describes each system by a gain for each input, which lays its rule table out as a plane, a width for
-each variable's terms, and the output's reach; terms are evenly spaced. `KeptRules` leaves the rules as they
-are and tunes the rest.
+`Planes` describes each system by a gain for each input, which makes its rule table a plane, a width for
+each variable's terms, and the output's reach; terms are evenly spaced. `KeptRules` keeps the rules and
+tunes the rest.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ GREATEST_GAIN = 3.0
 
 @dataclass(frozen=True)
 class Planes:
-    """Rule tables that lean: for each system gains, widths and the reach, all in [0, 1].
+    """Planar rule tables: for each system gains, widths and the reach, all in [0, 1].
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Planes:
         return sum(2 * len(system.inputs) + 2 for system in self.encoding.systems)
 
     def gene_names(self) -> list[str]:
-        """Say for each gene what it tunes."""
+        """Return for each gene what it tunes."""
         names = []
         for system in self.encoding.systems:
             inputs, output = [v.name for v in system.inputs], system.outputs[0].name
@@ -48,7 +48,7 @@ class Planes:
         return names
 
     def expand(self, genes: Floats) -> Floats:
-        """Return the genomes, shape (n, encoding.num_genes), for which short ones of shape (n, k) stand."""
+        """Return the genomes, shape (n, encoding.num_genes), of short ones of shape (n, k)."""
         genomes = np.full((len(genes), self.encoding.num_genes), 0.5)
         at = 0
         for system, places in zip(self.encoding.systems, self.encoding.places(), strict=True):
@@ -76,14 +76,14 @@ class Planes:
 
 @dataclass(frozen=True)
 class KeptRules:
-    """Whole genomes without the genes of their rules, which stay those of one genome.
+    """Whole genomes without the genes of their rules, which are those of a given genome.
 
     Parameters
     ----------
     encoding : SystemEncoding
         Of the whole genomes.
     genome : (encoding.num_genes,) array
-        Whose rules are kept.
+        Its rules are kept.
     """
 
     encoding: SystemEncoding
@@ -95,13 +95,13 @@ class KeptRules:
         return int(self._is_tuned().sum())
 
     def gene_names(self) -> list[str]:
-        """Say for each gene what it tunes."""
+        """Return for each gene what it tunes."""
         return [
             name for name, tuned in zip(self.encoding.gene_names(), self._is_tuned(), strict=True) if tuned
         ]
 
     def expand(self, genes: Floats) -> Floats:
-        """Return the genomes, shape (n, encoding.num_genes), for which short ones of shape (n, k) stand."""
+        """Return the genomes, shape (n, encoding.num_genes), of short ones of shape (n, k)."""
         genomes = np.repeat(self.genome[np.newaxis], len(genes), axis=0)
         genomes[:, self._is_tuned()] = genes
         return genomes
@@ -118,18 +118,18 @@ class KeptRules:
 
 
 def plane_terms(system: FuzzySystem, gains: Floats) -> Floats:
-    """Return the output term of each rule where gains, shape (n, inputs), lay the table out, (n, rules)."""
+    """Return the output term of each rule of planar tables with gains, shape (n, inputs), as (n, rules)."""
     last = len(system.outputs[0].terms) - 1
     return np.asarray(np.clip(np.rint(0.5 * last * (1.0 + gains @ _cells(system).T)), 0, last))
 
 
 def plane_gains(system: FuzzySystem, terms: Floats) -> Floats:
-    """Return the gains, shape (inputs,), that fit the output terms of a table, shape (rules,), best.
+    """Return the gains, shape (inputs,), that best fit the output terms of a table, shape (rules,).
 
-    Even where the ends cut much of the plane off.
+    This works even if much of the plane is clipped at the ends.
     """
     try:
-        from scipy.optimize import least_squares  # noqa: PLC0415 - large, and nothing else here needs it
+        from scipy.optimize import least_squares  # noqa: PLC0415 - large, and used only here
     except ModuleNotFoundError as error:
         raise MissingExtra("fitting planes to rule tables", "scipy", '"fis-tools[genes]"') from error
 
@@ -142,6 +142,6 @@ def plane_gains(system: FuzzySystem, terms: Floats) -> Floats:
 
 
 def _cells(system: FuzzySystem) -> Floats:
-    """Return where each rule's terms lie in their ranges, from -1 to 1, shape (rules, inputs)."""
+    """Return the position of each rule's terms in their ranges, from -1 to 1, shape (rules, inputs)."""
     axes = [np.linspace(-1.0, 1.0, len(variable.terms)) for variable in system.inputs]
     return np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], axis=1)

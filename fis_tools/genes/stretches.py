@@ -1,8 +1,8 @@
-"""Few genes that keep a controller easy to read: ranges stretch, tables lean, numbers are rounded.
+"""Few genes that keep a controller readable: stretched ranges, planar tables, rounded numbers.
 
-The range of every variable is stretched about zero with all its terms, so that their shapes, their order and
-what they share stay as drawn: terms that hold every value by a half, each alone at its peak, do so whatever
-the genes are. Rule tables are planes (`fis_tools.genes.reduction`) or stay as they are.
+The range of every variable is stretched about zero with all its terms, so that their shapes, order and
+overlap stay as drawn: for instance, terms that cross at one half and are each one at their own peak only,
+stay so for all genes. Rule tables are planes (`fis_tools.genes.reduction`) or stay as they are.
 """
 
 from dataclasses import dataclass, replace
@@ -16,17 +16,18 @@ from fis_tools.model import FuzzySystem, Term, Variable, rule_table, table_rules
 
 Floats = NDArray[np.float64]
 
-#: with more, a step from one term of an input to the next would move the output by more than half its range
+#: with a larger gain, a step from one input term to the next would move the output by more than half its
+#: range
 GREATEST_GAIN = 1.0
-#: further digits of the terms' own numbers, which are parts of the rounded range
+#: further digits of the terms' own numbers, which are fractions of the rounded range
 MORE_DIGITS = 2
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """Which gene stretches what in the systems of one controller; all genes are in [0, 1].
+    """The mapping from genes to stretches in the systems of one controller; all genes are in [0, 1].
 
-    Genes run system by system: a gain for each input where tables are planes, then the stretch of each input
+    Genes run system by system: a gain for each input if tables are planes, then the stretch of each input
     and of the output.
 
     Parameters
@@ -34,9 +35,9 @@ class Stretches:
     systems : tuple of FuzzySystem
         Each a full rule table, with ranges symmetric about zero.
     factors : (float, float)
-        The least and the greatest stretch; its gene is logarithmic.
+        The least and the greatest stretch; the gene is logarithmic.
     has_planes : bool
-        Whether tables are planes; else they stay.
+        Whether tables are planes; else they are kept.
     digits : int or None
         Significant digits to which ranges are rounded.
     """
@@ -47,7 +48,7 @@ class Stretches:
     digits: int | None = None
 
     def __post_init__(self) -> None:
-        """Refuse systems that have no such genes."""
+        """Raise ValueError for systems that cannot be tuned in this way."""
         for system in self.systems:
             if rule_table(system) is None:
                 raise ValueError(f"system {system.name!r} is not a full rule table; only those can be tuned")
@@ -64,7 +65,7 @@ class Stretches:
         return len(self.gene_names())
 
     def gene_names(self) -> list[str]:
-        """Say for each gene what it tunes."""
+        """Return for each gene what it tunes."""
         names = []
         for system in self.systems:
             if self.has_planes:
@@ -73,7 +74,7 @@ class Stretches:
         return names
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
-        """Build the systems that one genome of shape (num_genes,) stands for."""
+        """Return the systems of one genome of shape (num_genes,)."""
         low, high = self.factors
         systems, at = [], 0
         for system in self.systems:
@@ -83,7 +84,7 @@ class Stretches:
                 gains = GREATEST_GAIN * (2.0 * genome[at : at + count] - 1.0)
                 table = plane_terms(system, gains[np.newaxis])[0].astype(np.int64)
                 at += count
-            assert table is not None  # noqa: S101 - any other has been refused
+            assert table is not None  # noqa: S101 - others are rejected above
             factors = low * (high / low) ** genome[at : at + count + 1]
             at += count + 1
             inputs = tuple(self._stretched(v, f) for v, f in zip(system.inputs, factors, strict=False))
@@ -100,7 +101,7 @@ class Stretches:
         return replace(packed[0], values=values, rules=np.concatenate([one.rules for one in packed]))
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
-        """Find the genome, shape (num_genes,), of systems of this structure; what lies outside is clipped."""
+        """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
         low, high = self.factors
         genes: list[float] = []
         for own, system in zip(self.systems, systems, strict=True):
@@ -135,5 +136,5 @@ class Stretches:
 
 
 def rounded(value: float, digits: int | None) -> float:
-    """Return a number with so many significant digits; as it is with None."""
+    """Return a number rounded to significant digits; unchanged for None."""
     return float(value) if digits is None else float(f"{value:.{digits}g}")

@@ -1,4 +1,4 @@
-"""What a fuzzy system is: variables, terms, rules, systems; their shapes, operators and checks."""
+"""The model of a fuzzy system: variables, terms, rules, systems; their shapes, operators and checks."""
 
 from fis_tools.model.formulas import Formula
 from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike

@@ -1,8 +1,8 @@
-"""Rules that ask for what other rules conclude, said of the inputs alone.
+"""Chained rules, which use other rules' conclusions, rewritten in terms of the inputs.
 
-scikit-fuzzy and fuzzylite hand on a degree of truth, not a number: where a rule asks for a term of an output,
-they take the height at which that term is cut, as far as the rules before it have raised it. So the
-antecedents of those rules, joined by `or`, stand in the place of the term.
+scikit-fuzzy and fuzzylite pass on a degree of truth, not a number: if a rule uses a term of an output,
+they take the height at which that term is cut by the rules computed so far. So the
+antecedents of those rules, joined by `or`, replace the term.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,29 +14,29 @@ from fis_tools.model.variables import Variable
 
 _Name = TypeVar("_Name", bound=str)
 
-#: Statements that one antecedent may come to; chains can double it from link to link.
+#: Most statements in one antecedent; chains can double their number from link to link.
 MOST_STATEMENTS = 10_000
 
 
 class NotResolvable(ValueError):  # noqa: N818 - the sentence is the message
-    """Raised for a chain that cannot be said of the inputs alone."""
+    """Raised for a chain that cannot be expressed by the inputs alone."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """A rule, and what it is called in a sentence."""
+    """A rule, and its name in messages."""
 
     name: str
     rule: Rule
 
 
 def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[Rule]:
-    """Say rules of the inputs alone, given in the order in which they are computed.
+    """Return rules in terms of the inputs only, given in the order in which they are computed.
 
     Raises
     ------
     NotResolvable
-        If no antecedent can stand in the place of what a rule asks for.
+        If no antecedent can replace what a rule uses.
     """
     concluded: dict[Is, list[tuple[Named, Consequent]]] = {}
     found: list[Rule] = []

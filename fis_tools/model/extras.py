@@ -1,17 +1,17 @@
-"""Packages that only some uses need, and what to say where one is missing."""
+"""Optional packages, and the message when one is missing."""
 
 
 class MissingExtra(ImportError):  # noqa: N818
-    """Something needs a package that this installation lacks.
+    """An optional package is needed but not installed.
 
     Parameters
     ----------
     use : str
         What needs the package.
     package : str
-        What is missing.
+        The missing package.
     cure : str
-        The words after ``python -m pip install`` that install it.
+        The arguments of ``python -m pip install`` that install it.
     """
 
     def __init__(self, use: str, package: str, cure: str) -> None:

@@ -1,7 +1,7 @@
-"""Numbers that rules conclude by a formula of the inputs, as fuzzylite's `Function`: parsed, never executed.
+"""Rule conclusions given as formulas of the inputs, like fuzzylite's `Function`: parsed, never executed.
 
-A formula has numbers, names of inputs and of outputs that stand before its own, parentheses, the functions
-and the operators below, and nothing else. Powers bind tighter than products, these tighter than sums.
+A formula consists of numbers, names of inputs and of outputs before its own, parentheses, the functions
+and the operators below. Powers bind tighter than products, these tighter than sums.
 """
 
 import re
@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools.model.numbers import Number
 from fis_tools.model.shape import Floats, shape
 
-#: Numbers, names and signs of a formula, and how deep its parts may be nested.
+#: Tokens of a formula, and how deep its parts may be nested.
 MOST_WORDS = 300
 DEEPEST = 50
 
@@ -47,21 +47,21 @@ _TOKEN = re.compile(
 
 
 class NotAFormula(ValueError):  # noqa: N818 - the sentence is the message
-    """Raised for a text that is no formula; it says why."""
+    """Raised for a text that is not a formula; it says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of a formula: a number, a name, or what is computed from other parts.
+    """A part of a formula: a number, a name, or an operation on other parts.
 
     Parameters
     ----------
     word : str
-        The name, operator or function; nothing for a number.
+        The name, operator or function; empty for a number.
     parts : tuple of Part
-        What an operator or function takes.
+        Arguments of an operator or function.
     number : float
-        Of a number.
+        Value of a number.
     """
 
     word: str
@@ -81,7 +81,7 @@ class Part:
             yield from part.names()
 
     def value(self, values: Mapping[str, Floats]) -> Any:
-        """Return what it comes to for the values of variables; NaN or infinite where it has no value."""
+        """Return its value for given variables; NaN or infinite where undefined."""
         if not self.word:
             return np.float64(self.number)
         if self.is_name:
@@ -90,7 +90,7 @@ class Part:
         return function(*(part.value(values) for part in self.parts))
 
     def text(self, names: Mapping[str, str]) -> str:
-        """Return it in writing, with other names of variables."""
+        """Return it as text, with variables renamed."""
         if not self.word:
             return repr(self.number)
         if self.is_name:
@@ -106,7 +106,7 @@ class Part:
 @shape("formula", "{text}", fll=("Function",))
 @dataclass(frozen=True, slots=True)
 class Formula(Number):
-    """What a formula of the inputs, clipped to their universes, and of the outputs before comes to."""
+    """The value of a formula of the inputs, clipped to their universes, and of earlier outputs."""
 
     text: Annotated[str, None]
 
@@ -117,17 +117,17 @@ class Formula(Number):
         Raises
         ------
         NotAFormula
-            If it is none.
+            If the text is not a formula.
         """
         return parse(self.text)
 
     def value(self, values: Mapping[str, Floats]) -> Any:
-        """Return what it comes to for the values of variables, by their names."""
+        """Return its value for given variables, by their names."""
         with np.errstate(all="ignore"):
             return self.parsed.value(values)
 
     def row(self, num_inputs: int) -> tuple[float, ...]:
-        """Refuse: a formula is not linear.
+        """Raise TypeError: a formula is not linear.
 
         Raises
         ------
@@ -144,7 +144,7 @@ def parse(text: str) -> Part:
     Raises
     ------
     NotAFormula
-        If it is none.
+        If the text is not a formula.
     """
     tokens, place = [], 0
     while text[place:].strip():
@@ -162,7 +162,7 @@ def parse(text: str) -> Part:
 
 
 def linear(part: Part, inputs: Sequence[str]) -> tuple[Floats, float] | None:
-    """Return the factor of each input, and the constant, of a formula that is linear; None of any other."""
+    """Return the factor of each input, and the constant, of a linear formula; None for any other."""
     if not part.word:
         return np.zeros(len(inputs)), part.number
     if part.is_name:
@@ -192,7 +192,7 @@ def _combined(
 
 
 class _Parser:
-    """A formula being read, from the left; each method reads what binds tighter than the one before."""
+    """Parser of a formula, from left to right; each method parses what binds tighter than the one before."""
 
     def __init__(self, text: str, tokens: Sequence[tuple[str, str]]) -> None:
         self.text = text

@@ -1,4 +1,4 @@
-"""The membership shapes that fuzzylite has besides: formulas, wording and names as in its version 6."""
+"""Further membership shapes of fuzzylite: formulas, wording and names as in its version 6."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class Spike(MembershipFunction):
 @shape("cosine", "cosine, centre {centre}, width {width}", fll=("Cosine",), fis=("cosinemf",))
 @dataclass(frozen=True, slots=True)
 class Cosine(MembershipFunction):
-    """One wave of a cosine between 0 and 1 over `width`, the crest at the `centre`; zero beyond."""
+    """One period of a cosine between 0 and 1 over `width`, with the crest at the `centre`; zero beyond."""
 
     centre: Place
     width: Width
@@ -45,7 +45,7 @@ class Cosine(MembershipFunction):
 )
 @dataclass(frozen=True, slots=True)
 class Concave(MonotoneFunction):
-    """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls where that is left."""
+    """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls if `end` is left."""
 
     inflection: Place
     end: Place
@@ -57,12 +57,12 @@ class Concave(MonotoneFunction):
         return np.where(is_below, span / np.where(is_below, 2.0 * self.end - self.inflection - x, 1.0), 1.0)
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees."""
+        """Return the points with these degrees."""
         return 2.0 * self.end - self.inflection + (self.inflection - self.end) / degrees
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Where it reaches one."""
+        """The point where it reaches one."""
         return (self.end,)
 
 
@@ -87,14 +87,14 @@ class SemiEllipse(MembershipFunction):
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Its feet, where it rises without a slope."""
+        """Its feet, where the slope is infinite."""
         return self.start, self.end
 
 
 @shape("arc", "arc from zero at {start} to one at {end}", fll=("Arc",))
 @dataclass(frozen=True, slots=True)
 class Arc(MonotoneFunction):
-    """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls where that is left."""
+    """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls if `end` is left."""
 
     start: Place
     end: Place
@@ -106,7 +106,7 @@ class Arc(MonotoneFunction):
         return np.where(is_beyond, 1.0, _circle(x, self.end, abs(span)))
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees."""
+        """Return the points with these degrees."""
         return self.end + (self.start - self.end) * np.sqrt(1.0 - np.square(degrees))
 
     @property
@@ -118,7 +118,7 @@ class Arc(MonotoneFunction):
 @shape("ramp", "ramp from zero at {start} to one at {end}")
 @dataclass(frozen=True, slots=True)
 class Ramp(MonotoneFunction):
-    """A straight line from zero at `start` to one at `end`, level beyond; falls where that is left."""
+    """A straight line from zero at `start` to one at `end`, level beyond; falls if `end` is left."""
 
     start: Place
     end: Place
@@ -128,7 +128,7 @@ class Ramp(MonotoneFunction):
         return np.clip((x - self.start) / (self.end - self.start), 0.0, 1.0)
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees."""
+        """Return the points with these degrees."""
         return self.start + (self.end - self.start) * degrees
 
     @property
@@ -138,7 +138,7 @@ class Ramp(MonotoneFunction):
 
 
 def _circle(x: Floats, centre: float, radius: float) -> Floats:
-    """Return the height of a circle over points, of radius one when drawn to scale; zero beside it."""
+    """Return the height of a circle at points, scaled to a radius of one; zero outside."""
     inside = radius * radius - np.square(x - centre)
     heights: Floats = np.sqrt(np.maximum(inside, 0.0)) / radius
     return heights

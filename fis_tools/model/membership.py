@@ -1,7 +1,7 @@
-"""Membership functions sampled on a variable's universe: the numbers every engine works with.
+"""Membership functions sampled on a variable's universe, as used by every engine.
 
-Values below `fis_tools.model.shapes.SMALLEST_MEMBERSHIP` are zero, because differences of denormal numbers
-lose all their digits.
+Values below `fis_tools.model.shapes.SMALLEST_MEMBERSHIP` are set to zero, because differences of denormal
+numbers lose all their digits.
 """
 
 import numpy as np
@@ -17,9 +17,9 @@ def sample(variable: Variable, term: Term) -> Floats:
     Parameters
     ----------
     variable : Variable
-        Where to sample.
+        Its universe is sampled.
     term : Term
-        What to sample.
+        The term to sample.
 
     Returns
     -------
@@ -48,21 +48,21 @@ def sample_terms(variable: Variable) -> Floats:
 
 
 def shape_values(universe: Floats, shape: MembershipFunction) -> Floats:
-    """Evaluate a membership function's formula as it stands; `sample` is what inference uses.
+    """Evaluate a membership function's formula, keeping tiny values; inference uses `sample`.
 
     Parameters
     ----------
     universe : array
-        Where, shape (num_points,).
+        Shape (num_points,).
     shape : MembershipFunction
-        Its parameters fit together (see `fis_tools.model.validate`).
+        With valid parameters (see `fis_tools.model.validate`).
     """
     with np.errstate(all="ignore"):
         return shape.at(universe)
 
 
 def is_unimodal(values: Floats) -> bool:
-    """Return whether values only rise, then only fall; flat stretches count as either.
+    """Return whether values first rise, then fall; flat stretches count as either.
 
     Parameters
     ----------

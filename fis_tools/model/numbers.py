@@ -1,7 +1,8 @@
-"""What a Takagi-Sugeno rule concludes in place of a fuzzy set: a number, the same always or linear in inputs.
+"""Conclusions of Takagi-Sugeno rules: a number instead of a fuzzy set, constant or linear in the inputs.
 
 Takagi and Sugeno, *Fuzzy identification of systems and its applications to modeling and control*, IEEE
-Transactions on Systems, Man, and Cybernetics 15 (1985). An output of such terms is weighed, not defuzzified.
+Transactions on Systems, Man, and Cybernetics 15 (1985). Outputs with such terms are weighted averages or
+sums.
 """
 
 from abc import abstractmethod
@@ -12,10 +13,10 @@ from fis_tools.model.shape import Floats, MembershipFunction, Place, shape
 
 @dataclass(frozen=True, slots=True)
 class Number(MembershipFunction):
-    """A term of a weighed output that is a number; nothing belongs to it to any degree."""
+    """A term that is a number, of a weighted output; it has no degrees of membership."""
 
     def at(self, x: Floats) -> Floats:
-        """Refuse: asked of a number this is a slip in a program.
+        """Raise TypeError: a number has no membership function.
 
         Raises
         ------

@@ -1,9 +1,9 @@
-"""How degrees of truth combine and change: the operators behind `and` and `or`, and hedges, by name.
+"""Operators on degrees of truth, by name: those behind `and` and `or`, and hedges.
 
-Each takes arrays, or numbers, in [0, 1]. The or-operators are the duals of the and-operators in the same
-place: ``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar and Pap, *Triangular Norms*
-(2000), names as in fuzzylite and Octave's fuzzy-logic-toolkit. Hedges are those of IEEE 1855, annex A, whose
-`intensify` is `intensely` here; each leaves 0 and 1 as they are and grows in between.
+Each takes arrays, or numbers, in [0, 1]. The or-operators are the duals of the and-operators at the same
+place in the list: ``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar and Pap,
+*Triangular Norms* (2000), names as in fuzzylite and Octave's fuzzy-logic-toolkit. Hedges are those of IEEE
+1855, annex A, whose `intensify` is `intensely` here; each keeps 0 and 1 and increases in between.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ Accumulation = Literal[OrOperator, "product"]
 Aggregation = Literal[OrOperator, "unbounded_sum"]
 Hedge = Literal["very", "somewhat", "extremely", "intensely", "seldom"]
 
-#: Of a defuzzifier: those that weigh what rules conclude by how strongly they fire, and form no fuzzy set.
+#: Defuzzifiers that weight conclusions by firing strengths and form no fuzzy set.
 WEIGHING: tuple[Defuzzifier, ...] = ("weighted_average", "weighted_sum")
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ def hamacher_product(a: Floats, b: Floats) -> Floats:
 
 
 def drastic_product(a: Floats, b: Floats) -> Floats:
-    """Return the one where the other is one, else zero."""
+    """Return one operand where the other is one, else zero."""
     return np.where(b == 1.0, a, np.where(a == 1.0, b, 0.0))
 
 
@@ -70,7 +70,7 @@ def nilpotent_minimum(a: Floats, b: Floats) -> Floats:
 
 
 def probabilistic_sum(a: Floats, b: Floats) -> Floats:
-    """Return ``a + b - a b``, the disjunction that belongs to the product."""
+    """Return ``a + b - a b``, the dual of the product."""
     return a + b - a * b
 
 
@@ -87,7 +87,7 @@ def einstein_sum(a: Floats, b: Floats) -> Floats:
 def hamacher_sum(a: Floats, b: Floats) -> Floats:
     """Return ``(a + b - 2 a b) / (1 - a b)``; one where both are one.
 
-    The sum as it stands loses its digits near one, the complement of complements near zero.
+    The formula loses digits near one, the complement of complements near zero.
     """
     both = a * b
     rest = np.where(both == 1.0, 1.0, 1.0 - both)
@@ -96,7 +96,7 @@ def hamacher_sum(a: Floats, b: Floats) -> Floats:
 
 
 def drastic_sum(a: Floats, b: Floats) -> Floats:
-    """Return the one where the other is zero, else one."""
+    """Return one operand where the other is zero, else one."""
     return np.where(b == 0.0, a, np.where(a == 0.0, b, 1.0))
 
 
@@ -106,7 +106,7 @@ def nilpotent_maximum(a: Floats, b: Floats) -> Floats:
 
 
 def unbounded_sum(a: Floats, b: Floats) -> Floats:
-    """Return ``a + b``, which no disjunction may: MATLAB's aggregation by sum."""
+    """Return ``a + b``, which is not a disjunction: MATLAB's aggregation by sum."""
     return a + b
 
 
@@ -116,22 +116,22 @@ def very(a: Floats) -> Floats:
 
 
 def somewhat(a: Floats) -> Floats:
-    """Return the root of `a`; rounding may have taken it below zero."""
+    """Return the square root of `a`, which rounding may have made negative."""
     return np.sqrt(np.fmax(a, 0.0))
 
 
 def extremely(a: Floats) -> Floats:
-    """Return ``a a a``, as MATLAB; fuzzylite calls `intensely` so."""
+    """Return ``a a a``, as in MATLAB; in fuzzylite this name means `intensely`."""
     return a * a * a
 
 
 def intensely(a: Floats) -> Floats:
-    """Return ``2 a a`` up to a half, ``1 - 2 (1 - a) (1 - a)`` above: what is likely becomes likelier."""
+    """Return ``2 a a`` up to a half, ``1 - 2 (1 - a) (1 - a)`` above: contrast is intensified."""
     return np.where(a <= 0.5, 2.0 * a * a, 1.0 - 2.0 * (1.0 - a) * (1.0 - a))
 
 
 def seldom(a: Floats) -> Floats:
-    """Return the reverse of `intensely`: ``sqrt(a / 2)`` up to a half, ``1 - sqrt((1 - a) / 2)`` above."""
+    """Return the inverse of `intensely`: ``sqrt(a / 2)`` up to a half, ``1 - sqrt((1 - a) / 2)`` above."""
     low, high = np.sqrt(0.5 * np.fmax(a, 0.0)), 1.0 - np.sqrt(0.5 * np.fmax(1.0 - a, 0.0))
     return np.where(a <= 0.5, low, high)
 

@@ -27,7 +27,7 @@ def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Seque
     inputs : sequence of Variable
         The table's axes.
     output : Variable
-        What the rules conclude on.
+        Variable of the conclusions.
     consequents : sequence of str
         The output term of each cell, the last input changing fastest.
 
@@ -51,8 +51,8 @@ def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Seque
 def rule_table(system: FuzzySystem) -> NDArray[np.int64] | None:
     """Return the consequents of a full rule table as output term indices, or None for any other rule base.
 
-    A full table has one output, one rule for each combination of input terms, in the order of
-    `table_antecedents`, each of weight one and without operators of its own.
+    A full table has one output and one rule for each combination of input terms, in the order of
+    `table_antecedents`, each with weight one and without its own operators.
 
     Returns
     -------
@@ -84,16 +84,16 @@ def table_cells(inputs: Sequence[Variable]) -> NDArray[np.int64]:
 
 
 def conjunctions(system: FuzzySystem) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-    """Return the rules of a system as numbers where each is a plain conjunction, or None.
+    """Return the rules of a system as numbers if each is a plain conjunction, else None.
 
-    Such a rule base has one output, and each rule asks for at most one term of each input, concludes one
-    term with weight one and has no operators of its own. A full rule table is one, a table with cells missing
-    too.
+    Such a rule base has one output, and each rule uses at most one term of each input, concludes one
+    term with weight one and has no operators of its own. Full rule tables are included, as are tables with
+    missing cells.
 
     Returns
     -------
     cells : (rules, inputs) int
-        The term that a rule asks for of each input; -1 where it asks for none.
+        The term of each input that a rule uses; -1 for none.
     consequents : (rules,) int
         The output term that it concludes.
     """

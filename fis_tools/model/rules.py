@@ -1,4 +1,4 @@
-"""Rules: a statement about the inputs, and what it concludes on the outputs."""
+"""Rules: a statement about the inputs, and its consequents on the outputs."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Not:
 
 @dataclass(frozen=True, slots=True)
 class Hedged:
-    """A statement, or several, with a hedge before: ``variable is very term``."""
+    """A statement, or several, preceded by a hedge: ``variable is very term``."""
 
     hedge: Hedge
     operand: "Expression"
@@ -47,7 +47,7 @@ Expression = Is | Not | Hedged | And | Or
 
 
 def parts_of(expression: Expression) -> Iterator[Expression]:
-    """Yield an antecedent and everything that it is made of, from left to right."""
+    """Yield an antecedent and all its parts, from left to right."""
     yield expression
     match expression:
         case Not(operand) | Hedged(_, operand):
@@ -63,7 +63,7 @@ def statements_of(expression: Expression) -> Iterator[Is]:
 
 
 def with_statements(expression: Expression, said: Callable[[Is], Expression]) -> Expression:
-    """Return an antecedent with what is to be said in the place of each of its statements."""
+    """Return an antecedent with each of its statements replaced."""
     match expression:
         case Is():
             return said(expression)
@@ -77,7 +77,7 @@ def with_statements(expression: Expression, said: Callable[[Is], Expression]) ->
 
 @dataclass(frozen=True, slots=True)
 class Consequent:
-    """What a rule concludes: ``variable is term``, its strength multiplied by `weight`."""
+    """A rule's consequent: ``variable is term``, with its strength multiplied by `weight`."""
 
     variable: str
     term: str
@@ -88,7 +88,7 @@ class Consequent:
 class Rule:
     """If `antecedent` then all of `consequents`.
 
-    A rule has operators of its own where it departs from its system.
+    A rule may have its own operators instead of its system's.
     """
 
     antecedent: Expression
@@ -99,5 +99,5 @@ class Rule:
 
     @property
     def has_own_operators(self) -> bool:
-        """Whether it says itself how its statements combine."""
+        """Whether it has its own operators."""
         return self.and_operator is not None or self.or_operator is not None

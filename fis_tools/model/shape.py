@@ -1,7 +1,7 @@
-"""What a membership shape is, and the registry of those that exist; `fis_tools.model.shapes` fills it.
+"""The base class of membership shapes, and their registry; `fis_tools.model.shapes` fills it.
 
-The entry of a shape holds all that the rest of the toolkit asks for, so that a shape is added in one place:
-its formula, which numbers it takes and how they must relate, how it is worded, and its names in files.
+The entry of a shape contains all that the rest of the toolkit needs, so that a shape is added in one place:
+its formula, its numbers and their relations, its wording, and its names in files.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 #: A file format of other programs that names shapes.
 Format = Literal["fis", "fll", "fml"]
 
-# What the numbers of a shape can be.
+# The kinds of numbers that a shape has.
 #: A point, in the unit of the variable.
 Place = Annotated[float, "place"]
 #: A positive length, in the unit of the variable.
@@ -31,23 +31,23 @@ Exponent = Annotated[float, "exponent"]
 
 @dataclass(frozen=True)
 class Entry:
-    """What there is to know about a shape besides its formula.
+    """The description of a shape, apart from its formula.
 
     Parameters
     ----------
     name : str
-        What our own files call it.
+        Its name in our own files.
     phrase : str
         The shape in words, with its numbers in braces.
     kinds : mapping of str to str
-        Its numbers by name, and what each can be: ``"place"``, ``"width"`` and so on.
+        Its numbers by name, and their kinds: ``"place"``, ``"width"`` and so on.
     ascending : tuple of str
-        Numbers that may not fall from one to the next.
+        Numbers that must not decrease from one to the next.
     flanks : tuple of (str, str)
-        Pairs of these of which the second must be above the first.
+        Pairs of these of which the second must be greater than the first.
     words : mapping of str to tuple of str
-        For each format that knows the shape, its name there, then its numbers in the format's order, where
-        this is not their own.
+        For each format that has the shape, its name there, then its numbers in the format's order, if
+        that differs.
     """
 
     name: str
@@ -66,24 +66,24 @@ class MembershipFunction(ABC):
 
     @abstractmethod
     def at(self, x: Floats) -> Floats:
-        """Evaluate the formula at points of shape (n,), as `fis_tools.model.membership.sample` does."""
+        """Evaluate the formula at points of shape (n,); see `fis_tools.model.membership.sample`."""
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Where it turns at once, ascending, twice where it jumps: points of a universe, to be exact."""
+        """Its corners, ascending, jumps twice: points that the universe needs for an exact result."""
         return ()
 
 
 @dataclass(frozen=True, slots=True)
 class MonotoneFunction(MembershipFunction):
-    """A membership function that only rises or only falls, so that a Tsukamoto rule can conclude it."""
+    """A membership function that only rises or only falls, as in the consequent of a Tsukamoto rule."""
 
     @abstractmethod
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees, each above zero; the formula may lead out of the range."""
+        """Return the points with these degrees, each above zero; they may be outside the range."""
 
 
-#: Every shape, by the name that our own files give it.
+#: Every shape, by its name in our own files.
 SHAPES: dict[str, type[MembershipFunction]] = {}
 _Shape = TypeVar("_Shape", bound=MembershipFunction)
 
@@ -96,9 +96,9 @@ def shape(
     flanks: tuple[tuple[str, str], ...] = (),
     **words: tuple[str, ...],
 ) -> Callable[[type[_Shape]], type[_Shape]]:
-    """Enter a dataclass into the registry; see `Entry` for the parameters.
+    """Add a dataclass to the registry; see `Entry` for the parameters.
 
-    A format that has no word for a shape shows it as a table of points, FML as a custom shape.
+    A format that lacks a shape gets it as a table of points, FML as a custom shape.
     """
 
     def enter(kind: type[_Shape]) -> type[_Shape]:
@@ -112,7 +112,7 @@ def shape(
 
 
 def words_of(file_format: Format) -> dict[str, tuple[type[MembershipFunction], tuple[str, ...]]]:
-    """Return the words of a format for shapes, each with its shape and the order of the shape's numbers."""
+    """Return a format's names of shapes, each with its shape and the order of the shape's numbers."""
     found: dict[str, tuple[type[MembershipFunction], tuple[str, ...]]] = {}
     for kind in SHAPES.values():
         if file_format in kind.entry.words:

@@ -1,4 +1,4 @@
-"""The membership shapes, one entry each: numbers, formula, words, names in files.
+"""The membership shapes, one entry each: numbers, formula, wording, names in files.
 
 Formulas follow scikit-fuzzy's generators (`gaussmf`, `trimf`, `gbellmf` and so on) to the last bit.
 """
@@ -19,14 +19,14 @@ from fis_tools.model.shape import (
     shape,
 )
 
-#: Sampled memberships below this are taken as zero: differences of denormal numbers lose all their digits.
+#: Sampled memberships below this are set to zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
 
 
 def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
     """Evaluate Gaussian membership functions, zero below `SMALLEST_MEMBERSHIP`.
 
-    A population of systems and one system alone go through this same expression, so that a genome flies in
+    Populations of systems and single systems use this same expression, so that a genome flies in
     training exactly as its controller file does later.
 
     Parameters
@@ -76,7 +76,7 @@ class Triangular(MembershipFunction):
     right: Place
 
     def at(self, x: Floats) -> Floats:
-        """Evaluate the formula; a flank of no width is a wall."""
+        """Evaluate the formula; a flank of zero width is a step."""
         values = np.zeros(len(x))
         if self.left != self.peak:
             rising = (self.left < x) & (x < self.peak)
@@ -111,7 +111,7 @@ class Trapezoidal(MembershipFunction):
     right: Place
 
     def at(self, x: Floats) -> Floats:
-        """Evaluate the formula; a flank of no width is a wall."""
+        """Evaluate the formula; a flank of zero width is a step."""
         values = np.ones(len(x))
         rising, falling = x <= self.left_top, x >= self.right_top
         values[rising] = Triangular(self.left, self.left_top, self.left_top).at(x[rising])
@@ -121,7 +121,7 @@ class Trapezoidal(MembershipFunction):
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Its four points; the top is none where it has no width."""
+        """Its four points, without the top if that has zero width."""
         return (
             self.left,
             self.left_top,
@@ -141,7 +141,7 @@ class Trapezoidal(MembershipFunction):
 class TwoSidedGaussian(MembershipFunction):
     """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond.
 
-    Where the means do not ascend it is the product of both between them.
+    If the means do not ascend it is the product of both between them.
     """
 
     left_mean: Place
@@ -197,7 +197,7 @@ class Sigmoid(MonotoneFunction):
         return values
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees; infinitely far for a degree of one."""
+        """Return the points with these degrees; infinite for a degree of one."""
         with np.errstate(divide="ignore"):
             return self.inflection - np.log(1.0 / degrees - 1.0) / self.slope
 
@@ -224,7 +224,7 @@ class _TwoSigmoids(MembershipFunction):
 )
 @dataclass(frozen=True, slots=True)
 class SigmoidDifference(_TwoSigmoids):
-    """The size of the first sigmoid less the second, each as in `Sigmoid`."""
+    """The absolute difference of two sigmoids, each as in `Sigmoid`."""
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -270,7 +270,7 @@ class SShape(MonotoneFunction):
         return np.where(x <= self.top, _rising(x, self.foot, self.top, is_open=False), 1.0)
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees."""
+        """Return the points with these degrees."""
         return _where_two_parabolas(degrees, self.foot, self.top)
 
 
@@ -295,7 +295,7 @@ class ZShape(MonotoneFunction):
         return np.where(x >= self.top, _falling(x, self.top, self.foot), 1.0)
 
     def inverse(self, degrees: Floats) -> Floats:
-        """Return where it has these degrees."""
+        """Return the points with these degrees."""
         return _where_two_parabolas(degrees, self.foot, self.top)
 
 
@@ -338,8 +338,8 @@ class Sampled(MembershipFunction):
 def _rising(x: Floats, foot: float, top: float, *, is_open: bool) -> Floats:
     """Two parabolas from zero up to one, for points up to `top`.
 
-    In the middle the upper one counts, or the lower one if `is_open`: scikit-fuzzy's `smf` and `pimf` differ
-    in this, and the two parabolas in the last bit there.
+    In the middle the upper one is used, or the lower one if `is_open`: scikit-fuzzy's `smf` and `pimf` differ
+    in this, and the two parabolas differ in the last bit there.
     """
     middle = (foot + top) / 2.0
     lower = 2.0 * ((x - foot) / (top - foot)) ** 2.0
@@ -356,7 +356,7 @@ def _falling(x: Floats, top: float, foot: float) -> Floats:
 
 
 def _where_two_parabolas(degrees: Floats, foot: float, top: float) -> Floats:
-    """Return where two parabolas from zero at `foot` to one at `top`, whichever is greater, have degrees."""
+    """Return where the greater of two parabolas from zero at `foot` to one at `top` has degrees."""
     width = top - foot
     lower = foot + width * np.sqrt(degrees / 2.0)
     upper = top - width * np.sqrt((1.0 - degrees) / 2.0)

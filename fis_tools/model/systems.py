@@ -1,4 +1,4 @@
-"""Fuzzy systems, and the controllers that they make up."""
+"""Fuzzy systems, and controllers made of them."""
 
 from dataclasses import dataclass
 
@@ -9,28 +9,28 @@ from fis_tools.model.variables import Variable
 
 @dataclass(frozen=True)
 class FuzzySystem:
-    """A fuzzy inference system: each output by Mamdani, Takagi and Sugeno, or Tsukamoto.
+    """A fuzzy inference system: each output of Mamdani, Takagi-Sugeno or Tsukamoto type.
 
-    An output is of Mamdani's kind where its rules conclude fuzzy sets that together are defuzzified. It is
-    weighed where its defuzzifier is ``weighted_average`` or ``weighted_sum``: each rule then concludes a
-    number, which its firing strength weighs. The number is a term itself (Takagi and Sugeno: `Constant`,
-    `Linear`), or the point where a term has the strength as its degree (Tsukamoto: a `MonotoneFunction`).
+    A Mamdani output has rules that conclude fuzzy sets, which are aggregated and defuzzified. An output is
+    weighted if its defuzzifier is ``weighted_average`` or ``weighted_sum``: each rule then concludes a
+    number, weighted by its firing strength. The number is a term itself (Takagi-Sugeno: `Constant`,
+    `Linear`), or the point where a term's degree equals the strength (Tsukamoto: a `MonotoneFunction`).
 
     Parameters
     ----------
     name : str
-        What the system is called.
+        The system's name.
     inputs, outputs : tuple of Variable
         In the order in which values are passed and returned.
     rules : tuple of Rule
         In the order in which firing strengths are reported.
     and_operator, or_operator : str
-        How statements combine, in rules that do not say it themselves.
+        How statements combine, in rules without their own operators.
     defuzzifier : str
-        How an aggregated output becomes a number, by scikit-fuzzy's names, unless it says so itself.
+        How an aggregated output becomes a number, by scikit-fuzzy's names, unless the output has its own.
     implication : str
-        How the strength of a rule shapes the term that it concludes: ``min`` cuts it, ``product`` scales it;
-        without effect on outputs that are weighed.
+        How a rule's strength shapes the term that it concludes: ``min`` cuts it, ``product`` scales it;
+        no effect on weighted outputs.
     """
 
     name: str
@@ -43,11 +43,11 @@ class FuzzySystem:
     implication: AndOperator = "min"
 
     def cuts(self, output: Variable) -> bool:
-        """Return whether the terms of an output are cut, and the highest of them counts at each point."""
+        """Return whether an output's terms are cut and aggregated by the maximum."""
         return self.implication == "min" and output.aggregation == "max" and not self.weighs(output)
 
     def weighs(self, output: Variable) -> bool:
-        """Return whether an output is a weighted average or sum, by Takagi and Sugeno or by Tsukamoto."""
+        """Return whether an output is a weighted average or sum (Takagi-Sugeno or Tsukamoto)."""
         return self.defuzzifier_of(output) in WEIGHING
 
     @property
@@ -84,18 +84,18 @@ class FuzzySystem:
 
 @dataclass(frozen=True)
 class FuzzyController:
-    """Fuzzy systems that belong together, with what their user needs to know besides.
+    """A set of fuzzy systems, with further data for their user.
 
     Parameters
     ----------
     name : str
-        What the controller is called.
+        The controller's name.
     systems : tuple of FuzzySystem
         In the order in which they are shown.
     attributes : tuple of (str, str)
-        Facts for whoever flies the controller; they are carried along unread, sorted by key.
+        Facts for the controller's user; passed on without interpretation, sorted by key.
     provenance : tuple of (str, str)
-        Where the controller comes from; carried along unread, sorted by key.
+        Origin of the controller; passed on without interpretation, sorted by key.
     """
 
     name: str

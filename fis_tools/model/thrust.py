@@ -1,7 +1,7 @@
-"""The thrust logic: what stands between what rules ask for and what is fired.
+"""The thrust logic: the steps from the rules' outputs to the force that is fired.
 
-Fuzzy systems whose outputs are the components of a force give what they ask for; whether and how it is fired
-follows from attributes of their controller. `THRUST_ATTRIBUTES` has these attributes, in the order in which
+Fuzzy systems whose outputs are force components command a force; whether and how it is fired
+depends on attributes of their controller. `THRUST_ATTRIBUTES` lists these attributes, in the order in which
 they act, and `REASONS` what a recording says about each component in each control period.
 """
 
@@ -11,7 +11,7 @@ from typing import Final
 
 from fis_tools.model.systems import FuzzyController
 
-#: what became of a component of the force over a control period: the word in a recording, and in a sentence
+#: what happened to a component of the force over a control period: the word in a recording, and in a sentence
 REASONS: Final = {
     "fired": "it was fired",
     "silent": "nothing was asked for or fired",
@@ -24,19 +24,19 @@ REASONS: Final = {
     "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
 }
 
-#: nothing is asked for where less than this is, N: an output that should be zero is so to rounding
+#: commands below this count as zero, N: an output that should be zero may differ by rounding
 SILENT_N: Final = 1e-12
-#: where the output of a system counts: what it asked for was fired, as far as the greatest force goes
+#: reasons with which a system's output takes effect: the command was fired, up to the thrust limit
 COUNTED: Final = ("fired", "clipped")
-#: of a recording that gives no reasons
+#: for recordings without reasons
 UNKNOWN: Final = "unknown"
 
 #: components that a system's output may be named after
 COMPONENTS: Final = ("force_x", "force_y", "force_z")
-#: what coasting is decided by, in the order of the comparisons
+#: the quantities that decide on coasting, in the order of the comparisons
 FORESEEN: Final = ("missed", "coasting_nearest", "coasting_farthest")
 
-#: the attributes that make up the thrust logic, in the order in which they act
+#: the attributes of the thrust logic, in the order in which they act
 THRUST_ATTRIBUTES: Final = (
     "decision_period_s",
     "coast_below_points",
@@ -48,7 +48,7 @@ THRUST_ATTRIBUTES: Final = (
 
 @dataclass(frozen=True)
 class ThrustLogic:
-    """What stands between inference and what is fired, in the order in which it acts.
+    """The steps between inference and the force that is fired, in their order.
 
     Parameters
     ----------
@@ -58,12 +58,12 @@ class ThrustLogic:
     coast_below_points : float
         With fewer points than this missed by coasting to the end, nothing is inferred or fired; zero: never.
     coast_margin_m : float
-        Unless coasting would come nearer than this to a distance limit.
+        Exception: coasting would come closer than this to a distance limit.
     dead_bands_n : tuple of float, shape (3,)
         A component smaller than this is not fired.
     force_axes : str
-        The axes of the components. What is asked for in ``body`` axes is turned to the axes in which the
-        force is fired; any other axes are those. Each component there is clipped; a safety layer may follow.
+        The axes of the components. Commands in ``body`` axes are rotated to the axes in which the
+        force is fired; any others are those axes. Each component there is clipped; a safety layer may follow.
     """
 
     decision_period_s: float
@@ -74,7 +74,7 @@ class ThrustLogic:
 
     @property
     def is_turned(self) -> bool:
-        """Whether the components are along other axes than those in which the force is fired."""
+        """Whether the components are in other axes than those in which the force is fired."""
         return self.force_axes == "body"
 
     @property
@@ -84,12 +84,12 @@ class ThrustLogic:
 
 
 def thrust_logic(controller: FuzzyController) -> ThrustLogic | None:
-    """Return the thrust logic of a controller; None where it commands no force.
+    """Return the thrust logic of a controller; None if it commands no force.
 
     Raises
     ------
     ValueError
-        If an attribute is no number from 0 on.
+        If an attribute is not a nonnegative number.
     """
     attributes = dict(controller.attributes)
     names = [output.name for system in controller.systems for output in system.outputs]

@@ -1,4 +1,4 @@
-"""What makes a fuzzy system wrong, each fault told as a fact, an expectation and a cure."""
+"""Validation of fuzzy systems; each error says what is wrong, what is expected and how to fix it."""
 
 import math
 from collections import Counter
@@ -19,24 +19,25 @@ from fis_tools.model.systems import FuzzyController, FuzzySystem
 from fis_tools.model.variables import Term, Variable
 from fis_tools.model.weighing import number_problems, output_problems
 
-#: Kinds of numbers that must be above zero; see `fis_tools.model.shape`.
+#: Kinds of numbers that must be positive; see `fis_tools.model.shape`.
 POSITIVE = frozenset({"width", "deviation", "exponent"})
 #: The terms of each variable, in order.
 Vocabulary = dict[str, dict[str, None]]
 
-#: Names that a suggestion looks at.
+#: Most names that a suggestion compares.
 MOST_NAMES = 50
-#: Memberships that rounding may put outside [0, 1].
+#: Rounding tolerance of memberships outside [0, 1].
 ROUNDING = 1e-12
-#: Problems of a system that are listed; whoever has so many needs no more.
+#: Most problems of a system that are listed.
 MOST_PROBLEMS = 200
-#: Inputs of a system, terms of a variable and rules: beyond, no page can be read and no analysis ends.
+#: Most inputs of a system, terms of a variable and rules: beyond, pages are unreadable and analyses never
+#: end.
 MOST_INPUTS, MOST_TERMS, MOST_RULES = 12, 2_000, 50_000
-#: Systems of a controller.
+#: Most systems of a controller.
 MOST_SYSTEMS = 50
-#: Memberships of all terms at all points of a system.
+#: Most memberships, of all terms at all points of a system.
 MOST_MEMBERSHIPS = 4_000_000
-#: How deep and, or and not may be nested in one antecedent.
+#: Deepest nesting of and, or and not in one antecedent.
 MAX_NESTING = 20
 
 
@@ -45,7 +46,7 @@ class InvalidSystem(ValueError):  # noqa: N818
 
 
 def validate(system: FuzzySystem) -> None:
-    """Refuse a system that has problems.
+    """Raise InvalidSystem for a system with problems.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def validate(system: FuzzySystem) -> None:
 
 
 def controller_problems(controller: FuzzyController) -> list[str]:
-    """List what is wrong with a controller and its systems, one sentence each; empty when nothing is."""
+    """Return the problems of a controller and its systems, one sentence each; empty if there are none."""
     found = list(_name_problems("a controller", controller.name))
     if not controller.systems:
         found.append(f"controller {controller.name!r} has no systems; give it at least one")
@@ -76,19 +77,19 @@ def controller_problems(controller: FuzzyController) -> list[str]:
 
 
 def problems(system: FuzzySystem) -> list[str]:
-    """List what is wrong with a system, one sentence each; empty when nothing is.
+    """Return the problems of a system, one sentence each; empty if there are none.
 
     Parameters
     ----------
     system : FuzzySystem
-        Any system, however broken.
+        Any system, valid or not.
     """
     too_large = list(_size_problems(system))
     return too_large or list(islice(_problems(system), MOST_PROBLEMS))
 
 
 def _size_problems(system: FuzzySystem) -> Iterator[str]:
-    """Tell what makes a system too large to be looked at any further."""
+    """Yield what makes a system too large for further checks."""
     where = f"system {system.name!r}"
     everything = (*system.inputs, *system.outputs)
     most_terms = max((len(variable.terms) for variable in everything), default=0)
@@ -134,7 +135,7 @@ _CHOICES = {
 
 
 def _choice_problems(chooser: FuzzySystem | Variable | Rule) -> Iterator[str]:
-    """Tell which operators and methods do not exist; None leaves the choice to the system."""
+    """Yield unknown operators and methods; None leaves the choice to the system."""
     for kind, allowed in _CHOICES.items():
         chosen = getattr(chooser, kind, allowed[0])
         is_left = chosen is None and not isinstance(chooser, FuzzySystem)
@@ -199,7 +200,7 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
 
 
 def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
-    """Tell what is wrong with the parameters of a membership function, for a universe of `num_points`."""
+    """Yield the problems of a membership function's parameters, for a universe of `num_points`."""
     if type(shape) not in SHAPES.values():
         yield f"{type(shape).__name__} is not a known shape; choose one of {', '.join(_shape_names())}"
     elif isinstance(shape, Sampled):
@@ -215,7 +216,7 @@ def _shape_names() -> Iterator[str]:
 
 
 def parameter_problems(shape: MembershipFunction) -> Iterator[str]:
-    """Tell which parameters of a shape of the registry its entry does not allow."""
+    """Yield the parameters that the registry's entry of a shape does not allow."""
     entry = shape.entry
     parameters = {name: getattr(shape, name) for name in entry.kinds}
     if not all(map(_is_finite, parameters.values())):
@@ -348,7 +349,7 @@ def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) 
 
 
 def nearest(wrong: str, known: Iterable[str]) -> str:
-    """Suggest the nearest of the known names, or list them; of very many names only the first count."""
+    """Return the nearest known name, or a list of them; of very many names only the first are compared."""
     names = list(islice(known, MOST_NAMES))
     matches = get_close_matches(wrong, names, n=1)
     if matches:

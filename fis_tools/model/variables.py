@@ -12,7 +12,7 @@ from fis_tools.model.shape import MembershipFunction
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A word and what it means: the membership function of a linguistic value."""
+    """A linguistic value and its membership function."""
 
     name: str
     membership: MembershipFunction
@@ -25,9 +25,9 @@ class Variable:
     Parameters
     ----------
     name : str
-        What the variable is called in rules.
+        The variable's name in rules.
     unit : str
-        The unit of its values; empty where it has none.
+        The unit of its values; empty if dimensionless.
     minimum, maximum : float
         The ends of the universe, in `unit`.
     terms : tuple of Term
@@ -35,19 +35,19 @@ class Variable:
     num_points : int
         Points of the universe, evenly spaced from `minimum` to `maximum`.
     points : tuple of float, optional
-        The universe itself, where it is not evenly spaced; `num_points` is then its length.
+        The universe itself, if it is not evenly spaced; `num_points` is then its length.
     default : float, optional
         For an output: the value when no rule fires.
     description : str
-        What the variable means, in a sentence.
+        The variable's meaning, in a sentence.
     defuzzifier : str, optional
-        For an output: how it becomes a number; None for the way of its system.
+        For an output: how it becomes a number; None for the system's method.
     accumulation : str
-        For an output: how the strengths of several rules that conclude one term become the height it is cut
-        at, one rule after the other.
+        For an output: how the strengths of several rules that conclude the same term combine into the height
+        of its cut, one rule after the other.
     aggregation : str
-        For an output: how what the rules conclude becomes one membership function. Under the maximum each
-        term is cut once; under any other, what each rule concludes counts by itself.
+        For an output: how the rules' conclusions combine into one membership function. Under the maximum each
+        term is cut once; under any other, each rule's conclusion counts separately.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Variable:
 
     @property
     def counts_strongest(self) -> bool:
-        """Whether of all rules that conclude one term the strongest alone counts."""
+        """Whether only the strongest of the rules that conclude a term counts."""
         return self.accumulation == "max" and self.aggregation == "max"
 
     def term_index(self, name: str) -> int:

@@ -1,4 +1,4 @@
-"""What makes an output wrong by how it becomes a number: fuzzy sets where numbers belong, and the reverse."""
+"""Validation of how outputs become numbers: fuzzy sets where numbers are required, and the reverse."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -11,22 +11,22 @@ from fis_tools.model.variables import Variable
 
 
 class NotMamdani(ValueError):  # noqa: N818 - the sentence is the message
-    """Raised by what asks for outputs that are fuzzy sets, before it takes numbers for such."""
+    """Raised where Mamdani outputs are required."""
 
 
 def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
-    """Refuse systems with outputs that are weighed.
+    """Raise NotMamdani for systems with weighted outputs.
 
     Parameters
     ----------
     systems : iterable of FuzzySystem
     what : str
-        What asks for fuzzy sets, the beginning of a sentence.
+        What requires fuzzy sets, as the beginning of a sentence.
 
     Raises
     ------
     NotMamdani
-        If there is one.
+        If there is such an output.
     """
     for system in systems:
         for output in system.weighed:
@@ -39,7 +39,7 @@ def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
 
 
 def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
-    """Tell what is wrong between the terms of an output and its defuzzifier."""
+    """Yield the conflicts between the terms of an output and its defuzzifier."""
     where = f"output {output.name!r}"
     numbers = [term.name for term in output.terms if isinstance(term.membership, Number)]
     if not system.weighs(output):
@@ -79,7 +79,7 @@ def output_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
 
 
 def _faults(system: FuzzySystem, output: Variable, formula: Formula) -> Iterator[str]:
-    """Tell what is wrong with a formula: it may speak of inputs, and of outputs before its own."""
+    """Yield the problems of a formula: it may use inputs, and outputs before its own."""
     try:
         names = dict.fromkeys(formula.parsed.names())
     except NotAFormula as error:
@@ -96,12 +96,12 @@ def _faults(system: FuzzySystem, output: Variable, formula: Formula) -> Iterator
 
 
 def has_sets(variable: Variable) -> bool:
-    """Return whether the terms of a variable are fuzzy sets, and not numbers."""
+    """Return whether the terms of a variable are fuzzy sets rather than numbers."""
     return not any(isinstance(term.membership, Number) for term in variable.terms)
 
 
 def number_problems(variable: Variable) -> Iterator[str]:
-    """Tell which terms of an input are numbers."""
+    """Yield the terms of an input that are numbers."""
     for term in variable.terms:
         if isinstance(term.membership, Number):
             yield (
@@ -111,9 +111,9 @@ def number_problems(variable: Variable) -> Iterator[str]:
 
 
 def reach(output: Variable, inputs: Sequence[Variable]) -> tuple[float, float]:
-    """Return the least and the greatest number that an output's terms are over the ranges of the inputs.
+    """Return the least and the greatest value of an output's terms over the ranges of the inputs.
 
-    Where they are one number it is the middle of a range of one.
+    If they are equal, a range of width one centred on them.
     """
     low, high = [], []
     for term in output.terms:

@@ -1,4 +1,4 @@
-"""The words after ``python -m pipeline``: options, and overrides in any order with them."""
+"""The arguments after ``python -m pipeline``: options, and overrides mixed with them in any order."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -10,13 +10,13 @@ from pipeline.command_line.job import ConfigError
 from pipeline.settings.nearest import did_you_mean
 from pipeline.settings.places import conf_folder
 
-#: options that Hydra programs usually have, and why this one does not
+#: options that Hydra programs usually have, and why this one lacks them
 REFUSED = {
     "--config-path": "would replace our configuration; add to it with --config-dir",
     "--config-name": "would replace our configuration; add to it with --config-dir",
     "--experimental-rerun": "would load a pickle; go on with resume=RUN_FOLDER instead",
 }
-#: options to how argparse reads them
+#: options, with their argparse settings
 OPTIONS: Mapping[tuple[str, ...], Mapping[str, Any]] = {
     ("--help", "-h"): {"action": "store_true"},
     ("--version",): {"action": "store_true"},
@@ -30,21 +30,21 @@ RESUME, COMPARE = "resume=", "compare="
 
 @dataclass(frozen=True)
 class Asked:
-    """What a command line asks for.
+    """The contents of a command line.
 
     Parameters
     ----------
     help, version, multirun : bool
     cfg : str, optional
-        Which configuration is to be printed: ``job``, ``hydra`` or ``all``.
+        The configuration to print: ``job``, ``hydra`` or ``all``.
     resolve : bool
-        Whether it is printed with its references followed.
+        Whether references are resolved when it is printed.
     config_dir : Path, optional
         The user's own folder of configurations.
     resume : Path, optional
-        The folder of a run, or of a sweep, to go on with.
+        The folder of a run, or of a sweep, to resume.
     compare : tuple of (Path, Path), optional
-        The folders of two runs to be compared.
+        The folders of two runs to compare.
     overrides : tuple of str
     """
 
@@ -66,7 +66,7 @@ class Asked:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """Refuse in a sentence; the program's one way out is `pipeline.command_line.cli.main`."""
+        """Raise ConfigError; the program exits only through `pipeline.command_line.cli.main`."""
         raise ConfigError(f"{message}; see python -m pipeline --help")
 
 

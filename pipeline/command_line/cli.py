@@ -1,7 +1,7 @@
 """The command ``python -m pipeline``: checks first, then the stages.
 
-Exit codes: 0 done, 1 a fault of the program (with a traceback), 2 a mistake in what was asked (in sentences
-on standard error), 130 stopped from the keyboard.
+Exit codes: 0 success, 1 a fault of the program (with a traceback), 2 a user error (in sentences
+on standard error), 130 interrupted from the keyboard.
 """
 
 import os
@@ -18,7 +18,7 @@ from pipeline.run import maker, reproducible
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
-#: commands besides experiments, by the modules that have a function of their name; few runs need them
+#: other commands, by the modules with a function of that name; few runs need them
 COMMANDS = {name: f"pipeline.command_line.{name}" for name in ("cluster", "summary", "verify")}
 
 
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None, begin: Begin = None) -> int:
 
 
 def _dispatch(arguments: Sequence[str]) -> int:
-    """Tell what is only printed from what is run."""
+    """Print what is only printed, or run the rest."""
     if arguments and (module := COMMANDS.get(arguments[0])):
         run: Callable[[Sequence[str]], int] = getattr(import_module(module), arguments[0])
         return run(arguments[1:])

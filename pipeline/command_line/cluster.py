@@ -1,9 +1,8 @@
-"""Clusters: sweeps as arrays of SLURM's jobs, and Dask's scheduler and workers on several machines.
+"""Clusters: sweeps as SLURM job arrays, and Dask's scheduler and workers on several machines.
 
 ``cluster slurm`` writes the script of an array, ``cluster run`` is one of its tasks.
-
-A task is a run of the sweep, in the folder that the sweep gives it, and begins by going on with what is
-there: one that was preempted, requeued or killed needs nobody.
+A task is a run of the sweep, in the folder that the sweep gives it, and starts by resuming what is
+there: one that was preempted, requeued or killed needs no attention.
 """
 
 import argparse
@@ -29,16 +28,16 @@ from pipeline.run.sweep import DONE, state_of
 OK: Final = 0
 #: in a sweep's folder
 SCRIPT: Final = "slurm.sh"
-#: in a scheduler's folder: its address, and the certificate that it and all who speak to it have
+#: in a scheduler's folder: its address, and the certificate shared by it and its peers
 SCHEDULER: Final = "scheduler.json"
 CERTIFICATE: Final = "tls.pem"
-#: keys that say how many threads a run has
+#: keys that set the number of threads of a run
 THREADS: Final = ("optimizer.workers", "monte_carlo.workers", "optimum.workers", "assurance.workers")
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """Refuse in a sentence."""
+        """Raise ConfigError."""
         raise ConfigError(f"{message}; see docs/how-to/run-on-a-cluster.md")
 
 
@@ -48,7 +47,7 @@ def cluster(arguments: Sequence[str]) -> int:
     Raises
     ------
     ValueError, OSError
-        What can be mended.
+        User errors.
     """
     commands = {"slurm": _slurm, "run": _run, "scheduler": _scheduler, "workers": _workers}
     if not arguments or arguments[0] not in commands:
@@ -60,7 +59,7 @@ def cluster(arguments: Sequence[str]) -> int:
 
 
 def _slurm(arguments: Sequence[str]) -> int:
-    """Write down a sweep and the script of its jobs, those of its runs that are not finished."""
+    """Write a sweep and the job script of its unfinished runs."""
     parser = _Parser(prog="python -m pipeline cluster slurm", allow_abbrev=False, add_help=False)
     parser.add_argument("--time", default="1-00:00:00", help="limit of a task, as SLURM writes it")
     parser.add_argument("--cpus", type=int, default=1, help="processors, and threads, of a task")
@@ -93,7 +92,7 @@ def _slurm(arguments: Sequence[str]) -> int:
 
 
 def script(folder: Path, numbers: Iterable[int], chosen: argparse.Namespace) -> str:
-    """Return the script of an array of jobs, a task for each run of those numbers."""
+    """Return the script of a job array, with a task for each of the numbered runs."""
     limit = f"%{chosen.at_once}" if chosen.at_once else ""
     asked = {
         "job-name": re.sub(r"[^\w.-]+", "-", folder.name),
@@ -116,7 +115,7 @@ def script(folder: Path, numbers: Iterable[int], chosen: argparse.Namespace) -> 
             "# Each task is a run of the sweep in this folder, and goes on where it stopped.",
             f"cd {shlex.quote(str(Path.cwd()))} || exit",
             *chosen.setup,
-            # a run keeps what it has at every generation and part, so that it may be killed at any moment
+            # a run saves its state at every generation and part, so that it may be killed at any moment
             'trap \'echo "time is nearly up: to be gone on with"; scontrol requeue "$SLURM_JOB_ID"\' USR1',
             f'{command} "$SLURM_ARRAY_TASK_ID" &',
             "run=$!",
@@ -131,7 +130,7 @@ def script(folder: Path, numbers: Iterable[int], chosen: argparse.Namespace) -> 
 
 
 def _in_a_header(path: str) -> str:
-    """Quote a path for a line that SLURM reads."""
+    """Quote a path for an ``#SBATCH`` line."""
     return path if re.fullmatch(r"[\w./%=+-]+", path) else '"' + path.replace('"', '\\"') + '"'
 
 
@@ -147,7 +146,7 @@ def ranges(numbers: Iterable[int]) -> str:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    """Go on with one run of a sweep, and note in the sweep how it ended."""
+    """Resume one run of a sweep, and record in the sweep how it ended."""
     parser = _Parser(prog="python -m pipeline cluster run", add_help=False)
     parser.add_argument("folder", type=Path, help="of the sweep")
     parser.add_argument("number", type=int, help="of the run, from 0")
@@ -164,7 +163,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _scheduler(arguments: Sequence[str]) -> NoReturn:
-    """Become a scheduler of Dask's, that speaks to those alone who can read its folder."""
+    """Become a Dask scheduler that speaks only to those who can read its folder."""
     from pipeline.run.processes import MOST_DEATHS, NO_DASHBOARD, write_certificate  # noqa: PLC0415 - an extra
 
     parser = _Parser(prog="python -m pipeline cluster scheduler", add_help=False)
@@ -178,7 +177,7 @@ def _scheduler(arguments: Sequence[str]) -> NoReturn:
 
 
 def _workers(arguments: Sequence[str]) -> NoReturn:
-    """Become processes that a scheduler gives parts to, one thread each; they end with it."""
+    """Become workers of a scheduler, one thread each; they end with it."""
     parser = _Parser(prog="python -m pipeline cluster workers", add_help=False)
     parser.add_argument("folder", type=Path, help="of the scheduler")
     parser.add_argument("--processes", type=int, default=len(os.sched_getaffinity(0)))

@@ -1,6 +1,6 @@
-"""The door: overrides in, a checked configuration out.
+"""From overrides to a checked configuration.
 
-Hydra composes it. What Hydra would refuse in words of its own is told in a sentence.
+Hydra composes it; its errors are turned into sentences.
 """
 
 from collections.abc import Sequence
@@ -23,13 +23,13 @@ from pipeline.settings.schema import experiment_from
 
 CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
-#: folders of the configuration that are no groups of options: Hydra's own, and requirements, read by name
+#: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
 NOT_CHOSEN = ("hydra", "requirements")
 
 
 @dataclass(frozen=True)
 class Composed(Job):
-    """A run with all that was composed.
+    """A run with its full configuration.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class Composed(Job):
 
     @property
     def sweep_folder(self) -> Path:
-        """The folder of the sweep that the run is of, if it is of one."""
+        """The folder of the sweep that the run belongs to, if any."""
         return Path(self.node.hydra.sweep.dir)
 
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:
-    """List the groups of some configuration folders and the options of each, `NOT_CHOSEN` aside.
+    """Return the groups of some configuration folders and the options of each, without `NOT_CHOSEN`.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def compose_jobs(
 ) -> list[Composed]:
     """Compose the configurations of several runs, see `compose_experiment`.
 
-    Those of a sweep have names, which their folders take in the sweep's.
+    Runs of a sweep have names, which become their folders inside the sweep's.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def compose_jobs(
 
 
 def compose_node(overrides: Sequence[str], config_dir: Path | None = None) -> DictConfig:
-    """Compose a configuration with Hydra's own, whatever may be missing in it.
+    """Compose a configuration with Hydra's own, even if values are missing.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def job_of(node: DictConfig) -> DictConfig:
 
 
 def _resolved(node: DictConfig, config_dir: Path | None, is_sweep: bool) -> Composed:
-    """Follow the references of a configuration, check it, and say where its run is put."""
+    """Resolve the references of a configuration, check it, and determine its run's folder."""
     folders = folders_of(config_dir)
     try:
         job = job_of(node)
@@ -152,12 +152,12 @@ def _resolved(node: DictConfig, config_dir: Path | None, is_sweep: bool) -> Comp
 
 
 def read_starts(config: dict[str, Any]) -> None:
-    """Put the starts of a file into a configuration that names one and does not have them yet.
+    """Put the starts of a file into a configuration that names one and does not contain them yet.
 
     Raises
     ------
     ConfigError, SettingError
-        If the file cannot be read, or holds no starts.
+        If the file cannot be read, or contains no starts.
     """
     starts, cases = config.get("starts"), config.get("monte_carlo")
     if not isinstance(starts, dict) or not isinstance(cases, dict) or starts.get("kind") != "file":
@@ -175,14 +175,14 @@ def read_starts(config: dict[str, Any]) -> None:
 
 
 def _missing(keys: Sequence[str], experiments: Sequence[str]) -> str:
-    """Say what has to be chosen."""
+    """Return a message naming the missing choices."""
     if "stages" in keys:
         return f"no experiment is chosen; add +experiment=NAME, where NAME is one of {', '.join(experiments)}"
     return f"the key {keys[0]} has no value yet; add {keys[0]}=..."
 
 
 def _in_words(error: Exception, folders: Sequence[Path]) -> str:
-    """Turn an error of Hydra's or OmegaConf's into a sentence, with the nearest option for a missing one."""
+    """Turn an error of Hydra or OmegaConf into a sentence, with the nearest option for a missing one."""
     text = first_line(error)
     if "'controller.path'" in text:
         return (

@@ -1,4 +1,4 @@
-"""Experiments as they are asked for: checked, then run, gone on with, repeated, or printed."""
+"""Experiments from the command line: checked, then run, resumed, repeated, or printed."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from pipeline.run.sweep import SWEEP
 
 
 def plan(asked: Asked) -> Callable[[], int]:
-    """Check what was asked, and compose it; return what does it, and returns the exit code.
+    """Check and compose the arguments; return a function that carries them out and returns the exit code.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def plan(asked: Asked) -> Callable[[], int]:
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
-    """Return the folder that is asked for, None without one."""
+    """Return the requested folder, None without one."""
     given = [override.value() for override in overrides if override.key_or_group == "hydra.run.dir"]
     return Path(str(given[-1])) if given else None
 

@@ -30,7 +30,7 @@ options: --help, --version, -m (sweep), --config-dir DIR (experiments and contro
 
 
 def help_text(folders: Sequence[Path]) -> str:
-    """Write the help.
+    """Return the help.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def help_text(folders: Sequence[Path]) -> str:
 
 
 def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]) -> list[tuple[str, str]]:
-    """Pair each option of a group with the first sentence of its file."""
+    """Return each option of a group with the first sentence of its file."""
     rows = []
     for name in groups.get(group, []):
         files = [path for folder in folders if (path := folder / group / f"{name}.yaml").is_file()]
@@ -75,7 +75,7 @@ def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]
 
 
 def _first_comment(path: Path) -> str:
-    """Return the first comment line of a YAML file that is no directive of Hydra's."""
+    """Return the first comment line of a YAML file that is not a Hydra directive."""
     with path.open(encoding="utf-8") as stream:
         for line in stream:
             if not line.startswith("#"):

@@ -1,4 +1,4 @@
-"""What a run is, once its configuration is composed: from here on nobody needs Hydra."""
+"""A run after its configuration is composed; nothing from here on needs Hydra."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class Job:
-    """A run as it was composed.
+    """A run to be started.
 
     Parameters
     ----------
     config : dict
         Plain data, resolved, without Hydra's own.
     experiment : Experiment
-        What it describes.
+        The experiment it describes.
     folder : Path
-        Where the run is put.
+        The run's folder.
     """
 
     config: dict[str, Any]
@@ -43,21 +43,21 @@ def differences(
     but: Collection[str],
     words: tuple[str, str] = ("then", "now"),
 ) -> list[str]:
-    """Name the keys in which two configurations differ, each with both values, in short.
+    """Return the keys in which two configurations differ, each with both values shortened.
 
     Parameters
     ----------
     then, now : mapping
         Plain data.
     but : collection of str
-        Keys of the first level that do not count.
+        Top-level keys to ignore.
     words : (str, str)
-        What the two are called.
+        Names of the two.
 
     Returns
     -------
     list of str
-        Such as ``seed (then 1, now 2)``; a controller is one value.
+        Such as ``seed (then 1, now 2)``; a controller counts as one value.
     """
 
     def walk(one: Any, other: Any, key: str) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Overrides in Hydra's grammar: read, checked against the keys and options there are, and multiplied out."""
+"""Overrides in Hydra's grammar: parsed, checked against the known keys and options, and expanded."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,17 +14,17 @@ from pipeline.settings.nearest import choices_of, did_you_mean, nearest
 
 CONTROLLER = "controller"
 TABLE_SUFFIX = ".csv"
-#: how the files end that a group takes in place of an option, and which option reads them
+#: endings of files that a group takes instead of an option, and the option that reads them
 SUFFIXES = {
     CONTROLLER: {".json": "file", ".yaml": "file", ".yml": "file", ".onnx": "policy"},
     "starts": {TABLE_SUFFIX: "file"},
 }
 #: keys that name a folder
 FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
-#: the keys of Hydra's own that have an effect here
+#: Hydra's own keys that have an effect here
 HYDRA_KEYS = ("hydra.run.dir", "hydra.searchpath", "hydra.sweep.dir", "hydra.sweep.subdir")
 
-#: of a folder that is named by what a run differs in
+#: of a folder that is named by its run's differences
 LONGEST_NAME = 120
 
 
@@ -51,8 +51,8 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
 
-    So ``starts=PATH``, and ``controller=policy`` for an ONNX file. A folder with a name that Hydra's grammar
-    would take apart, such as ``seed=1``, is quoted. Several paths in a sweep,
+    Likewise ``starts=PATH``, and ``controller=policy`` for an ONNX file. A folder name that Hydra's grammar
+    would split, such as ``seed=1``, is quoted. Several paths in a sweep,
     ``controller=a.json,b.json``, are rewritten together.
 
     Raises
@@ -79,12 +79,12 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
 
 
 def _reader(group: str, path: str) -> str | None:
-    """Return the option of a group that reads a file; None for what is no file of its kind."""
+    """Return the option of a group that reads a file; None if the file is not of its kind."""
     return next((option for end, option in SUFFIXES[group].items() if path.lower().endswith(end)), None)
 
 
 def _values(text: str, value: str) -> list[str]:
-    """Split what a group is set to; a path that is not Hydra's grammar stands for itself."""
+    """Split the value of a group; a path that is not in Hydra's grammar is kept whole."""
     try:
         (override,) = parse([text])
     except ConfigError:
@@ -93,7 +93,7 @@ def _values(text: str, value: str) -> list[str]:
 
 
 def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]) -> None:
-    """Refuse keys and options that do not exist, with the nearest that does.
+    """Raise ConfigError for unknown keys and options, with the nearest known one.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def check_overrides(overrides: Sequence[Override], groups: Mapping[str, Sequence
 
 
 def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
-    """Refuse options that a group does not have."""
+    """Raise ConfigError for options that a group does not have."""
     group = override.key_or_group
     if override.type == OverrideType.DEL:
         return
@@ -137,7 +137,7 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
 
 
 def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
-    """Refuse several values where one run is asked for, and ranges without a step."""
+    """Raise ConfigError for several values in a single run, and ranges without a step."""
     for override in overrides:
         text = override.input_line
         if override.is_sweep_override() and not is_multirun:
@@ -152,7 +152,7 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
 
 
 def single_runs(overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]) -> Iterator[list[str]]:
-    """Yield the overrides of each run of a sweep: every value of one with every value of the others."""
+    """Yield the overrides of each run of a sweep: every combination of values."""
     for chosen in product(*(_written(override, groups) for override in overrides)):
         yield list(chosen)
 
@@ -160,7 +160,7 @@ def single_runs(overrides: Sequence[Override], groups: Mapping[str, Sequence[str
 def differences_of(
     overrides: Sequence[Override], groups: Mapping[str, Sequence[str]]
 ) -> list[dict[str, str]]:
-    """Return for each run of a sweep, in the order of `single_runs`, what it differs in: key to value."""
+    """Return for each run of a sweep, in the order of `single_runs`, its differences: key to value."""
     swept = [override for override in overrides if override.is_sweep_override()]
     keys = [_told_key(override.key_or_group) for override in swept]
     values = [_choices(override, groups.get(override.key_or_group, ())) for override in swept]
@@ -168,13 +168,13 @@ def differences_of(
 
 
 def _told_key(key: str) -> str:
-    """Return a key as it is typed: paths stand in a group's place, see `rewrite_paths`."""
+    """Return a key as it is typed: a path replaces its group, see `rewrite_paths`."""
     group = key.removesuffix(".path")
     return group if group in SUFFIXES else key
 
 
 def folder_names(differing: Sequence[Mapping[str, str]]) -> list[str]:
-    """Name the folders of a sweep by what its runs differ in, such as ``seed=1``; each name is another."""
+    """Return unique folder names for a sweep's runs by their differences, such as ``seed=1``."""
     names = []
     for number, differs in enumerate(differing):
         told = "+".join(f"{key}={value.rsplit('/', 1)[-1]}" for key, value in differs.items())
@@ -215,5 +215,5 @@ def quoted(text: str) -> str:
 
 
 def first_line(error: BaseException) -> str:
-    """Return what an error of many lines says first."""
+    """Return the first line of an error's message."""
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

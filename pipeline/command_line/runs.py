@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 OK, FAULT, MISTAKE = 0, 1, 2
 
-#: groups that a stage, repeated on an earlier run's files, may be given anew: those no other stage reads
+#: groups that may be changed when a stage is repeated on an earlier run's files: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
 
 
 def sentence(error: Exception) -> str:
-    """Say what went wrong; an exhausted memory says little by itself."""
+    """Return what went wrong; an out-of-memory error has no message of its own."""
     if not isinstance(error, MemoryError):
         return str(error)
     return (
@@ -41,7 +41,7 @@ def sentence(error: Exception) -> str:
 
 
 def told(error: Exception) -> str:
-    """Return what is printed of an error that a person can mend, with what is noted with it."""
+    """Return the message of a user error, with its notes."""
     return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
@@ -52,13 +52,13 @@ def start_new(job: Job, command: Sequence[str]) -> int:
 
 
 def start(job: Job, command: Sequence[str]) -> int:
-    """Run a new run; return the exit code.
+    """Run a new experiment; return the exit code.
 
     Parameters
     ----------
     job : Job
     command : sequence of str
-        What to type for it.
+        The arguments that start it.
     """
     with held(job.folder):
         _check_vacant(job)
@@ -91,7 +91,7 @@ def _run(
     stages: Sequence[str] | None = None,
     command: Sequence[str] | None = None,
 ) -> int:
-    """Run stages in a folder and say where the files are."""
+    """Run stages in a folder and print where the files are."""
     shown = _shown(folder)
     sys.stderr.write(f"run folder: {shown}\n")
     try:
@@ -110,9 +110,9 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     ----------
     folder : Path
     overrides : sequence of Override
-        Those that were given, which must say nothing new.
+        Those on the command line, which must not change anything.
     command : sequence of str, optional
-        The words with which it is started, for a run that was announced and not begun.
+        The arguments with which it is started, for a run that was announced and not begun.
     """
     _config_of(folder)
     with held(folder):
@@ -173,7 +173,7 @@ def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> in
 
 
 def _config_of(folder: Path) -> dict[str, Any]:
-    """Read a run's configuration and refuse one that was edited since."""
+    """Return a run's configuration; raise an error if it was edited since."""
     config = artifacts.read_config(folder)
     if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
@@ -191,7 +191,7 @@ def _config_of(folder: Path) -> dict[str, Any]:
 
 
 def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
-    """Build the experiment of a run's configuration, which this program may not have made."""
+    """Return the experiment of a run's configuration, possibly from another version."""
     try:
         return experiment_from(config)
     except ValueError as error:
@@ -202,7 +202,7 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 
 def check_before(experiment: Experiment) -> None:
-    """Raise what a stage would raise, before any folder is made."""
+    """Raise the errors that a stage would raise, before any folder is made."""
     if experiment.reproducible:
         reproducible.require()
     num_chief_steps(experiment.mission)
@@ -232,14 +232,14 @@ def check_before(experiment: Experiment) -> None:
 
 
 def _check_requirements(name: str) -> None:
-    """Read the requirements, whose mistakes are pointed at."""
+    """Read the requirements to report their errors."""
     from pipeline.evaluation.assurance.requirements import read  # noqa: PLC0415 - as above
 
     read(requirements_path(name).read_text(encoding="utf-8"), name)
 
 
 def _check_compared(experiment: Experiment) -> None:
-    """Read the controllers that are compared."""
+    """Read the controllers to compare."""
     from pipeline.controllers.source import named  # noqa: PLC0415 - compiled code, as above
 
     for name in experiment.compare.controllers:

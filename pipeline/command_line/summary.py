@@ -1,4 +1,4 @@
-"""The commands that tell what several runs come to: ``summary SWEEP`` and ``compare=RUN_A,RUN_B``."""
+"""The commands that summarise several runs: ``summary SWEEP`` and ``compare=RUN_A,RUN_B``."""
 
 import sys
 from collections.abc import Sequence
@@ -15,16 +15,16 @@ from pipeline.report.swept.words import Table
 from pipeline.run import artifacts, tables
 
 OK = 0
-#: what `summary` writes into a sweep's folder
+#: files that `summary` writes into a sweep's folder
 PAGE, RUNS, EFFECTS = "summary.html", "summary.parquet", "effects.parquet"
-#: of a table that is not printed on a terminal, characters
+#: width of a table that is not printed on a terminal, characters
 WIDTH = 200
-#: runs whose failures, or commands, are printed
+#: number of runs whose failures, or commands, are printed
 MOST_PRINTED = 20
 
 
 def summary(given: Sequence[str]) -> int:
-    """Print what a sweep has come to, and write it as Parquet and HTML into its folder.
+    """Print the results of a sweep, and write them as Parquet and HTML into its folder.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def compare(first: Path, second: Path) -> int:
 
 
 def _print(table: Table) -> None:
-    """Print a table: as wide as the terminal, elsewhere as wide as it needs."""
+    """Print a table: as wide as the terminal, elsewhere as wide as needed."""
     console = Console(file=sys.stdout)
     if not console.is_terminal:
         console = Console(file=sys.stdout, width=WIDTH)

@@ -1,4 +1,4 @@
-"""Sweeps: the runs of one command, one after the other; those that fail stop no other."""
+"""Sweeps: the runs of one command, one after the other; a failure does not stop the others."""
 
 import os
 import sys
@@ -19,17 +19,17 @@ from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
 from pipeline.run.sweep import DONE, SweptRun, state_of
 
-#: the runs of a sweep, the same as its file tells them, and its folder
+#: the runs of a sweep, their entries in its file, and its folder
 Sweep = tuple[list[Composed], list[SweptRun], Path]
 
 
 def composed(asked: Asked, overrides: Sequence[Override]) -> Sweep:
-    """Compose every combination of values, each in a folder that is named by them, and check them.
+    """Compose every combination of values, each in a folder named after them, and check them.
 
     Raises
     ------
     ValueError
-        What can be told before any folder is made.
+        Errors that can be found before any folder is made.
     """
     groups = options(asked.folders)
     words = list(single_runs(overrides, groups))
@@ -47,7 +47,7 @@ def composed(asked: Asked, overrides: Sequence[Override]) -> Sweep:
 
 
 def announce(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> list[SweptRun]:
-    """Write down the runs of a sweep, whose folder is held; return all of it, those of before included."""
+    """Write the runs of a sweep, whose lock is held, into its file; return all runs, old and new."""
     known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
     known = sweep.merged(known, swept)
     sweep.write(folder, known)
@@ -57,7 +57,7 @@ def announce(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) 
 
 
 def start(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> int:
-    """Run the runs of a new sweep, or of one that is made larger, as `composed`; return the exit code."""
+    """Run the runs of a new or extended sweep, as `composed`; return the exit code."""
 
     def begin(job: Composed, run: SweptRun) -> Callable[[], int]:
         return lambda: runs.start(job, run.command)
@@ -69,7 +69,7 @@ def start(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> 
 
 
 def resume(folder: Path) -> int:
-    """Go on with the runs of a sweep that are not finished; return the exit code."""
+    """Resume the unfinished runs of a sweep; return the exit code."""
     with held(folder):
         known = sweep.read(folder)
         left = [run for run in known if state_of(folder, run) != DONE]
@@ -84,13 +84,13 @@ def resume(folder: Path) -> int:
 
 
 def _announce(job: Composed) -> None:
-    """Put a configuration where its run will be made, so that it can be gone on with; spare what is there."""
+    """Put a configuration into its run's folder, so that the run can be resumed; keep what is there."""
     if not (job.folder / artifacts.CONFIG).exists():
         artifacts.write_config(job.folder, job.config)
 
 
 def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun, Callable[[], int]]]) -> int:
-    """Run all that is begun, with a line each; at the end name those that failed."""
+    """Run all given runs, with a line each; at the end list those that failed."""
     started, codes = time.perf_counter(), [OK]
     for number, (run, begin) in enumerate(begun, 1):
         try:
@@ -115,7 +115,7 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
 
 
 def attempt(begin: Callable[[], int]) -> tuple[int, str]:
-    """Run one; return its exit code and why it failed, nothing where it did not."""
+    """Run one; return its exit code and why it failed, or nothing."""
     if os.environ.get("HYDRA_FULL_ERROR") == "1":
         return begin(), ""
     try:
@@ -123,13 +123,13 @@ def attempt(begin: Callable[[], int]) -> tuple[int, str]:
     except (ValueError, OSError, MemoryError) as error:
         sys.stderr.write(runs.told(error))
         return MISTAKE, sentence(error)
-    except Exception as error:  # noqa: BLE001 - a fault of one run is no reason to lose the others
+    except Exception as error:  # noqa: BLE001 - the failure of one run must not lose the others
         traceback.print_exc()
         return FAULT, f"a fault of the program: {type(error).__name__}: {error}"
 
 
 def _tell(folder: Path, known: Sequence[SweptRun]) -> None:
-    """Say what became of a sweep, and how to see its summary."""
+    """Print the results of a sweep, and how to see its summary."""
     failed = [run for run in known if run.failure]
     for run in failed:
         sys.stderr.write(f"failed: {run.folder}: {run.failure}\n")

@@ -1,6 +1,6 @@
 """The command ``verify``: whether a run's files are intact and its flights repeat.
 
-With another run, whether the two made the same files, and if not, whether they could be expected to.
+For two runs, whether they made the same files, and if not, whether they should have.
 """
 
 import sys
@@ -16,14 +16,14 @@ OK, DIFFERENT = 0, 1
 
 
 def verify(words: Sequence[str]) -> int:
-    """Check a run, or compare two; print what was found, and return the exit code: 1 where something differs.
+    """Check a run, or compare two; print the findings and return the exit code: 1 if something differs.
 
     Raises
     ------
     ConfigError, ValueError, OSError
         If no run is given, or it cannot be read.
     pipeline.run.reproducible.NotInForce
-        If the run was made for all processors alike, and this process is not.
+        If the run is reproducible, and this process is not.
     """
     if len(words) not in (1, 2):
         raise ConfigError(
@@ -43,7 +43,7 @@ def verify(words: Sequence[str]) -> int:
 
 
 def _compare(folder: Path, other: Path) -> int:
-    """Say in what two runs differ, and whether that is to be expected."""
+    """Print how two runs differ, and whether that is to be expected."""
     found = put_beside(folder, other)
     configs = artifacts.read_config(folder), artifacts.read_config(other)
     for told in differences(*configs, but=("hydra",), words=("here", "there")):
@@ -72,13 +72,13 @@ def _told(found: Integrity) -> list[str]:
 
 
 def _fly_again(folder: Path) -> bool:
-    """Fly the recorded flights again; tell whether each agrees."""
+    """Fly the recorded flights again; return whether each agrees."""
     places = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
     paths = [path for place in places for path in sorted((folder / place).glob("*.mcap"))]
     if not paths:
         sys.stdout.write("flights: none is recorded\n")
         return True
-    from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, where there are flights
+    from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, only if there are flights
 
     sys.stdout.write(f"flights: {len(paths)} recorded\n")
     all_agree = True

@@ -1,1 +1,1 @@
-"""Where controllers come from."""
+"""Sources of controllers."""

@@ -1,4 +1,4 @@
-"""The controller that a run flies: its champion where it trained one, else the configured controller."""
+"""The controller of a run: its champion if it trained one, else the configured controller."""
 
 from pathlib import Path
 
@@ -10,10 +10,10 @@ from pipeline.settings.experiment import Experiment
 
 
 def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
-    """Return what a run's later stages fly.
+    """Return the controller that a run's later stages fly.
 
-    A fuzzy controller from a file is kept in the run's folder when it is first flown, so that later stages
-    fly the same one whatever becomes of the file.
+    A fuzzy controller from a file is copied into the run's folder when it is first flown, so that later
+    stages fly the same one even if the file changes.
 
     Raises
     ------

@@ -1,12 +1,12 @@
-"""Somebody else's flight, played from a table: forces, and attitudes or torques.
+"""A flight from elsewhere, played from a table: forces, and attitudes or torques.
 
-A CSV file with one row a control period, from the first one on; last rows may be missing. Its first column is
-``time_s``; the others are any of these groups, whole and each once, but only one of the first two and one of
-the last two:
+A CSV file with one row per control period, from the first one on; last rows may be missing. Its first column
+is ``time_s``; the others are any of these groups, complete and at most once, but only one of the first two
+and one of the last two:
 
 - ``force_x_n, force_y_n, force_z_n``: forces along Hill axes;
 - ``force_body_x_n, force_body_y_n, force_body_z_n``: along body axes;
-- ``torque_x_n_m, torque_y_n_m, torque_z_n_m``: about body axes, in place of the attitude law's;
+- ``torque_x_n_m, torque_y_n_m, torque_z_n_m``: about body axes, instead of the attitude law's;
 - ``q1, q2, q3, q4``: attitudes from Hill to body axes, scalar last, that the attitude law seeks.
 """
 
@@ -31,11 +31,11 @@ HILL_FORCES = ("force_x_n", "force_y_n", "force_z_n")
 BODY_FORCES = ("force_body_x_n", "force_body_y_n", "force_body_z_n")
 TORQUES = ("torque_x_n_m", "torque_y_n_m", "torque_z_n_m")
 ATTITUDES = ("q1", "q2", "q3", "q4")
-#: of which a table has at most one each
+#: groups of which a table has at most one each
 CHOICES = ((HILL_FORCES, BODY_FORCES), (TORQUES, ATTITUDES))
-#: of a table of forces alone
+#: the columns of a table of forces alone
 COLUMNS = (TIME, *HILL_FORCES)
-#: by how much the length of an attitude may be off, which is then made 1
+#: tolerance for the length of an attitude quaternion, which is then normalised
 LENGTH_TOLERANCE = 1e-3
 
 _LOG = logging.getLogger(__name__)
@@ -44,12 +44,12 @@ _LOG = logging.getLogger(__name__)
 def read_played(path: Path, mission: Mission) -> Controller:
     """Read a flight to play.
 
-    Forces and torques beyond the greatest are clipped in flight; a warning says so.
+    Forces and torques beyond the limits are clipped in flight; a warning says so.
 
     Raises
     ------
     ControllerError
-        If the file cannot be read, or a column, a time or a number is not what it must be.
+        If the file cannot be read, or a column, a time or a number is invalid.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
@@ -99,12 +99,12 @@ def to_mapping(controller: Controller) -> dict[str, Any]:
 
 
 def from_mapping(told: Mapping[str, Any]) -> Controller:
-    """Return the flight to play that `to_mapping` wrote.
+    """Return the flight to play from the data of `to_mapping`.
 
     Raises
     ------
     ControllerError
-        If it did not.
+        If the data have another form.
     """
     try:
         forces, attitudes, torques = (
@@ -118,7 +118,7 @@ def from_mapping(told: Mapping[str, Any]) -> Controller:
 
 
 def _check_header(path: Path, names: tuple[str, ...]) -> None:
-    """Refuse columns that are not whole groups, or of which there are too many."""
+    """Raise ControllerError for incomplete, conflicting or repeated groups of columns."""
     if names[:1] != (TIME,) or len(names) == 1:
         raise ControllerError(f"{path} does not begin with the header {','.join(COLUMNS)}; add it")
     left = list(names[1:])
@@ -151,7 +151,7 @@ def _numbers(path: Path, line: int, cells: list[str], names: tuple[str, ...]) ->
 
 
 def _check_times(path: Path, times: Floats, mission: Mission) -> None:
-    """Refuse rows that do not keep the mission's clock."""
+    """Raise ControllerError for rows that do not match the mission's clock."""
     if len(times) > mission.num_controls:
         raise ControllerError(
             f"{path} has {len(times)} rows, the flight {mission.num_controls} control periods; drop the last "
@@ -168,7 +168,7 @@ def _check_times(path: Path, times: Floats, mission: Mission) -> None:
 
 
 def _unit(path: Path, attitudes: Floats) -> Floats:
-    """Return attitudes of unit length, or refuse those that are far from it."""
+    """Return attitudes of unit length, or raise ControllerError for those that are far from it."""
     lengths = np.linalg.norm(attitudes, axis=1, keepdims=True)
     wrong = np.flatnonzero(np.abs(lengths - 1.0) > LENGTH_TOLERANCE)
     if wrong.size:

@@ -1,7 +1,7 @@
-"""Learned policies from ONNX files: a chain of layers is read as numbers, and everything else is refused.
+"""Learned policies from ONNX files: a chain of layers is read as numbers; anything else is an error.
 
-Nothing of a file is executed: of its graph the constants are taken, and which of a few operators stand
-between them.
+Nothing in a file is executed: only the constants of its graph are read, and which of a few operators
+connect them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ MOST_BYTES = 16 << 20
 OPERATORS = ("Add", "Sub", "Mul", "Div", "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
 #: attributes that are read; operators of early versions of the format have others
 ATTRIBUTES = {"Flatten": {"axis"}, "Gemm": {"alpha", "beta", "transA", "transB"}}
-#: in the words of the format
+#: the operators, by the format's names
 FLOAT, DOUBLE, EXTERNAL = 1, 11, 1
 
 
@@ -37,7 +37,7 @@ def read_policy(path: Path) -> Controller:
     Raises
     ------
     ControllerError
-        If the file cannot be read, or is no chain of `OPERATORS` from what is observed to three forces.
+        If the file cannot be read, or is not a chain of `OPERATORS` from the observations to three forces.
     """
     try:
         with path.open("rb") as stream:
@@ -81,7 +81,7 @@ def _graph(source: bytes) -> Any:
 
 @dataclass
 class _Chain:
-    """Layers found so far, and the affine map ``x @ weights + added`` that goes on from the last of them."""
+    """The layers found so far, and the affine map ``x @ weights + added`` after the last of them."""
 
     weights: Floats = field(default_factory=lambda: np.eye(NUM_SEEN))
     added: Floats = field(default_factory=lambda: np.zeros(NUM_SEEN))
@@ -94,7 +94,7 @@ class _Chain:
         self.weights, self.added = np.eye(width), np.zeros(width)
 
     def multiply(self, matrix: Floats, added: Floats | float = 0.0) -> None:
-        """Go on by a matrix."""
+        """Apply a matrix."""
         if matrix.ndim != 2 or len(matrix) != len(self.added):
             raise _UnreadableError(
                 f"weights of shape {matrix.shape} follow {len(self.added)} numbers; the first layer takes "
@@ -103,7 +103,7 @@ class _Chain:
         self.weights, self.added = self.weights @ matrix, self.added @ matrix + added
 
     def scale(self, factor: Floats, added: Floats) -> None:
-        """Go on number by number."""
+        """Apply a factor and an offset to each number."""
         width = len(self.added)
         for values in (factor, added):
             if values.size not in (1, width) or values.shape[-1:] not in ((), (values.size,)):
@@ -173,7 +173,7 @@ def _constants(graph: Any) -> Iterator[tuple[str, Floats]]:
 
 
 def _follow(chain: _Chain, node: Any, values: Sequence[Floats | None]) -> None:
-    """Go on by a node; None stands for the numbers of the one before."""
+    """Apply a node; None stands for the output of the previous one."""
     one = np.ones(1)
     match node.op_type, values:
         case "Identity" | "Flatten", _ if all(axis.i == 1 for axis in node.attribute):

@@ -1,6 +1,6 @@
 """Controllers from the configuration: written out, from a file, from a table of forces, learned, or planned.
 
-Reading one executes nothing.
+Reading one executes no code from it.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from pipeline.settings.nearest import choices_of
 from pipeline.settings.places import conf_folder
 
 CONTROLLER_SUFFIXES = (".json", ".yaml", ".yml")
-#: options of the group ``controller`` that are complete with a path alone
+#: options of the group ``controller`` that need only a path
 WITH_PATHS = ("file", "open_loop", "policy")
 
 
@@ -37,7 +37,7 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     source : mapping
         The group ``controller``: with ``systems``, ``path``, or ``kind``.
     mission : Mission
-        Whose clock the decisions, or a table to play, must keep.
+        Its clock must fit the decisions, or a table to play.
 
     Returns
     -------
@@ -64,13 +64,13 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
 
 
 def _in_time(controller: Controller, mission: Mission) -> Controller:
-    """Return a controller whose decisions keep the mission's clock."""
+    """Return a controller after checking that its decisions fit the mission's clock."""
     decision_stride(controller, mission)
     return controller
 
 
 def named(name: str, mission: Mission) -> Controller:
-    """Return the controller of a name as in ``controller=NAME``, or of a path.
+    """Return the controller with a name as in ``controller=NAME``, or from a path.
 
     Raises
     ------

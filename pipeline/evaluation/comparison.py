@@ -46,16 +46,16 @@ class ComparisonRow:
     ----------
     controller : str
     source : str
-        `FLOWN`, `PUBLISHED` (quoted) or `PLANNED` (made with the whole flight known, of other cases).
+        `FLOWN`, `PUBLISHED` (quoted) or `PLANNED` (computed with the whole flight known, for other cases).
     sun : str
-        Its setting; empty where none is stated.
+        Its setting; empty if none is stated.
     safety : str
         ``none`` or ``filter``.
     num_cases : int
     rules : int, optional
-        None for what has none.
+        None for controllers without rules.
     summary : mapping
-        Of `pipeline.evaluation.monte_carlo.summarise`, or what is known of it.
+        Of `pipeline.evaluation.monte_carlo.summarise`, or the known part of it.
     times : mapping, optional
         Of `pipeline.optimum.account.summarise_times`.
     world : str
@@ -74,7 +74,7 @@ class ComparisonRow:
 
 
 def rules_of(controller: Controller) -> int | None:
-    """Count the rules of a controller; None where it has none."""
+    """Return the number of rules of a controller; None if it has none."""
     return sum(len(system.rules) for system in controller.systems) or None
 
 
@@ -108,20 +108,20 @@ def as_mapping(row: ComparisonRow) -> dict[str, Any]:
 
 
 def row_of(told: Mapping[str, Any]) -> ComparisonRow:
-    """Return the row of plain data.
+    """Return the row from plain data.
 
     Raises
     ------
     KeyError, TypeError
-        If it is of something else.
+        If it is something else.
     """
-    # earlier versions knew no worlds
+    # earlier versions had no worlds
     known = {"world": "", **told}
     return ComparisonRow(**{field.name: known[field.name] for field in fields(ComparisonRow)})
 
 
 def as_cells(row: ComparisonRow) -> list[Any]:
-    """Return the cells of a row of ``compare/table.csv``; empty where nothing is known."""
+    """Return the cells of a row of ``compare/table.csv``; empty where unknown."""
     cells: dict[str, Any] = {
         "controller": row.controller,
         "source": row.source,
@@ -141,7 +141,7 @@ def as_cells(row: ComparisonRow) -> list[Any]:
 
 
 def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[str, Column]:
-    """Put the flights of several rows under one another, each with its row's names."""
+    """Concatenate the flights of several rows, each with its row's names."""
     names = list(parts[0][1])
     columns: dict[str, Column] = {
         key: np.concatenate([np.full(row.num_cases, getattr(row, key)) for row, _ in parts])
@@ -150,7 +150,7 @@ def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[
     return columns | {name: np.concatenate([episodes[name] for _, episodes in parts]) for name in names}
 
 
-#: headings of the table in words, and whether a column is of numbers
+#: headings of the table in words, and whether a column is numeric
 COLUMNS = (
     ("controller", False),
     ("rules", True),
@@ -166,7 +166,7 @@ COLUMNS = (
 
 
 def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[str]:
-    """Return a line of the table: a row without the safety layer, and the same with it where it was flown."""
+    """Return a line of the table: a row without the safety layer, and the same with it if it was flown."""
     mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
     layer = ["", "", ""]
     if guarded is not None:
@@ -190,7 +190,7 @@ def mean(row: ComparisonRow, name: str, places: int) -> str:
 
 
 def rate(row: ComparisonRow) -> str:
-    """Return the inspection rate, and that of the points that are ever lit where some are not."""
+    """Return the inspection rate, and that of the points that are ever lit if some are not."""
     told, of_lit = row.summary["inspection_rate_percent"], row.summary.get("inspectable_rate_percent")
     words = mean(row, "inspection_rate_percent", 2)
     if of_lit is None or of_lit["mean"] == told["mean"]:
@@ -199,7 +199,7 @@ def rate(row: ComparisonRow) -> str:
 
 
 def share(row: ComparisonRow, name: str) -> str:
-    """Return a share of cases in per cent with its interval; empty where it is not known."""
+    """Return a share of cases in per cent with its interval; empty if unknown."""
     told = row.summary.get(name)
     if told is None:
         return ""
@@ -207,11 +207,11 @@ def share(row: ComparisonRow, name: str) -> str:
 
 
 def lines_of(rows: Sequence[ComparisonRow], sun: str) -> list[list[str]]:
-    """Return the table of one Sun setting in words: what is published first, one line a controller."""
+    """Return the table of one Sun setting in words: published results first, one line per controller."""
     of_sun = [row for row in rows if row.sun in (sun, "")]
     guarded = {row.controller: row for row in of_sun if row.safety != "none"}
     plain = [row for row in of_sun if row.safety == "none"]
-    # of controllers that were flown under the layer alone
+    # controllers that were flown only with the layer
     names = {row.controller for row in plain}
     only = [row for row in of_sun if row.controller not in names]
     lines = [cells_in_words(row, guarded.get(row.controller)) for row in plain]

@@ -1,4 +1,4 @@
-"""An evaluation: one controller from many starts, as a table and in words of statistics."""
+"""An evaluation: one controller from many starts, as a table and as statistics."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -28,7 +28,7 @@ def fly_cases(
     Returns
     -------
     episodes : dict of (n,) arrays
-        A column for each fact of a case, see `episode_columns`.
+        A column for each quantity of a case, see `episode_columns`.
     tracks : (n, K+1, 3) float32
         Positions, m, Hill axes.
     """
@@ -67,7 +67,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
 
 
 def _propellant(mission: Mission, own: list[dict[str, float]], outcomes: Outcomes) -> dict[str, Column]:
-    """Return as a column what each case used up, by the rocket equation, where the mass falls."""
+    """Return the propellant used in each case, by the rocket equation, as a column, if the mass falls."""
     actuators = mission.actuators
     if actuators.kind != "real" or actuators.specific_impulse_s is None:
         return {}
@@ -83,12 +83,12 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
     names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
     success, violated = episodes["success"], episodes["violated"]
     shares = {"success": success, "violated": violated, "success_and_within_limits": success & ~violated}
-    if "safety_periods" in episodes:  # not in those of earlier versions
+    if "safety_periods" in episodes:  # missing in those of earlier versions
         names += ["safety_periods", "safety_delta_v_m_s"]
         shares["safety_acted"] = episodes["safety_periods"] > 0
     if "propellant_kg" in episodes:
         names.append("propellant_kg")
-    if "inspectable_count" in episodes:  # nor these
+    if "inspectable_count" in episodes:  # these too
         names += ["inspectable_count", "inspectable_rate_percent"]
     return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {
         name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()
@@ -96,7 +96,7 @@ def summarise(episodes: Mapping[str, Column], confidence_percent: float) -> dict
 
 
 def rank(episodes: Mapping[str, Column]) -> NDArray[np.int64]:
-    """Order the rows of an evaluation from the worst to the best.
+    """Return the rows of an evaluation from the worst to the best.
 
     A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.
     Equal ones stay in order.

@@ -1,4 +1,4 @@
-"""Runs against each other on the cases that they share: differences a case, and effects of settings."""
+"""Paired comparison of runs on their common cases: differences per case, and effects of settings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 Column = NDArray[Any]
 Floats = NDArray[np.float64]
 
-#: columns that say where a case starts: cases that share them are the same case
+#: columns that identify a case's start: cases that share them are the same case
 START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_elevation_rad")
 
 
 @dataclass(frozen=True)
 class Metric:
-    """What runs are compared by: its column in an evaluation, its words, and whether less of it is better."""
+    """A quantity to compare runs by: its column in an evaluation, its words, and whether less is better."""
 
     name: str
     label: str
@@ -26,7 +26,7 @@ class Metric:
     places: int
 
     def of(self, episodes: Mapping[str, Column]) -> Floats:
-        """Return its value a case; a share is 0 or 100 %."""
+        """Return its value per case; a share is 0 or 100 %."""
         column = episodes[self.name]
         return np.asarray(column * (100.0 if column.dtype == np.bool_ else 1.0), dtype=np.float64)
 
@@ -41,7 +41,7 @@ METRICS = (
 
 @dataclass(frozen=True)
 class Difference:
-    """A mean difference with its interval of Student's t, and of how many pairs it is.
+    """A mean difference with its Student's t interval, and the number of pairs.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ class Difference:
 
     @property
     def is_told(self) -> bool:
-        """Whether the interval leaves zero out."""
+        """Whether the interval excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
 
 def difference(values: Floats, confidence_percent: float) -> Difference:
-    """Describe paired differences, at least one."""
-    from scipy.special import stdtrit  # noqa: PLC0415 - takes longer to import than a thousand flights take
+    """Return the mean and interval of paired differences, at least one."""
+    from scipy.special import stdtrit  # noqa: PLC0415 - slower to import than a thousand flights
 
     mean, number = float(values.mean()), len(values)
     if number < 2:
@@ -76,11 +76,11 @@ def difference(values: Floats, confidence_percent: float) -> Difference:
 def common_cases(
     first: Mapping[str, Column], second: Mapping[str, Column]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows of the cases that two evaluations share, equal to the last bit in `START`."""
+    """Return the rows of the cases that two evaluations share, bit-identical in `START`."""
 
     def keys(episodes: Mapping[str, Column]) -> list[bytes]:
         count = len(episodes["case"])
-        nothing = np.zeros(count)  # earlier versions knew no elevation
+        nothing = np.zeros(count)  # earlier versions had no elevation
         starts = np.column_stack([episodes.get(name, nothing) for name in START])
         return [row.tobytes() for row in np.ascontiguousarray(starts, dtype=np.float64)]
 
@@ -99,12 +99,12 @@ class Compared:
     metric : Metric
     means : tuple of (float, float)
     difference : Difference
-        Of the second from the first.
+        Second minus first.
     better, worse : int
-        In how many cases the second is better and worse than the first.
+        Number of cases in which the second is better and worse than the first.
     p_value : float
-        That so uneven a difference comes by chance: of Wilcoxon's signed ranks, for shares of McNemar's exact
-        test; 1 where no case differs.
+        By Wilcoxon's signed-rank test, for shares by McNemar's exact
+        test; 1 if no case differs.
     """
 
     metric: Metric
@@ -123,7 +123,7 @@ def compare(
     Raises
     ------
     ValueError
-        If they share none.
+        If they have no common case.
     """
     rows, others = common_cases(first, second)
     if not len(rows):
@@ -144,7 +144,7 @@ def compare(
 
 
 def _mcnemar(above: int, below: int) -> float:
-    """Return McNemar's exact p-value (Psychometrika 12, 1947): discordant pairs fall like a fair coin."""
+    """Return McNemar's exact p-value (Psychometrika 12, 1947): discordant pairs are like fair coin tosses."""
     from scipy.stats import binom  # noqa: PLC0415 - as above
 
     return min(1.0, 2.0 * float(binom.cdf(min(above, below), above + below, 0.5)))
@@ -158,7 +158,7 @@ def _wilcoxon(gained: Floats) -> float:
 
 @dataclass(frozen=True)
 class Effect:
-    """What a setting does: a level of a factor against the factor's first, all else equal.
+    """The effect of a setting: a level of a factor against the factor's first, all else equal.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class Effect:
     metric : Metric
     difference : Difference
     unit : str
-        What the pairs are: ``runs`` where several pairs of runs differ in nothing else, ``cases`` where one
+        The kind of pairs: ``runs`` if several pairs of runs differ in nothing else, ``cases`` if only one
         does.
     """
 
@@ -182,9 +182,9 @@ Flown = tuple[Mapping[str, str], Mapping[str, Column]]
 
 
 def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
-    """Return what each factor of a sweep does.
+    """Return the effect of each factor of a sweep.
 
-    Runs are paired with those that differ from them in one factor alone, and their cases with the same
+    Runs are paired with those that differ from them in one factor only, and their cases with the same
     cases; pairs without common cases are compared by their means.
 
     Parameters
@@ -214,7 +214,7 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
 def _gained(
     pairs: Sequence[tuple[Mapping[str, Column], Mapping[str, Column]]], metric: Metric
 ) -> tuple[Floats, str]:
-    """Return the differences a pair of runs; of one pair with common cases, those a case."""
+    """Return the differences per pair of runs; for a single pair with common cases, those per case."""
     gained = []
     for first, second in pairs:
         rows, others = common_cases(first, second)
@@ -229,7 +229,7 @@ def _gained(
 
 
 def on_front(spent: Floats, inspected: Floats) -> NDArray[np.bool_]:
-    """Tell which runs no other surpasses: spends no more and inspects no less, and one of these better."""
+    """Return which runs are nondominated: none spends no more and inspects no less, one of these strictly."""
     no_more = spent[:, np.newaxis] >= spent
     no_less = inspected[:, np.newaxis] <= inspected
     better = (spent[:, np.newaxis] > spent) | (inspected[:, np.newaxis] < inspected)

@@ -1,4 +1,4 @@
-"""What the paper reports: Choi, Kim and Leeghim, AAS 25-727, summaries of its training and test results."""
+"""The paper's results: Choi, Kim and Leeghim, AAS 25-727, summaries of its training and test results."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ SOURCE = "Choi, Kim and Leeghim, AAS 25-727"
 
 @dataclass(frozen=True)
 class Reported:
-    """A row of the paper: means and standard deviations, by the names that our summaries use."""
+    """A row of the paper: means and standard deviations, by the names in our summaries."""
 
     label: str
     num_cases: int

@@ -1,4 +1,4 @@
-"""An evaluation whose settings are dispersed: what most flights keep to, and which dispersion costs what."""
+"""Evaluation with dispersed settings: percentiles of the flights, and the effect of each dispersion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -10,15 +10,15 @@ from pipeline.evaluation.statistics import percentile, rank_correlation
 
 Column = NDArray[Any]
 
-#: what is asked of the flights: the delta-v and the greatest distance that most do not exceed, and the rate
-#: and the least distance that most do not fall short of
+#: percentiles of the flights: upper ones of delta-v and greatest distance, lower ones of rate
+#: and least distance
 PERCENTS: Mapping[str, tuple[float, ...]] = {
     "delta_v_m_s": (50.0, 90.0, 99.0),
     "inspectable_rate_percent": (50.0, 10.0, 1.0),
     "max_distance_m": (50.0, 90.0, 99.0),
     "min_distance_m": (50.0, 10.0, 1.0),
 }
-#: what dispersions are ranked by
+#: quantities that dispersions are ranked by
 RANKED = ("delta_v_m_s", "inspectable_rate_percent")
 
 
@@ -33,7 +33,7 @@ def percentiles(episodes: Mapping[str, Column], confidence_percent: float) -> di
 def sensitivity(
     episodes: Mapping[str, Column], keys: Sequence[str], confidence_percent: float
 ) -> list[dict[str, Any]]:
-    """Rank dispersed settings by how much delta-v and rate go with them.
+    """Rank dispersed settings by their correlation with delta-v and rate.
 
     Returns
     -------
@@ -50,5 +50,5 @@ def sensitivity(
 
 
 def is_told(correlation: Mapping[str, float]) -> bool:
-    """Tell whether an interval leaves zero out."""
+    """Return whether an interval excludes zero."""
     return correlation["low"] > 0.0 or correlation["high"] < 0.0

@@ -32,7 +32,7 @@ class Fraction:
 
 
 def statistic(values: Floats, confidence_percent: float) -> Statistic:
-    """Describe a sample of at least one value; the interval of the mean is normal."""
+    """Return the statistics of a sample of at least one value; the interval of the mean is normal."""
     values = np.asarray(values, dtype=np.float64)
     spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     mean = float(values.mean())
@@ -41,21 +41,21 @@ def statistic(values: Floats, confidence_percent: float) -> Statistic:
 
 
 def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
-    """Describe how often something happens, with the interval of Wilson (J. Am. Stat. Assoc. 22, 1927)."""
+    """Return the share of true values, with the interval of Wilson (J. Am. Stat. Assoc. 22, 1927)."""
     count, number = int(np.sum(is_so)), len(is_so)
     z = _z(confidence_percent)
     share = count / number
     scale = 1.0 + z * z / number
     middle = (share + z * z / (2 * number)) / scale
     reach = z / scale * math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number * number))
-    # the interval holds the share; at 0 and 1 rounding must not part them
+    # the interval contains the share; at 0 and 1 rounding must not exclude it
     low, high = min(share, middle - reach), max(share, middle + reach)
     return Fraction(count, share, max(0.0, low), min(1.0, high))
 
 
 @dataclass(frozen=True)
 class Percentile:
-    """What a share of all flights does not exceed, with a distribution-free interval.
+    """A value that a share of all flights does not exceed, with a distribution-free interval.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Percentile:
     value : float
         Of the sample.
     low, high : float, optional
-        None where the sample is too small to tell.
+        None if the sample is too small.
     """
 
     percent: float
@@ -82,9 +82,9 @@ class Correlation:
 
 
 def percentile(values: Floats, percent: float, confidence_percent: float) -> Percentile:
-    """Describe a percentile by order statistics: how many values lie below it is binomial.
+    """Return a percentile by order statistics: the number of values below it is binomial.
 
-    Each end of the interval is passed by chance with half of what the confidence leaves (Hanson and Beard,
+    Each tail of the interval has half of the remaining probability (Hanson and Beard,
     NASA/TP-2010-216447; Wilks, Ann. Math. Stat. 12, 1941).
     """
     ordered, share, number = np.sort(values), percent / 100.0, len(values)
@@ -101,16 +101,16 @@ def percentile(values: Floats, percent: float, confidence_percent: float) -> Per
 
 
 def binomial_quantile(probability: float, number: int, share: float) -> int:
-    """Return the least count that so many trials do not exceed with at least a probability."""
-    # as `scipy.stats.binom.ppf` finds it, which takes half a second to import
-    from scipy.special import bdtr, bdtrik  # noqa: PLC0415 - takes longer to import than a thousand flights take
+    """Return the quantile of a binomial distribution."""
+    # as `scipy.stats.binom.ppf` computes it, which takes half a second to import
+    from scipy.special import bdtr, bdtrik  # noqa: PLC0415 - slower to import than a thousand flights
 
     count = math.ceil(bdtrik(probability, number, share))
     return count - 1 if count > 0 and bdtr(count - 1, number, share) >= probability else count
 
 
 def rank_correlation(first: Floats, second: Floats, confidence_percent: float) -> Correlation:
-    """Return Spearman's correlation, zero where one of the two is constant.
+    """Return Spearman's correlation, zero if one of the two is constant.
 
     Its interval is by Fisher's transformation, with the variance of Bonett and
     Wright (Psychometrika 65, 2000).
@@ -128,6 +128,6 @@ def rank_correlation(first: Floats, second: Floats, confidence_percent: float) -
 
 
 def _z(confidence_percent: float) -> float:
-    from scipy.special import ndtri  # noqa: PLC0415 - takes longer to import than a thousand flights take
+    from scipy.special import ndtri  # noqa: PLC0415 - slower to import than a thousand flights
 
     return float(ndtri(0.5 + confidence_percent / 200.0))

@@ -1,9 +1,9 @@
-"""Trials of settings, that Optuna proposes and that race on common flights.
+"""Trials of settings, proposed by Optuna and raced on common flights.
 
-What is proposed is asked for and told, one trial after the other: Optuna runs nothing itself. Its journal,
-lines of JSON, is all that a search goes on from. A trial flies block after block of the same flights as the
-others; it ends where Wilcoxon's signed ranks say that it is worse than the best one on the blocks that both
-have flown.
+Optuna only proposes values and receives results, one trial after the other. Its journal,
+lines of JSON, is all that a search needs to resume. A trial flies block after block of the same flights as
+the others; it ends when Wilcoxon's signed-rank test shows that it is worse than the best one on the blocks
+that both have flown.
 """
 
 import warnings
@@ -30,17 +30,17 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Search
 from pipeline.settings.space import Dimension, dimensions
 
-#: what is tried -> its mean cost in one block of flights after the other
+#: values to try -> mean costs of successive blocks of flights
 Judge = Callable[[Mapping[str, Any]], Iterator[float]]
 
-#: keeps what is proposed apart from other draws of the same seed
+#: separates the proposals from other random numbers with the same seed
 SPAWN_KEY = 0x5EA
 NAME = "search"
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A trial that has ended.
+    """A finished trial.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Tried:
     blocks : tuple of float
         Mean cost of each block of flights.
     state : str
-        ``complete``, ``pruned`` in the race, or ``fail`` where settings do not fit together.
+        ``complete``, ``pruned`` in the race, or ``fail`` if settings do not fit together.
     """
 
     number: int
@@ -61,27 +61,27 @@ class Tried:
 
     @property
     def cost(self) -> float:
-        """The mean of the blocks that it flew; not a number without one."""
+        """The mean of the blocks that it flew; NaN without any."""
         return float(np.mean(self.blocks)) if self.blocks else float("nan")
 
 
 def trials(journal: Path, search: Search, seed: int, judge: Judge) -> Iterator[Tried]:
-    """Try settings, those of a journal first, and yield each trial as it ends.
+    """Try settings, those of a journal first, and yield each trial when it ends.
 
     Parameters
     ----------
     journal : Path
-        Made where it is missing; a trial in it that was interrupted is gone on with.
+        Made if missing; an interrupted trial in it is resumed.
     search : Search
     seed : int
     judge : callable
-        Given a trial's values; what it yields must hang on these alone.
+        Takes a trial's values; what it yields must depend on these alone.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     journal.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        # of a trial that is gone on with: its first blocks are flown again, and are the same
+        # of a resumed trial: its first blocks are flown again, with the same results
         warnings.filterwarnings("ignore", "The reported value is ignored")
         study = optuna.create_study(
             storage=JournalStorage(JournalFileBackend(str(journal))),
@@ -93,7 +93,7 @@ def trials(journal: Path, search: Search, seed: int, judge: Judge) -> Iterator[T
         for number in range(search.trials):
             known = study.get_trials(deepcopy=False)
             if number >= len(known) or not known[number].state.is_finished():
-                # each trial draws from its own seed, so that a search that goes on proposes the same
+                # each trial draws from its own seed, so that a resumed search proposes the same
                 words = np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)).generate_state(1)
                 study.sampler = TPESampler(seed=int(words[0]), constant_liar=False)
                 _race(study, _begun(study, known[number:], space), judge)
@@ -107,7 +107,7 @@ def _begun(
 
 
 def _race(study: optuna.Study, trial: Trial, judge: Judge) -> None:
-    """Fly a trial until it ends or falls behind, and tell the study."""
+    """Fly a trial until it ends or falls behind, and report it to the study."""
     costs: list[float] = []
     try:
         for block, cost in enumerate(judge(trial.params)):

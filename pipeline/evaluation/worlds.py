@@ -1,26 +1,26 @@
-"""The same controllers in several worlds: who holds, who breaks, and what it costs."""
+"""The same controllers in several worlds: which hold, which fail, and at what cost."""
 
 from collections.abc import Sequence
 
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow
 
-#: what a cell of the table tells
+#: contents of a cell of the table
 LEGEND = "successful (%) / delta-v (m/s) / outside the limits (%)"
 
 
 def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
-    """Return the worlds of some rows, in order; none where all flew in the experiment's own."""
+    """Return the worlds of some rows, in order; empty if all flew in the experiment's own."""
     return list(dict.fromkeys(row.world for row in rows if row.source == FLOWN and row.world))
 
 
 def cell(row: ComparisonRow) -> str:
-    """Return what a table tells of a controller in a world, see `LEGEND`."""
+    """Return the table cell of a controller in a world, see `LEGEND`."""
     success, outside = (100 * row.summary[name]["fraction"] for name in ("success", "violated"))
     return f"{success:.0f} / {row.summary['delta_v_m_s']['mean']:.2f} / {outside:.0f}"
 
 
 def matrix(rows: Sequence[ComparisonRow], sun: str, layer: str) -> list[list[str]]:
-    """Return the table of one Sun and layer: a line of names, then a line a world, a column a controller."""
+    """Return the table of one Sun and layer: names first, then a line per world, a column per controller."""
     flown = [row for row in rows if row.source == FLOWN and (row.sun, row.safety) == (sun, layer)]
     names = list(dict.fromkeys(row.controller for row in flown))
     told = {(row.world, row.controller): cell(row) for row in flown}
@@ -36,7 +36,7 @@ def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[st
 
 
 def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
-    """Tell whether a controller breaks: the intervals of success or of leaving the limits lie apart."""
+    """Return whether a controller fails: the intervals of success or of leaving the limits do not overlap."""
     now, then = row.summary, first.summary
     return bool(
         now["success"]["high"] < then["success"]["low"] or now["violated"]["low"] > then["violated"]["high"]
@@ -44,7 +44,7 @@ def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
 
 
 def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
-    """Say in a line for each controller, Sun and layer where it breaks, and what the last world costs it."""
+    """Return for each controller, Sun and layer a line on where it fails, and the cost of the last world."""
     lines = []
     flown = [row for row in rows if row.source == FLOWN]
     for sun, layer, controller in dict.fromkeys((row.sun, row.safety, row.controller) for row in flown):
@@ -62,7 +62,7 @@ def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
 
 
 def worlds_in_words(rows: Sequence[ComparisonRow]) -> str:
-    """Write the tables as plain text, and who holds."""
+    """Return the tables as plain text, and which controllers hold."""
     parts = []
     for sun, layer, lines in matrices(rows):
         widths = [max(len(line[place]) for line in lines) for place in range(len(lines[0]))]

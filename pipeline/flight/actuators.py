@@ -1,20 +1,19 @@
-"""What becomes of a commanded force in the thrusters.
+"""From a commanded force to the force that the thrusters fire.
 
-A command is delayed, turned and scaled by the errors of its flight, rounded to whole impulses, not fired
-where it is less than the least impulse, and clipped to the thrust limit: in this order, along Hill axes, in
+A command is delayed, rotated and scaled by the errors of its flight, rounded to whole impulses, dropped
+if below the least impulse, and clipped to the thrust limit: in this order, along Hill axes, in
 which forces are fired. The safety layer acts on commands, before all this. Delta-v counts what is fired.
 
-What is fired acts beside the centre of mass and so turns the deputy, by ``arm x force`` in body axes; that
-torque comes on top of that of attitude control, and follows the attitude while the force stays along Hill
-axes. By Tsiolkovsky's equation it uses up ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control
+The force acts at an offset from the centre of mass and so turns the deputy, by ``arm x force`` in body axes;
+this torque adds to that of attitude control, and follows the attitude while the force stays along Hill
+axes. By Tsiolkovsky's equation it consumes ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control
 period, in which the mean of the mass before and after is accelerated; the deputy itself computes with the
 mass at the start.
 
-With a layout of thrusters the command, turned and scaled as above, is divided among these by a table: for
-each of the six directions along the body axes, the forces of least sum that push by one newton and do not
-turn the deputy, if there are any. What is asked along the axes is added up. Where a thruster would have to
-give more than it can, all give less in proportion. Impulses are those of each thruster, and so is what is
-used up.
+With a layout of thrusters the command, rotated and scaled as above, is allocated to them by a table: for
+each of the six directions along the body axes, the forces of least sum that push by one newton without
+turning the deputy, if there are any. The contributions of the axes are added up. If a thruster would exceed
+its limit, all are reduced in proportion. Impulses and propellant are counted for each thruster.
 """
 
 from functools import cache
@@ -30,12 +29,12 @@ from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
 
-#: place in the spawn key of what is drawn for the thrusters, after the case
+#: place in the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2
 
 
 class Thrusters(NamedTuple):
-    """What all flights of a mission share.
+    """Thruster properties that all flights of a mission share.
 
     Attributes
     ----------
@@ -48,11 +47,11 @@ class Thrusters(NamedTuple):
     exhaust_speed : float
         Of propellant, m/s; infinite where the mass stays.
     dry : float
-        Share of the mass at the start that nothing is fired with; -1 where the mass stays.
+        Share of the mass at the start that is not propellant; -1 where the mass stays.
     table : (N, 6)
-        Forces of the thrusters per newton along +x, +y, +z, -x, -y, -z of the body; no rows for one an axis.
+        Forces of the thrusters per newton along +x, +y, +z, -x, -y, -z of the body; no rows without one.
     layout : (N, 7)
-        Of each the direction of its force, its torque per newton, m, body axes, and its greatest force, N.
+        For each thruster its direction, its torque per newton, m, body axes, and its greatest force, N.
     """
 
     delay: int
@@ -65,27 +64,27 @@ class Thrusters(NamedTuple):
 
 
 class ThrustErrors(NamedTuple):
-    """What the thrusters are off by in some flights.
+    """Errors of the thrusters in some flights.
 
     Attributes
     ----------
     matrices : (m, K or 1, 3, 3)
-        That turn a command into what is fired, but for impulses and limits, in each control period or in all.
+        From a command to the force fired, before impulses and limits, in each control period or in all.
     arms : (m, 3)
-        Where the thrust acts, from the centre of mass, m, body axes.
+        Point where the thrust acts, from the centre of mass, m, body axes.
     """
 
     matrices: Floats
     arms: Floats
 
 
-#: of those that fire what they are told
+#: errors of ideal thrusters
 NO_THRUSTERS = Thrusters(0, 0.0, 0.0, np.inf, -1.0, np.zeros((0, 6)), np.zeros((0, 7)))
 NO_ERRORS = ThrustErrors(np.zeros((0, 1, 3, 3)), np.zeros((0, 3)))
 
 
 def thrusters_of(mission: Mission) -> Thrusters:
-    """Turn settings into forces held over a control period."""
+    """Return the thrusters of a mission, with settings converted to forces held over a control period."""
     actuators, period = mission.actuators, mission.control_period_s
     impulse = actuators.specific_impulse_s
     return Thrusters(
@@ -100,7 +99,7 @@ def thrusters_of(mission: Mission) -> Thrusters:
 
 @cache
 def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]:
-    """Return `Thrusters.table` and `Thrusters.layout` of rows as settings have them."""
+    """Return `Thrusters.table` and `Thrusters.layout` from the rows of the settings."""
     rows = np.array(thrusters, dtype=np.float64)
     directions = rows[:, 3:6]
     layout = np.column_stack([directions, np.cross(rows[:, :3], directions), rows[:, 6]])
@@ -109,11 +108,11 @@ def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]
 
 
 def _division(layout: Floats, direction: Floats) -> Floats:
-    """Return the forces of least sum that push by a newton along a direction, turning as little as can be."""
+    """Return the forces of least sum that push by a newton along a direction, with the least torque."""
     from scipy.optimize import linprog  # noqa: PLC0415 - takes longer to import than a flight takes
 
     count = len(layout)
-    # the torque that is left has two parts not below zero about each axis, at a price above any thrust's
+    # the residual torque about each axis has two nonnegative parts, priced above any thrust
     forces = np.hstack([layout[:, :3].T, np.zeros((3, 6))])
     torques = np.hstack([layout[:, 3:6].T, np.eye(3), -np.eye(3)])
     price = 1e3 / max(1e-3, float(np.abs(layout[:, 3:6]).max()))
@@ -123,18 +122,18 @@ def _division(layout: Floats, direction: Floats) -> Floats:
         b_eq=np.r_[direction, np.zeros(3)],
         method="highs",
     )
-    assert solved.x is not None  # noqa: S101 - settings refuse what cannot push in every direction
+    assert solved.x is not None  # noqa: S101 - settings refuse layouts that cannot push in every direction
     return np.asarray(np.maximum(0.0, solved.x[:count]))
 
 
 def turns_by_thrust(mission: Mission) -> bool:
-    """Tell whether what is fired turns the deputy."""
+    """Return whether thrust turns the deputy."""
     actuators = mission.actuators
     return actuators.kind == "real" and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None)
 
 
 def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
-    """Draw the errors of some flights; the turn of a matrix is linear in the angle, which is small."""
+    """Draw the errors of some flights; rotations are linear in the angle, which is small."""
     actuators, keys = mission.actuators, ("actuators.scale_error", "actuators.misalignment_deg")
     num_matrices = mission.num_controls if varies(mission, *keys) else 1
     matrices, arms = np.empty((len(scenarios), num_matrices, 3, 3)), np.empty((len(scenarios), 3))
@@ -152,7 +151,7 @@ def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
 
 
 def _turned(turns: Floats) -> Floats:
-    """Return matrices, shape (N, 3, 3), that turn by small angles about each axis, shape (N, 3), rad."""
+    """Return rotation matrices, shape (N, 3, 3), for small angles about each axis, shape (N, 3), rad."""
     found = np.tile(np.eye(3), (len(turns), 1, 1))
     for axis in range(3):
         after, last = (axis + 1) % 3, (axis + 2) % 3

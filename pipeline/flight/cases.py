@@ -1,4 +1,4 @@
-"""Starts as compiled flights read them, with the errors of navigation and thrusters that are theirs."""
+"""Starts as compiled flights read them, with their errors of navigation and thrusters."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -40,9 +40,9 @@ class Cases:
     num_controls : int
         Control periods of a flight.
     navigation : (Filter, Errors), optional
-        None where the deputy knows its place.
+        None where the deputy knows its state.
     thrusters : (Thrusters, ThrustErrors), optional
-        None where they fire what they are told.
+        None for ideal thrusters.
     drag : (m, K, 3) array
         As in `pipeline.flight.drag.drag_in_time`.
     """
@@ -54,11 +54,11 @@ class Cases:
     drag: Floats
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of starts."""
         return len(self.starts)
 
     def repeated(self, times: int) -> "Cases":
-        """Return every start so many times in a row, with the same errors."""
+        """Return the cases with every start repeated `times` times in a row, with the same errors."""
 
         def each(values: NDArray[Any]) -> NDArray[Any]:
             return np.repeat(values, times, axis=0)
@@ -73,7 +73,7 @@ class Cases:
         )
 
     def departures(self, course: Course, lanes: int = LANES) -> Departures | None:
-        """Return what one thread flies beside what deputies know, so many side by side, or None."""
+        """Return the departures that one thread flies, `lanes` flights side by side; None without any."""
         if self.navigation is None and self.thrusters is None and not course.is_on:
             return None
         return Departures(self._fixes(lanes), self._firing(lanes), course._replace(varying=self.drag))
@@ -103,7 +103,7 @@ class Cases:
 
 
 def starts_of(scenarios: list[Scenario]) -> Starts:
-    """Return some starts as an array, shape (m,)."""
+    """Return starts as an array, shape (m,)."""
     starts = np.empty(len(scenarios), CASE)
     if scenarios:
         starts["position"] = np.array([scenario.position_m for scenario in scenarios])
@@ -114,7 +114,7 @@ def starts_of(scenarios: list[Scenario]) -> Starts:
 
 
 def cases_of(mission: Mission, scenarios: list[Scenario]) -> Cases:
-    """Prepare some starts to be flown in a mission."""
+    """Prepare starts to be flown in a mission."""
     navigation, thrusters = None, None
     if mission.navigation.mode == "fixes":
         law = filter_of(mission)

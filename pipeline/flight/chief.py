@@ -1,4 +1,4 @@
-"""How finely a chief that tumbles is turned."""
+"""The number of integration steps of a tumbling chief."""
 
 import math
 
@@ -9,19 +9,19 @@ from pipeline.settings.experiment import Mission, SettingError
 
 #: longest step of the chief's integrator, s
 LONGEST_STEP_S = 1.0
-#: in a flight; they take seconds
+#: most steps in a flight; they take seconds
 MOST_STEPS = 5_000_000
 
 
 def num_chief_steps(mission: Mission) -> int:
-    """Return the steps of a control period by which a chief is turned truly enough over a whole flight.
+    """Return the steps per control period that keep a tumbling chief accurate over a whole flight.
 
-    One that is aligned with Hill takes none.
+    Zero for a chief that is aligned with Hill axes.
 
     Raises
     ------
     SettingError
-        If it turns so fast that a flight would take too many.
+        If it turns so fast that a flight would need too many.
     """
     rate, longest = mission.chief.initial_angular_velocity_rad_s, LONGEST_STEP_S
     if rate is None:

@@ -34,14 +34,14 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: parts of the reach that the first pushes of a rehearsal have along each of Hill's axes; most is to be won
-#: radially, least across the orbit plane
+#: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
+#: pushes gain most, pushes across the orbit plane least
 REHEARSED_PARTS = (
     (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0),
     (0.0, 0.25, -0.25, 0.5, -0.5),
     (0.0, 0.25, -0.25),
 )
-#: constants that may not be zero: for what is sensed, under which names, which, and what it is
+#: constants that may not be zero: signals that need each, as flags and as names, its name and meaning
 REQUIRED = (
     (
         URGENCY | SETTING,
@@ -64,28 +64,28 @@ class ControllerError(ValueError):
 
 
 class Planner(Protocol):
-    """Who plans the forces of a flight, on what the deputy knows each time."""
+    """Plans the forces of a flight, at each decision from the state as the deputy knows it."""
 
     @property
     def decisions(self) -> Sequence[int]:
         """Samples at which forces are planned, ascending from 0."""
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
-        """Return the forces from a decision on, shape (rows, 3), N, Hill axes; none beyond the last row.
+        """Return the forces from a decision on, shape (rows, 3), N, Hill axes; zero after the last row.
 
         Parameters
         ----------
         scenario : Scenario
             The start of the flight.
         decision : int
-            One of `decisions`; what reaches beyond the next one is not flown.
+            One of `decisions`; rows beyond the next one are not flown.
         state : (6,)
-            As the deputy knows it then, m and m/s, Hill axes.
+            The state as the deputy knows it then, m and m/s, Hill axes.
         """
 
 
 class Regulator(Protocol):
-    """Who brings the deputy to a path by a force that is linear in how far it is off."""
+    """Holds the deputy on a path by a force that is linear in the deviation."""
 
     @property
     def gain(self) -> Floats:
@@ -99,15 +99,15 @@ class Regulator(Protocol):
         """Return the wanted states of a flight at each decision, shape (K, 6), m and m/s, Hill axes."""
 
     def forces(self, scenario: Scenario) -> Floats:
-        """Return the forces that lead along them, shape (K, 3), N, Hill axes."""
+        """Return the feedforward forces of that path, shape (K, 3), N, Hill axes."""
 
 
 class Pilot(Protocol):
-    """Who decides at every control period on what is observed then."""
+    """Decides at every control period from the observations at that time."""
 
     @property
     def source(self) -> bytes:
-        """What it was read from, for recordings."""
+        """The file it was read from, for recordings."""
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Floats:
         """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes."""
@@ -115,9 +115,9 @@ class Pilot(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """What decides the force: fuzzy systems, a plan, who makes one on the way, a linear law, or a pilot.
+    """Decides the force: fuzzy systems, a fixed plan, a planner, a linear law, or a pilot.
 
-    Each is equal to itself alone, so that what follows from one can be kept.
+    Compared by identity, so that what is computed from a controller can be cached.
 
     Parameters
     ----------
@@ -127,14 +127,14 @@ class Controller:
     force_axes : str
         ``body`` or ``hill``, the axes of the systems' outputs or of the plan.
     plan : (K, 3) array, optional
-        Forces, N, one row a control period; periods beyond the last row are flown without force.
+        Forces, N, one row per control period; zero after the last row.
     turns : Turns
-        Played beside a plan.
+        Played along with a plan.
     planner : Planner, optional
     regulator : Regulator, optional
     pilot : Pilot, optional
     fuzzy : FuzzyController, optional
-        What the systems came from, for files and reports.
+        The source of the systems, for files and reports.
     """
 
     name: str
@@ -149,19 +149,19 @@ class Controller:
 
     @cached_property
     def numbers(self) -> Packed:
-        """Its systems as compiled flights read them; a plan has none."""
+        """Its systems as compiled flights read them; none for a plan."""
         if self.systems:
             return with_constants(pack(*self.systems), self)
         return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
 
     @cached_property
     def constants(self) -> Floats:
-        """Its constants, in the order of `CONSTANTS`; zero where it sets none.
+        """Its constants, in the order of `CONSTANTS`; zero where not set.
 
         Raises
         ------
         ControllerError
-            If one is no finite number, or negative where it measures a length, a force or a time.
+            If one is not a finite number, or is a negative length, force or time.
         """
         return _constants_of(self)
 
@@ -172,18 +172,18 @@ class Controller:
 
     @property
     def is_of_a_kind(self) -> bool:
-        """Whether its name says how it decides: a planner or a regulator."""
+        """Whether its name states its kind: a planner or a regulator."""
         return self.planner is not None or self.regulator is not None
 
 
 def from_fuzzy(fuzzy: FuzzyController) -> Controller:
-    """Read who senses and drives what from a fuzzy controller.
+    """Make a controller from a fuzzy controller, whose variables name signals and force components.
 
     Raises
     ------
     ControllerError
-        If a system senses or drives something unknown, an attribute is missing or no number, or the compiled
-        flight does not cover a system.
+        If a system senses or drives something unknown, an attribute is missing or not a number, or the
+        compiled flight does not support a system.
     """
     attributes = dict(fuzzy.attributes)
     force_axes = attributes.get("force_axes", "")
@@ -242,14 +242,14 @@ def open_loop(name: str, plan: Floats, force_axes: str = "hill", turns: Turns = 
 
 
 def law_of(controller: Controller, mission: Mission) -> Law:
-    """Return what the compiled episode needs to know of a controller besides its numbers.
+    """Return what the compiled episode needs to know of a controller, apart from its numbers.
 
-    The plans of a planner or a regulator are those of `pipeline.flight.plans`, and none yet.
+    It holds no plans of a planner or a regulator yet; `pipeline.flight.plans` makes these.
 
     Raises
     ------
     ControllerError
-        If a plan is longer than the flight, or decisions do not keep the flight's clock.
+        If a plan is longer than the flight, or decisions do not fall on control periods.
     """
     num_controls, numbers = mission.num_controls, controller.numbers
     if controller.plan is not None and len(controller.plan) > num_controls:
@@ -280,13 +280,13 @@ def law_of(controller: Controller, mission: Mission) -> Law:
 
 
 def unanswered(forces: Floats) -> Plans:
-    """Return plans of forces, shape (m or 1, K, 3), that are played whatever the deputy knows on the way."""
+    """Return plans of forces, shape (m or 1, K, 3), that are played open loop."""
     nowhere = np.zeros((0, forces.shape[1], 6))
     return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere)
 
 
 def has_constants(controller: Controller) -> bool:
-    """Tell whether a controller sets any of `CONSTANTS`."""
+    """Return whether a controller sets any of `CONSTANTS`."""
     return controller.fuzzy is not None and any(name in CONSTANTS for name, _ in controller.fuzzy.attributes)
 
 
@@ -323,9 +323,9 @@ def _constants_of(controller: Controller) -> Floats:
 
 
 def rehearsed_pushes(controller: Controller) -> Floats:
-    """Return the first pushes that a controller tries, shape (n, 3), m/s, Hill axes; none by default.
+    """Return the candidate first pushes of a rehearsal, shape (n, 3), m/s, Hill axes; none by default.
 
-    The first of them is no push.
+    The first row is no push.
     """
     reach = float(controller.constants[constant("rehearsal_reach_m_s")])
     parts = np.array(list(product(*REHEARSED_PARTS)))
@@ -333,12 +333,12 @@ def rehearsed_pushes(controller: Controller) -> Floats:
 
 
 def decision_stride(controller: Controller, mission: Mission) -> int:
-    """Return how many control periods a decision is from the next; 1 unless ``decision_period_s`` is set.
+    """Return the control periods from one decision to the next; 1 unless ``decision_period_s`` is set.
 
     Raises
     ------
     ControllerError
-        If ``decision_period_s`` is no whole number of control periods.
+        If ``decision_period_s`` is not a whole number of control periods.
     """
     decision_period = float(controller.constants[constant("decision_period_s")])
     periods = decision_period / mission.control_period_s
@@ -351,7 +351,7 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
 
 
 def check_tour(controller: Controller, mission: Mission) -> None:
-    """Check that a push leads onto the tour in its times: from half an orbit on, none across the track does.
+    """Check the times of the tour: from half an orbit on, no push across the track leads onto it.
 
     Raises
     ------
@@ -369,7 +369,7 @@ def check_tour(controller: Controller, mission: Mission) -> None:
 
 
 def sensed_by(controller: Controller) -> list[str]:
-    """Return the signals that a controller's systems sense, one for each input."""
+    """Return the signals that a controller's systems sense, one per input."""
     return [variable.name for system in controller.systems for variable in system.inputs]
 
 

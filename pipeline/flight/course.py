@@ -1,4 +1,4 @@
-"""The chief's orbit of a mission where the deputy moves about the Earth."""
+"""The chief's orbit, for missions where the deputy moves about the Earth."""
 
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
 from pipeline.physics.orbit import NO_COURSE, Course, course_of
@@ -11,7 +11,7 @@ def chief_course(mission: Mission) -> Course:
     Raises
     ------
     SettingError
-        If the orbit meets the Earth.
+        If the orbit intersects the Earth.
     """
     orbit, dynamics = mission.orbit, mission.dynamics
     if dynamics.model == "cw":
@@ -28,12 +28,12 @@ def chief_course(mission: Mission) -> Course:
 
 
 def semi_major_axis(orbit: Orbit) -> float:
-    """Return half the length of an orbit, the radius of a circular one, m."""
+    """Return the semi-major axis of an orbit, the radius of a circular one, m."""
     return orbit_radius(orbit.mean_motion_rad_s) if orbit.radius_m is None else orbit.radius_m
 
 
 def check_perigee(mission: Mission) -> None:
-    """Refuse an orbit about the Earth that meets it."""
+    """Raise SettingError if an orbit intersects the Earth."""
     dynamics, axis = mission.dynamics, semi_major_axis(mission.orbit)
     perigee = axis * (1.0 - dynamics.eccentricity)
     if dynamics.model != "cw" and not perigee > EARTH_RADIUS_M:

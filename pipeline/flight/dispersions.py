@@ -1,8 +1,8 @@
-"""What a flight has its own of: settings drawn for each case.
+"""Dispersions: settings drawn for each case.
 
 A case draws from its own seed, ``SeedSequence(seed, spawn_key=(stage, case))``, after its direction, distance
-and Sun and in the order of the sorted keys, so that whoever knows the case finds the same settings again.
-What varies within a flight is drawn where it is flown, see `pipeline.flight.processes`.
+and Sun and in the order of the sorted keys, so that the same case always has the same settings.
+Settings that vary within a flight are drawn where it is flown, see `pipeline.flight.processes`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,12 +21,12 @@ Drawn = tuple[tuple[str, float], ...]
 
 
 def drawn(mission: Mission, scenario: Scenario) -> Drawn:
-    """Return the settings that are a case's own, given or drawn; none where nothing is dispersed.
+    """Return the dispersed settings of a case, given or drawn; empty without dispersions.
 
     Raises
     ------
     SettingError
-        If a case was given more or fewer than are dispersed.
+        If a case was given the wrong number of values.
     """
     dispersed = distributions(mission.dispersions)
     if scenario.settings is not None:
@@ -40,25 +40,25 @@ def drawn(mission: Mission, scenario: Scenario) -> Drawn:
         return ()
     seed, stage, case = scenario.noise
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
-    # as the start has drawn: direction, distance, the Sun's angle and elevation
+    # drawn first, as in the start: direction, distance, the Sun's angle and elevation
     generator.standard_normal(3)
     generator.uniform(size=3)
     return tuple((one.key, one.value(generator.uniform())) for one in dispersed)
 
 
 def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
-    """Return the mission that a case flies, with no dispersions but what varies within the flight.
+    """Return the mission that a case flies, with no dispersions except those that vary within the flight.
 
     Raises
     ------
     SettingError
-        If what is drawn cannot be.
+        If a drawn value is not allowed.
     """
     return _with(mission, drawn(mission, scenario))
 
 
 def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mission, list[int]]]:
-    """Return the missions that some cases fly, each with the places of those that share it."""
+    """Return the missions that some cases fly, each with the indices of the cases that share it."""
     places: dict[Drawn, list[int]] = {}
     for place, scenario in enumerate(scenarios):
         places.setdefault(drawn(mission, scenario), []).append(place)

@@ -1,4 +1,4 @@
-"""Drag that varies within a flight, as what it adds to the constant one of the course."""
+"""Drag that varies within a flight, as the difference from the constant drag of the course."""
 
 from dataclasses import replace
 
@@ -16,12 +16,12 @@ KEY = "dynamics.drag_m_s2"
 
 
 def drag_in_time(mission: Mission, scenarios: list[Scenario]) -> Floats:
-    """Return by how much more than constantly drag pushes the deputies in each control period.
+    """Return the difference from constant drag on the deputies in each control period.
 
     Returns
     -------
     (m, K, 3) array
-        m/s^2, Hill axes, along which it is held; no flights where drag is constant.
+        m/s^2, Hill axes, along which it is held; no rows where drag is constant.
     """
     if not varies(mission, KEY):
         return np.zeros((0, 0, 3))

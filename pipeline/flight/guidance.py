@@ -7,11 +7,11 @@ Information Theory 28(2), 1982).
 
 `cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")``
 move by move, relocation of empty clusters included; `pipeline.flight.reference.guidance` calls that one: the
-two agree to rounding unless two distances tie. Clusters are warm: each step starts from the centres of the
-step before.
+two agree to rounding unless two distances tie. Clustering is warm-started from the centres of the step
+before.
 
-Compiled functions take candidates as an array of shape (3, P), one row an axis, of which the first
-`num_candidates` columns count and P is a multiple of `POINTS`; they allocate nothing but what they return.
+Compiled functions take candidates as an array of shape (3, P), one row per axis, of which the first
+`num_candidates` columns count and P is a multiple of `POINTS`; they allocate only what they return.
 """
 
 from math import sqrt
@@ -24,14 +24,14 @@ from fis_tools.engines.vectors import load, select, store
 
 Floats = NDArray[np.float64]
 
-#: inspection points that are looked at together
+#: inspection points processed together
 POINTS = 8
-#: candidates a cluster, at most, on average
+#: most candidates per cluster, on average
 CLUSTER_SIZE = 10
 MAX_ITERATIONS = 50
-#: how far a new centre is moved off its point towards the deputy, m; points on a lattice tie without it
+#: shift of a new centre off its point towards the deputy, m; points on a lattice tie without it
 CENTRE_SHIFT_M = 0.5
-#: squared distances this close are equal, so that rounding does not choose between mirrored points, m^2
+#: squared distances this close count as equal, so that rounding does not choose between mirrored points, m^2
 TIE_M2 = 1e-9
 #: projections shorter than this have no angle, m
 MIN_PROJECTION_M = 1e-9
@@ -39,7 +39,7 @@ MIN_PROJECTION_M = 1e-9
 
 @compiled
 def num_clusters(num_candidates: int) -> int:
-    """Return how many clusters some candidates make."""
+    """Return the number of clusters for a number of candidates."""
     return (num_candidates + CLUSTER_SIZE - 1) // CLUSTER_SIZE
 
 
@@ -53,7 +53,7 @@ def _assign(
     labels: Floats,
     distances: Floats,
 ) -> None:
-    """Give candidates to the centres `first` to `last - 1` where these are nearer than `distances` say."""
+    """Assign candidates to centres `first` to `last - 1` where these are nearer than `distances`."""
     for i in range(0, num_candidates, POINTS):
         px = load(candidates, (0, i), POINTS)
         py = load(candidates, (1, i), POINTS)
@@ -78,7 +78,7 @@ def start_centres(
     labels: Floats,
     distances: Floats,
 ) -> int:
-    """Fill up the centres that clustering starts from, in place.
+    """Add the missing centres that clustering starts from, in place.
 
     The first ``ceil(m/10)`` centres of the last step stay. Each missing one starts at the candidate farthest
     from all centres so far (the very first: nearest the deputy; among equals the lowest index), moved towards
@@ -95,7 +95,7 @@ def start_centres(
     centres : array, shape (C, 3)
         In and out, m, Hill axes.
     num_centres : int
-        How many the last step had.
+        Number in the last step.
     labels, distances : array, shape (P,)
         Overwritten.
 
@@ -138,7 +138,7 @@ def start_centres(
 
 @compiled
 def _is_same(labels: Floats, labels_before: Floats, num_candidates: int) -> bool:
-    """Tell whether the assignments of two passes agree."""
+    """Return whether the assignments of two passes agree."""
     num_different = 0
     for i in range(num_candidates):
         num_different += labels[i] != labels_before[i]
@@ -147,7 +147,7 @@ def _is_same(labels: Floats, labels_before: Floats, num_candidates: int) -> bool
 
 @compiled
 def _sum_up(candidates: Floats, num_candidates: int, labels: Floats, sums: Floats, wanted: int) -> bool:
-    """Sum the coordinates of each cluster and count it, in place, and tell whether one is empty."""
+    """Sum the coordinates of each cluster and count its members, in place; return whether one is empty."""
     sums[:wanted] = 0.0
     for i in range(num_candidates):
         j = int(labels[i])
@@ -168,7 +168,7 @@ def _relocate_empty_clusters(
     """Move every empty cluster to the candidate farthest from its centre that is not yet taken, in place."""
     if distances[:num_candidates].max() == 0.0:
         return
-    for j in range(wanted):  # those emptied below by giving their last candidate away stay as they are
+    for j in range(wanted):  # those emptied below, by giving their last candidate away, stay empty
         if sums[j, 3] == 0.0:
             sums[j, 3] = -1.0
     for j in range(wanted):
@@ -193,8 +193,8 @@ def _average(
 ) -> None:
     """Put each centre at the mean of its cluster, in place.
 
-    scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if it comes
-    earlier, at its sum, taken from the mean of all candidates, if it comes later.
+    scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if that comes
+    earlier, at its sum relative to the mean of all candidates if it comes later.
     """
     for j in range(wanted):
         if sums[j, 3] > 0.0:
@@ -231,8 +231,8 @@ def cluster_centres(
 ) -> int:
     """Cluster the candidates, starting from the last step's centres.
 
-    Where the candidates are those of the last step, the centres stay as they are, to the last bit: a caller
-    that knows may skip the call.
+    If the candidates are those of the last step, the centres stay bit-identical: the caller may then skip
+    the call.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def cluster_centres(
     centres : array, shape (C, 3)
         In and out, m, Hill axes, ``C >= ceil(P/10)``.
     num_centres : int
-        How many the last step had.
+        Number in the last step.
     labels : array, shape (2, P)
         Overwritten.
     distances : array, shape (P,)

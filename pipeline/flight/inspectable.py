@@ -1,4 +1,4 @@
-"""The points that a flight is about: those that are lit at some time of it."""
+"""The points that can be inspected: those that are lit at some time of the flight."""
 
 from collections.abc import Callable
 
@@ -14,24 +14,24 @@ from pipeline.flight.workspace import make_workspace, optics_in_use
 def inspectable_points(
     world: World, starts: Starts, note: Callable[..., None] = note_inspectable
 ) -> NDArray[np.uint8]:
-    """Tell which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
+    """Return which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
     note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return found
 
 
 def lit_at_samples(world: World, starts: Starts) -> NDArray[np.bool_]:
-    """Tell which points are lit at each sample of one case's flight, shape (K+1, P)."""
+    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
     found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
     note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
     return np.ascontiguousarray(found[:, : world.num_points] > 0)
 
 
 def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the points that flights are about, as `inspectable_points`, or in one row what all share.
+    """Return the points that flights count, as `inspectable_points`, or one row if they are the same for all.
 
-    In the paper's world these are all, whether they are ever lit or not; in others those that can be
-    inspected, so that a deputy waits for no other.
+    In the paper's world all points count, lit or not; in others only those that can be inspected, so
+    that a deputy does not wait for the rest.
     """
     if optics_in_use(world, starts) is None:
         return np.ones((1, inspectable.shape[1]), dtype=np.uint8)

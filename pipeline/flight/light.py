@@ -14,7 +14,7 @@ RIGHT_ANGLE_DEG, STRAIGHT_ANGLE_DEG = 90.0, 180.0
 
 
 def sees_as_in_the_paper(mission: Mission) -> bool:
-    """Tell whether light and camera are the paper's, given a Sun in the orbit plane."""
+    """Return whether light and camera are the paper's, given a Sun in the orbit plane."""
     sensor = mission.sensor
     return (
         mission.light.shadow == "none"
@@ -29,7 +29,7 @@ def sees_as_in_the_paper(mission: Mission) -> bool:
 
 
 def reflection_of(light: Light) -> Reflection:
-    """Return how the chief reflects."""
+    """Return the chief's reflection model."""
     colours = light.ambient, light.diffuse, light.specular, light.least_intensity, light.greatest_intensity
     ambient, diffuse, specular, least, greatest = (np.array(colour, dtype=np.float64) for colour in colours)
     is_on, exponent = light.reflection != "none", light.specular_exponent
@@ -37,7 +37,7 @@ def reflection_of(light: Light) -> Reflection:
 
 
 def shadowing_radius(orbit: Orbit, light: Light) -> float:
-    """Return the radius of the orbit whose chief passes through the Earth's shadow, m.
+    """Return the radius of the orbit on which the chief passes through the Earth's shadow, m.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def shadowing_radius(orbit: Orbit, light: Light) -> float:
 
 
 def sun_shares(mission: Mission, sun_angles: Floats, sun_elevation: float) -> Floats:
-    """Return what share of the Sun's disc is visible from the chief at each of its angles, shape (n,)."""
+    """Return the share of the Sun's disc visible from the chief at each of the Sun's angles, shape (n,)."""
     if mission.light.shadow == "none":
         return np.ones(len(sun_angles))
     radius = shadowing_radius(mission.orbit, mission.light)

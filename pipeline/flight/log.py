@@ -1,4 +1,4 @@
-"""What goes into a flight and what comes out of it, as arrays."""
+"""The input and the results of a flight, as arrays."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,12 +10,12 @@ from fis_tools.model.thrust import REASONS
 
 Floats = NDArray[np.float64]
 
-#: what the safety layer acted for at a sample, see `FlightLog.safety_limit`
+#: the limit that the safety layer acted on at a sample, see `FlightLog.safety_limit`
 SAFE, KEEP_OUT, KEEP_IN, SPEED, PASSIVE_SAFETY = range(5)
 
-#: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
+#: what happened to a component of the force, see `FlightLog.reason`; in the order of `REASONS`
 FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(len(REASONS))
-#: the safety layer changed a component where it changed it by more than this, N; less is rounding
+#: the safety layer counts as changing a component above this, N; less is rounding
 LEAST_CHANGE_N = 1e-9
 
 
@@ -24,8 +24,8 @@ class Scenario:
     """A start: position (m) and velocity (m/s), shape (3,), Hill axes, and where the Sun is at k = 0 (rad).
 
     The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane. `noise` is the
-    seed, the stage and the case that errors of navigation and thrusters are drawn from; `settings` are values
-    of the dispersed keys, in the order of the sorted keys, where these are given and not drawn.
+    seed, the stage and the case that errors of navigation and thrusters are drawn from; `settings` are given
+    values of the dispersed keys, in the order of the sorted keys; without them they are drawn.
     """
 
     position_m: Floats
@@ -36,13 +36,13 @@ class Scenario:
     settings: tuple[float, ...] | None = None
 
     def generator(self, what: int) -> np.random.Generator:
-        """Return what draws the errors of one kind in the flight from here."""
+        """Return the random generator for one kind of errors in the flight from here."""
         seed, stage, case = self.noise
         return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case, what)))
 
 
 class FlightLog(NamedTuple):
-    """Everything that happened in one flight of K control periods with S attitude steps each.
+    """Log of one flight of K control periods with S attitude steps each.
 
     Samples run over k = 0 … K, controls over k = 0 … K-1. All axes are Hill's unless a name says otherwise.
     P is the number of inspection points, F the number of fuzzy systems.
@@ -63,35 +63,35 @@ class FlightLog(NamedTuple):
     torque_b_n_m : (K, S, 3)
         As applied from that instant on.
     force_body_n : (K, 3)
-        As the controller asked for it, before the clip, body axes (Hill axes turned to body where the
+        Commanded by the controller, before the clip, body axes (Hill axes turned to body if the
         controller commands Hill axes).
     force_hill_n : (K, 3)
         As applied over the control period that follows.
     force_asked_n : (K, 3)
-        As the controller's systems or plan asked for it, in the controller's own axes, before dead bands,
-        clip and safety layer; zero where nothing was asked for.
+        Commanded by the controller's systems or plan, in the controller's own axes, before dead bands,
+        clip and safety layer; zero without a command.
     reason : (K, 3) int
         Why each of these components was, or was not, fired: `FIRED`, `SILENT`, `DEAD_BAND`, `WAITING`,
         `COASTING`, `COMPLETE`, `CLIPPED`, `SAFETY` or `REHEARSED`. Clip and safety layer act along Hill
-        axes; where the controller's are the body's, they mark all three.
+        axes; if the controller's axes are the body's, they mark all three.
     foreseen : (K, 3)
-        What coasting was decided by: points that coasting to the end would miss, least and greatest distance
-        on the way, m; NaN where that was not asked.
+        Basis of the decision to coast: points that coasting to the end would miss, least and greatest
+        distance on the way, m; NaN where not computed.
     num_candidates : (K+1,) int
         Points lit and not yet inspected, after the inspection of sample k.
     target_m : (K+1, 3)
         The point p_u; zeros without candidates.
     lambda_u_rad, eta_u_rad : (K+1,)
     fis_input : (K, F, 3)
-        Before clipping; unused places are zero, and all where `is_decided` is false.
+        Before clipping; zero in unused places, and everywhere if `is_decided` is false.
     fis_output_n : (K, F)
     is_decided : (K,) bool
         Whether inference decided the force at sample k: not while coasting, nor between two decisions.
     sun_angle_rad : (K+1,)
     sun_elevation_rad : (K+1,)
-        The same throughout.
+        Constant.
     visible_sun_share : (K+1,)
-        Of the Sun's disc, that the Earth does not hide from the chief; 1 in a world without its shadow.
+        Share of the Sun's disc not hidden from the chief by the Earth; 1 without the Earth's shadow.
     is_inspectable : (P,) bool
         Whether a point is lit at some sample.
     is_inspected : (K+1, P) bool
@@ -100,12 +100,12 @@ class FlightLog(NamedTuple):
     mass_kg : (K+1,)
         Of the deputy.
     safety_limit : (K,) int
-        Which limit the safety layer changed the force for: `KEEP_OUT`, `KEEP_IN`, `SPEED` or
-        `PASSIVE_SAFETY`; `SAFE` where it left it as it was.
+        The limit for which the safety layer changed the force: `KEEP_OUT`, `KEEP_IN`, `SPEED` or
+        `PASSIVE_SAFETY`; `SAFE` if unchanged.
     safety_force_hill_n : (K, 3)
-        By which it changed the force, after the clip; part of `force_hill_n`.
+        Change of the force after the clip; part of `force_hill_n`.
     estimate : (K+1, 6), estimate_covariance : (K+1, 6, 6)
-        Position (m) and velocity (m/s) as the deputy knew them, where it navigates by fixes.
+        Position (m) and velocity (m/s) as the deputy knew them, if it navigates by fixes.
     """
 
     position_m: Floats
@@ -143,7 +143,7 @@ class FlightLog(NamedTuple):
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
-    """Allocate the log of a flight: zeros, and nothing foreseen.
+    """Allocate the log of a flight: zeros, and NaN in `foreseen`.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def no_log() -> FlightLog:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """How flights ended, one entry a flight; controllers by scenarios where there are several controllers.
+    """Results of flights, one entry per flight; controllers by scenarios for several controllers.
 
     Parameters
     ----------
@@ -205,12 +205,12 @@ class Outcomes:
     mean_distance_m, min_distance_m, max_distance_m : array of float
         Over samples 0 … K.
     outside_m : array of float
-        How far samples 1 … K were outside the distance limits at worst; zero inside.
+        Largest distance of samples 1 … K outside the distance limits; zero inside.
     safety_periods : array of int
-        In how many control periods the safety layer changed the force; zero where it is off.
+        Number of control periods in which the safety layer changed the force; zero where it is off.
     safety_delta_v_m_s : array of float
-        Delta-v of its changes, ``sum |applied - asked| T/m`` over Hill components; what they add to
-        `delta_v_m_s` may be less, or below zero.
+        Delta-v of its changes, ``sum |applied - asked| T/m`` over Hill components; their net effect on
+        `delta_v_m_s` may be less, or negative.
     """
 
     delta_v_m_s: Floats
@@ -229,17 +229,17 @@ class Outcomes:
         return self.outside_m > 0.0
 
     def is_success(self, threshold_percent: float) -> NDArray[np.bool_]:
-        """Whether enough of the points that can be inspected are."""
+        """Whether enough of the inspectable points are inspected."""
         return np.asarray(self.inspected_count >= points_needed(self.inspectable_count, threshold_percent))
 
 
 def inspectable_rate(inspected: Any, inspectable: Any) -> Any:
-    """Return the share of the points that can be inspected that are, in %; 100 where there are none."""
+    """Return the share of the inspectable points that are inspected, in %; 100 without any."""
     return np.where(np.equal(inspectable, 0), 100.0, 100.0 * inspected / np.maximum(inspectable, 1))[()]
 
 
 def points_in_words(log: FlightLog, sample: int = -1) -> str:
-    """Say how many points are inspected at a sample, of how many that can be, and of how many in all."""
+    """Return the numbers of points inspected at a sample, inspectable, and in all, in words."""
     count, inspectable = int(log.is_inspected[sample].sum()), int(log.is_inspectable.sum())
     num_points = len(log.is_inspectable)
     if inspectable == num_points:
@@ -248,6 +248,6 @@ def points_in_words(log: FlightLog, sample: int = -1) -> str:
 
 
 def points_needed(num_points: Any, threshold_percent: float) -> Any:
-    """Return the least number of points whose rate reaches the threshold, of one number or of many."""
+    """Return the least number of points whose rate reaches the threshold, for a number or an array."""
     needed = np.ceil(num_points * threshold_percent / 100.0 - 1e-9)
     return int(needed) if np.ndim(needed) == 0 else needed.astype(np.int64)

@@ -1,4 +1,4 @@
-"""A body of triangles from a file, and points spread over it; the only place that imports trimesh."""
+"""A triangle mesh from a file, and points spread over it; the only place that imports trimesh."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,22 +8,22 @@ from pipeline.settings.places import conf_folder
 
 Floats = NDArray[np.float64]
 
-#: triangles, beyond which to look from every point in every direction takes minutes
+#: most triangles; beyond this, looking from every point in every direction takes minutes
 MOST_TRIANGLES = 20_000
-#: places on the faces that the points are chosen from, for each point
+#: candidate places on the faces per point
 CHOICES = 50
 
 
 def read_mesh(path: str | None) -> Floats:
-    """Read a body's triangles, shape (T, 3, 3), m, chief axes; without a path the satellite that ships.
+    """Read a mesh's triangles, shape (T, 3, 3), m, chief axes; without a path the satellite that ships.
 
     Raises
     ------
     SettingError
-        If trimesh is not installed, the file cannot be read, or it holds no body of sensible size.
+        If trimesh is not installed, the file cannot be read, or the body has no sensible size.
     """
     try:
-        import trimesh  # noqa: PLC0415 - only where a mesh is flown
+        import trimesh  # noqa: PLC0415 - only when a mesh is flown
     except ImportError as error:
         raise SettingError(
             "chief.shape is mesh, which needs the package trimesh; run: pip install trimesh"
@@ -32,7 +32,7 @@ def read_mesh(path: str | None) -> Floats:
     try:
         loaded = trimesh.load_mesh(place, process=False)
         corners = np.ascontiguousarray(loaded.triangles, dtype=np.float64)
-    except Exception as error:  # whatever its many readers raise
+    except Exception as error:  # whatever trimesh's readers raise
         reason = " ".join(str(error).split()) or type(error).__name__
         raise SettingError(
             f"chief.path is {place}, which cannot be read ({reason}); give an STL or OBJ file"
@@ -50,17 +50,17 @@ def read_mesh(path: str | None) -> Floats:
 
 
 def _crossed(corners: Floats) -> Floats:
-    """Return the vector product of two edges of each triangle, out of the body."""
+    """Return the cross product of two edges of each triangle, pointing out of the body."""
     out: Floats = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return out
 
 
 def spread_points(corners: Floats, num_points: int) -> tuple[Floats, Floats]:
-    """Spread points over triangles, evenly by area and on both sides of what is thin.
+    """Spread points over triangles, evenly by area and on both sides of thin parts.
 
     Of many places, drawn by a sequence that fills each triangle evenly (M. Roberts' R2), each point is the
     one farthest from those before (T. Gonzalez, Theoretical Computer Science 38, 1985), with opposite faces a
-    mean spacing apart. The same triangles give the same points.
+    mean spacing apart. The result is deterministic.
 
     Returns
     -------

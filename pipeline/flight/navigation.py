@@ -1,20 +1,21 @@
-"""What the deputy knows of its own state: fixes with errors, and the filter that makes the most of them.
+"""The deputy's knowledge of its own state: fixes with errors, and a Kalman filter.
 
 The filter is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic
 Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
-equations under the forces that are commanded. Its process noise is a constant acceleration in each control
-period, and a share of each commanded force. It knows the impulses that thrusters can fire, and their delay.
+equations under the commanded forces. Its process noise is a constant acceleration in each control
+period, and a share of each commanded force. It knows the thrusters' impulses and delay.
 
-A fix is a place, or a range and a bearing. These are converted to a place; the covariance of that is taken
+A fix is a place, or a range and a bearing. These are converted to a place; its covariance is taken
 along and across the line of sight that the filter predicts, so that it does not depend on the fix's own error
 (Bordonaro, Willett and Bar-Shalom, Decorrelated unbiased converted measurement Kalman filter, IEEE
-Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444). Errors of a bearing are turns of the
+Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444). Bearing errors are rotations of the
 line of sight, so that no direction is special.
 
-The attitude that is sensed is the true one turned by a small angle about the body axes. Whatever the deputy
-does with its attitude it does with that: it finds its bearings by it, turns until it is the desired one, and
+The sensed attitude is the true one rotated by a small angle about the body axes. The deputy uses it for
+everything: it takes bearings with it, turns until it equals the desired one, and
 fires its thrusters as if it were the true one.
-It runs in `pipeline.flight.kernel.navigation` and, plainly, in `pipeline.flight.reference.navigation`.
+The filter runs in `pipeline.flight.kernel.navigation`, its plain version in
+`pipeline.flight.reference.navigation`.
 """
 
 from dataclasses import replace
@@ -31,17 +32,17 @@ from pipeline.settings.mission_parts import IDEAL, LINEAR, PERFECT
 
 Floats = NDArray[np.float64]
 
-#: place in the spawn key of what is drawn for navigation, after the case
+#: place in the spawn key of the random numbers for navigation, after the case
 FIXES = 1
 
 
-#: by which a fix that is not believed widens the covariance: after a few in a row the filter, not the fix, is
-#: taken to be wrong, and fixes are believed again
+#: factor by which a rejected fix widens the covariance: after a few in a row the filter, not the fix, is
+#: assumed to be wrong, and fixes are accepted again
 WIDER = 4.0
 
 
 class Filter(NamedTuple):
-    """What the filter assumes.
+    """Parameters of the filter.
 
     Attributes
     ----------
@@ -52,15 +53,15 @@ class Filter(NamedTuple):
     at_start : (6, 6)
         Covariance of the first estimate, m and m/s.
     process : (6, 6)
-        What each control period adds to the covariance.
+        Added to the covariance in each control period.
     process_per_force : (6, 6)
-        What it adds besides for each square newton commanded.
+        Added as well for each square newton commanded.
     fix : float
         Variance of a fix along each axis, m^2.
     gate : float
-        Square of the standard deviations beyond which a fix is not believed.
+        Square of the number of standard deviations beyond which a fix is rejected.
     range, bearing : float
-        Variances besides, along the line of sight, m^2, and of its direction about each axis, rad^2.
+        Further variances, along the line of sight, m^2, and of its direction about each axis, rad^2.
     """
 
     stride: int
@@ -100,19 +101,19 @@ def filter_of(mission: Mission) -> Filter:
 
 
 class Errors(NamedTuple):
-    """What navigation is off by in some flights.
+    """Navigation errors in some flights.
 
     Attributes
     ----------
     at_start : (m, 6)
-        The first estimate less the truth, m and m/s.
+        The first estimate minus the truth, m and m/s.
     of_fixes : (m, F, 3)
-        Fixes less the truth, but for errors of range and bearing, m, Hill axes.
+        Fixes minus the truth, without errors of range and bearing, m, Hill axes.
     of_sight : (m, F, 4)
-        Ranges less the truth, m, and the turns of bearings, rad, Hill axes; no fixes where these are places.
+        Ranges minus the truth, m, and rotations of bearings, rad, Hill axes; no fixes where these are places.
     of_attitude : (m, K+1, 3)
-        By which the attitude that is sensed at a sample is turned from the true one, rad, body axes; no
-        samples where it is not.
+        Rotation from the true attitude to the sensed one at each sample, rad, body axes; no samples
+        without this error.
     """
 
     at_start: Floats
@@ -121,7 +122,7 @@ class Errors(NamedTuple):
     of_attitude: Floats
 
 
-#: of a deputy that knows its place
+#: errors of a deputy that knows its state
 NO_FILTER = Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0)
 ALWAYS_RIGHT = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
 
@@ -134,9 +135,9 @@ def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Flo
     place : (3,)
         The deputy's, m, Hill axes.
     of_fix, of_sight : (3,), (4,) or None
-        A row of `Errors.of_fixes` and `Errors.of_sight`; None where a fix is a place.
+        A row of `Errors.of_fixes` and `Errors.of_sight`; None if a fix is a place.
     tilt_h : (3,)
-        By which the attitude that is sensed is turned, rad, Hill axes.
+        Rotation of the sensed attitude, rad, Hill axes.
     """
     if of_sight is None:
         return np.asarray(place + of_fix)
@@ -187,10 +188,10 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
 
 
 def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
-    """Return the mission and the starts as the deputies take them to be when they start.
+    """Return the mission and the starts as the deputies believe them to be at the start.
 
-    Motion is linear and thrusters fire what they are told. A deputy that navigates by fixes is where it first
-    estimates itself to be, and will know its place; errors to come are drawn, but nobody knows them yet.
+    Motion is linear and thrusters are ideal. A deputy that navigates by fixes is at its first
+    estimate, and knows its state from then on; later errors are drawn, but not known yet.
     """
     known = replace(mission, navigation=PERFECT, actuators=IDEAL, dynamics=LINEAR, dispersions={})
     if mission.navigation.mode == "perfect":

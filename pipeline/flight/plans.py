@@ -1,8 +1,8 @@
-"""The forces of flights that are planned: on what the deputy knows at each decision, or by a linear law.
+"""Plans of forces: from the deputy's knowledge at each decision, or by a linear law.
 
-A planner is plain Python, and the state at a decision is known once the flight up to there has been flown. So
-flights are flown up to a decision, its forces are planned for all of them, and they are flown anew up to the
-next one. A flight repeats itself to the last digit, so what is flown in the end is a closed loop.
+A planner is plain Python, and the state at a decision is known only after flying up to there. So
+flights are flown up to a decision, their forces are planned, and they are flown again up to the
+next one. Flights are reproducible to the last digit, so the final flight is a closed loop.
 """
 
 import os
@@ -18,12 +18,12 @@ from pipeline.flight.log import Scenario
 
 Floats = NDArray[np.float64]
 
-#: flies by plans, for a number of control periods
+#: flies plans for a number of control periods
 Fly = Callable[[int, Plans], object]
 
 
 def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
-    """Return the plans of flights that a linear law flies: on the path, the forces that lead along it."""
+    """Return the plans of flights under a linear law: feedforward forces and the path to track."""
     paths = np.array([regulator.path(scenario) for scenario in scenarios], dtype=np.float64)
     forces = np.array([regulator.forces(scenario) for scenario in scenarios], dtype=np.float64)
     return unanswered(forces)._replace(paths=paths, gain=regulator.gain, least_answer=regulator.dead_band_n)
@@ -32,7 +32,7 @@ def regulated(regulator: Regulator, scenarios: list[Scenario]) -> Plans:
 def planned(
     planner: Planner, num_controls: int, scenarios: list[Scenario], fly: Fly, workers: int | None
 ) -> Plans:
-    """Return the plans of flights whose forces are planned on the way.
+    """Return the plans of flights whose forces are planned during the flight.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ def planned(
         Control periods of a flight.
     scenarios : list of Scenario
     fly : callable
-        Flies from these starts.
+        Flies plans from these starts.
     workers : int, optional
-        Threads that plan; one for each processor unless given.
+        Worker threads for planning; one per processor unless given.
     """
     plans = unanswered(np.zeros((len(scenarios), num_controls, 3)))
     noted = plans._replace(known=np.zeros((len(scenarios), num_controls, 6)))

@@ -1,8 +1,8 @@
-"""A learned policy as a pilot: it sees what learners see, and decides at every control period.
+"""A learned policy as a pilot: it has a learner's observations and decides at every control period.
 
-Flights are flown a period at a time (`pipeline.flight.stepping`) to ask the policy for its forces. These are
-then flown like any plan, which repeats the same flights to the last digit; so what flies other controllers
-has nothing to do with policies, and nobody waits for its compilation.
+Flights are stepped one period at a time (`pipeline.flight.stepping`) to ask the policy for its forces. These
+are then flown like any plan, which gives the same flights to the last digit; so the code that flies other
+controllers does not depend on policies, nor does its compilation.
 """
 
 import os
@@ -22,20 +22,20 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: flights that are asked about together
+#: flights evaluated together
 BLOCK = 128
 
 
 @dataclass(frozen=True)
 class Policy:
-    """A network from what is observed to a force, see `pipeline.flight.controller.Pilot`.
+    """A network from observations to a force, see `pipeline.flight.controller.Pilot`.
 
     Parameters
     ----------
     network : Network
         From the numbers of `pipeline.flight.stepping.OBSERVED`, in their units, to a force, N, Hill axes.
     source : bytes
-        The file that it was read from.
+        The file it was read from.
     """
 
     network: Network
@@ -47,7 +47,7 @@ class Policy:
         Raises
         ------
         ControllerError
-            If the mission cannot be flown a period at a time.
+            If the mission cannot be stepped one period at a time.
         """
         if is_by_the_reference(mission):
             raise ControllerError(
@@ -68,7 +68,7 @@ class Policy:
         return forces
 
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
-        """Fly side by side, and fill in the forces that are decided on."""
+        """Fly side by side, and fill in the forces decided on."""
         is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
         flights = Flights(mission, len(scenarios), is_tilted=is_tilted)
         for flight, scenario in enumerate(scenarios):

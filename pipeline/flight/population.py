@@ -18,18 +18,18 @@ from pipeline.flight.workspace import Parts, make_workspace, parts_in_use
 
 Floats = NDArray[np.float64]
 
-#: where the rules decide on the first control period, too
+#: no openings: the rules decide on the first control period, too
 NO_OPENINGS = np.zeros((0, 3))
 
 
 class FlightError(ValueError):
-    """A flight whose state became infinite or not a number: it tells nothing."""
+    """A flight whose state became infinite or not a number; its results mean nothing."""
 
 
 def lanes_for(num_starts: int) -> int:
-    """Return how many should fly side by side where few starts are flown often: by many controllers, say.
+    """Return the flights to fly side by side when few starts are flown often, such as by many controllers.
 
-    A vector half of whose lanes are empty takes as long as a full one; but each width is compiled by itself.
+    A half-empty vector takes as long as a full one; but each width is compiled separately.
     """
     return FEW_LANES if num_starts <= FEW_LANES else LANES
 
@@ -56,14 +56,14 @@ def fly_population(
     cases : Cases
         m starts.
     workers : int, optional
-        Threads; one for each processor unless given. The result does not depend on it.
+        Worker threads; one per processor unless given. The result does not depend on it.
     tracks : (n * m, K+1, 3 or 15) float32, optional
-        Filled with positions, m, Hill axes; where there is room for them also with velocities, m/s, the
+        Filled with positions, m, Hill axes; if there is room also with velocities, m/s, the
         delta-v spent, m/s, the number of points not yet inspected, the force fired over the control period
-        that follows, N, the boresight, both in Hill axes, and how fast the deputy turns relative to Hill,
+        that follows, N, the boresight, both in Hill axes, and the deputy's angular rate relative to Hill,
         rad/s: columns as in `pipeline.flight.kernel.arrays`.
     openings : (m, 3) array, optional
-        What is fired from each start in the first control period in place of what the rules decide, N, Hill
+        Fired from each start in the first control period instead of what the rules decide, N, Hill
         axes.
     lanes : int
         Flights side by side. The result does not depend on it; see `lanes_for`.
@@ -76,12 +76,12 @@ def fly_population(
     Raises
     ------
     FlightError
-        If a flight did not stay finite.
+        If a flight's numbers are not finite.
     """
     num_pairs = len(numbers.values) * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or os.cpu_count() or 1
-    # what flies side by side stays together
+    # flights of one vector stay together
     shares = _shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers)
     workers, untaken = min(workers, len(shares)), iter(shares)
     silent = no_log()
@@ -90,7 +90,7 @@ def fly_population(
     tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
 
     def fly_shares(work: Workspace, parts: Parts) -> None:
-        """Fly one share after the other, of those that no other thread has taken."""
+        """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
             fly_many(
                 world,
@@ -121,7 +121,7 @@ def fly_population(
 
 
 def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
-    """Share flights out as (first, last), in ever smaller multiples of so many: threads end together."""
+    """Split flights into shares (first, last) of decreasing size, so that threads end together."""
     shares, first = [], 0
     while first < num_flights:
         left = -(-(num_flights - first) // whole)
@@ -132,7 +132,7 @@ def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]
 
 
 def outcomes_of(rows: Floats, inspectable_count: NDArray[np.int64]) -> Outcomes:
-    """Return rows of the kernel's as outcomes, if all are finite."""
+    """Return rows of the kernel as outcomes, if all are finite."""
     check_finite(rows)
     return Outcomes(
         delta_v_m_s=rows[..., arrays.DELTA_V],

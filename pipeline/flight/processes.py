@@ -1,16 +1,16 @@
 """Settings that vary within a flight.
 
-A setting with a correlation time is a stationary process, a value for each control period. Behind it is one
-of Gauss and Markov of unit variance, exact at any period T (A. Gelb, Applied Optimal Estimation, 1974,
+A setting with a correlation time is a stationary process, a value for each control period. It is based on
+a Gauss-Markov process of unit variance, exact at any period T (A. Gelb, Applied Optimal Estimation, 1974,
 section 3.8)::
 
     z_0 = e_0        z_k = c z_(k-1) + sqrt(1 - c^2) e_k        c = exp(-T / correlation_s)
 
-with independent standard normal e. What the setting is, is the value of its distribution below which as large
-a share of all values lies as of a normal distribution below z: for a normal one ``mean + std z``. So at each
-instant it has that distribution, cut off or uniform as it may be.
+with independent standard normal e. The setting is the quantile of its distribution at the probability of z
+under the normal distribution: for a normal one ``mean + std z``. So at each
+instant it has that distribution, truncated or uniform as it may be.
 
-Each key draws from a place of its own in the case's seed, whatever else varies.
+Each key draws from its own place in the case's seed, independently of which others vary.
 """
 
 from math import exp, inf, sqrt
@@ -24,35 +24,35 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: place in the spawn key of what is drawn for the first of `IN_TIME`, after the case; fixes, thrusters and
-#: the start's velocity have the places before
+#: place in the spawn key of the first of `IN_TIME`, after the case; fixes, thrusters and the start's
+#: velocity have the places before
 FIRST = 4
 
 
 def varies(mission: Mission, *keys: str) -> bool:
-    """Tell whether one of some settings varies within the flights of a mission."""
+    """Return whether one of some settings varies within the flights of a mission."""
     return not mission.varying.keys().isdisjoint(keys)
 
 
 def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | float) -> Floats:
-    """Return what a setting is at each sample of a flight.
+    """Return the values of a setting at each sample of a flight.
 
     Parameters
     ----------
     mission, key, scenario
-        Which.
+        The setting.
     constant : float or array
-        What it is where it does not vary.
+        Its value if it does not vary.
 
     Returns
     -------
     (K+1, 3), (K+1, 1) or (1, ...) array
-        Of an error one for each axis; rad where the key is in degrees. One row where it does not vary.
+        For an error one per axis; rad where the key is in degrees. One row if it does not vary.
     """
     law = mission.varying.get(key)
     if law is None or law.correlation_s is None:
         return np.asarray(constant, dtype=np.float64)[np.newaxis]
-    from scipy.signal import lfilter  # noqa: PLC0415 - takes long, and only here
+    from scipy.signal import lfilter  # noqa: PLC0415 - slow to import, used only here
 
     places = list(IN_TIME)
     scores = scenario.generator(FIRST + places.index(key)).standard_normal(
@@ -65,7 +65,7 @@ def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | f
 
 
 def _values(law: Distribution, scores: Floats) -> Floats:
-    """Return values of a distribution as far out as standard normal ones are."""
+    """Return the quantiles of a distribution at the probabilities of standard normal scores."""
     from scipy.special import ndtr, ndtri  # noqa: PLC0415 - as above
 
     if law.kind == "uniform":

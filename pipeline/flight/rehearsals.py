@@ -1,4 +1,4 @@
-"""Flights ahead: what a controller flies to the end from each start before it decides how to begin."""
+"""Rehearsals: flights that a controller simulates to the end from each start before choosing how to begin."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: what a rehearsal pays for a point missed, and for leaving the limits, more than any flight can spend
+#: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
 REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
 
 
@@ -26,9 +26,9 @@ def rehearsed_openings(
 ) -> Floats | None:
     """Return the force of the first control period from each start for a controller that rehearses it.
 
-    All its first pushes are flown to the end from every start, as the deputy takes start and mission to be;
-    the one whose flight ends cheapest is chosen: inside the limits if any is, then by delta-v and a price for
-    each point missed beyond those that the controller itself leaves when it coasts.
+    All its first pushes are flown to the end from every start, as the deputy knows start and mission;
+    the one with the cheapest flight is chosen: inside the limits if any is, then by delta-v and a price for
+    each point missed beyond those that the controller itself accepts when it coasts.
 
     Returns
     -------
@@ -60,9 +60,9 @@ def rehearsed_tours(
     workers: int | None,
     lanes: int = LANES,
 ) -> NDArray[np.int64]:
-    """Return which image of its tour a controller follows from each start: that whose flight ends cheapest.
+    """Return which image of its tour a controller follows from each start: that of the cheapest flight.
 
-    All are flown to the end, as first pushes are, see `rehearsed_openings`.
+    All are flown to the end, like first pushes, see `rehearsed_openings`.
 
     Returns
     -------
@@ -80,15 +80,15 @@ def rehearsed_tours(
 
 
 def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) -> str | None:
-    """Say which image of its tour a controller follows from a start; None where it has flown none ahead."""
+    """Return which image of its tour a controller follows from a start; None without a rehearsal."""
     if not tour_images(controller):
         return None
     return IMAGES[rehearsed_tours(mission_of_case(mission, scenario), controller, [scenario], 1)[0]]
 
 
 def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
-    """Return by what flights ahead are compared, m/s, of the shape of the outcomes."""
-    # as many as the controller puts up with cost nothing
+    """Return the costs by which rehearsals are compared, m/s, of the shape of the outcomes."""
+    # missed points that the controller accepts cost nothing
     least = max(1.0, controller.constants[constant("coast_below_points")])
     missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
     cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated

@@ -10,23 +10,23 @@ there.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-#: what must be computed before a signal can be read: flags, added up over all that a controller senses
+#: what must be computed before a signal can be read: flags, combined over all that a controller senses
 NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING, TOUR = 0, 1, 2, 4, 8, 16, 32, 64
 
 
 @dataclass(frozen=True)
 class Signal:
-    """Something that a controller may sense.
+    """A quantity that a controller may sense.
 
     Parameters
     ----------
     unit : str
-        Empty for a pure number.
+        Empty if dimensionless.
     description : str
     needs : int
         What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
         motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the
-        push that shows what is `SETTING`, or the one that leads onto the `TOUR`.
+        push that shows `SETTING` points, or the one that leads onto the `TOUR`.
     """
 
     unit: str
@@ -116,12 +116,12 @@ SIGNALS = {
 
 
 def slot(*names: str) -> int:
-    """Return the place of a signal in the arrays of a flight, or of the first of some that follow on it.
+    """Return the index of a signal in the arrays of a flight, or of the first of consecutive ones.
 
     Raises
     ------
     ValueError
-        If the signals do not stand one after the other in `SIGNALS`.
+        If the signals are not consecutive in `SIGNALS`.
     """
     order = list(SIGNALS)
     first = order.index(names[0])
@@ -131,7 +131,7 @@ def slot(*names: str) -> int:
 
 
 def needs_of(names: Iterable[str]) -> int:
-    """Return what must be computed for some signals, as the flags of `Signal.needs` added up."""
+    """Return what must be computed for some signals, as the combined flags of `Signal.needs`."""
     needs = NOTHING
     for name in names:
         needs |= SIGNALS[name].needs
@@ -149,7 +149,7 @@ class Constant:
     is_signed : bool
         Whether it may be negative.
     is_tuned : bool
-        Whether evolution may tune it: not what is counted in control periods, nor what decides in its place.
+        Whether evolution may tune it: not counts of control periods, nor choices between alternatives.
     """
 
     description: str
@@ -157,14 +157,14 @@ class Constant:
     is_tuned: bool = True
 
 
-#: components of the tour: along Hill axes, and what the sine of the Sun's elevation adds to the last
+#: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation
 TOUR_PARTS = {
     "radial": "along i",
     "along_track": "along j",
     "cross_track": "along k",
     "lift": "along k, by the sine of the Sun's elevation",
 }
-#: what each is the sum of: a mean and waves, by how often they go up and down in a turn of the Sun
+#: terms of each component: a mean and waves, by their number in a turn of the Sun
 TOUR_WAVES = ("mean", "cos_1", "sin_1", "cos_2", "sin_2")
 
 TOUR_PLACES = {
@@ -213,11 +213,11 @@ CONSTANTS = {
 
 
 def constant(name: str) -> int:
-    """Return the place of a constant among a controller's constants."""
+    """Return the index of a constant among a controller's constants."""
     return list(CONSTANTS).index(name)
 
 
-#: components that a system may command, and the axes that they are along
+#: components that a system may command, and their axes
 AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
 HILL, BODY = 0, 1
 FORCE_AXES = {"hill": HILL, "body": BODY}

@@ -1,4 +1,4 @@
-"""Flights as a friend would ask for them: missions, starts and controllers in; outcomes and logs out."""
+"""The simulation interface: from missions, starts and controllers to outcomes and logs."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -41,7 +41,7 @@ def fly_all(
 ) -> Outcomes:
     """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest.
 
-    Where settings are dispersed, cases that share all of theirs fly side by side; so do those that follow the
+    With dispersions, cases with the same settings fly side by side; so do those that follow the
     same image of a tour.
     """
     if distributions(mission.dispersions):
@@ -69,7 +69,7 @@ def _fly_groups(
     tracks: NDArray[np.float32] | None,
     lanes: int = LANES,
 ) -> Outcomes:
-    """Fly cases in the missions and with the controllers that are their own, given with their places."""
+    """Fly groups of cases, each with its own mission and controller, given with the indices of the cases."""
 
     def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
         own, controller, places = group
@@ -116,16 +116,16 @@ def law_for(
 
 
 def is_by_the_reference(mission: Mission, controller: Controller | None = None) -> bool:
-    """Tell whether only the readable reference flies this.
+    """Return whether only the readable reference can fly this.
 
-    So it is for scikit-learn's clusters, and for attitudes and torques that are played.
+    True for scikit-learn's clusters, and for attitudes and torques that are played.
     """
     plays_turns = controller is not None and controller.plays_turns
     return plays_turns or (mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn")
 
 
 def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
-    """Fly one episode and keep everything that happened."""
+    """Fly one episode and log everything."""
     mission = mission_of_case(mission, scenario)
     if is_by_the_reference(mission, controller):
         return _fly_reference(mission, controller, scenario)

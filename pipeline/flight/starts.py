@@ -1,8 +1,8 @@
-"""Starts of flights, drawn case by case so that a case does not depend on how many others there are.
+"""Starts of flights, drawn case by case so that a case does not depend on the number of cases.
 
 Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
 Sun's angle, then its elevation, whether or not they are used. The same seed therefore gives the same
-positions whatever the Sun does.
+positions under any Sun setting.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ from pipeline.flight.log import Scenario
 from pipeline.settings.experiment import Deputy, Experiment, MonteCarlo, Starts, Sun
 from pipeline.settings.start_table import numbers
 
-#: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; those among which its hard
-#: starts are sought, ``HARD + r``; and those on which the champion is chosen
+#: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
+#: starts, ``HARD + r``; and those on which the champion is chosen
 EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
 
-#: place in the spawn key of what is drawn for a start's velocity, after the case
+#: place in the spawn key of the random numbers for a start's velocity, after the case
 SPEED = 3
 
 OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
@@ -35,13 +35,13 @@ def draw(
     Parameters
     ----------
     seed, stage, case : int
-        Together they say what is drawn.
+        Together they determine the start.
     shell_m : (float, float)
         Least and greatest distance.
     sun : Sun
-        Fixed, random, or by turns: even cases fixed, odd ones random.
+        Fixed, random, or alternating: even cases fixed, odd ones random.
     max_speed_m_s : float
-        Up to which the speed is uniform; 0 for rest.
+        Upper limit of the uniform speed; 0 for rest.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
     direction = generator.standard_normal(3)
@@ -71,7 +71,7 @@ def _velocity(start: Scenario, max_speed: float) -> NDArray[np.float64]:
 
 
 def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
-    """Return the starts of a round of training; without `starts.redraw` all rounds have the first one's."""
+    """Return the starts of a round of training; without `starts.redraw` those of the first round."""
     if starts.table is not None:
         return _given(starts.table, seed, TRAINING)
     stage = TRAINING + (round_index if starts.redraw else 0)
@@ -92,13 +92,13 @@ def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> li
 
 
 def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
-    """Return the starts on which the champion is chosen: of training's kind, flown by no training."""
+    """Return the starts on which the champion is chosen: drawn as for training, not flown in it."""
     shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
     return [draw(seed, VALIDATION, case, shell, sun, speed) for case in range(num_cases)]
 
 
 def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
-    """Return the start that the configuration gives; a Sun that is drawn is an evaluation's first."""
+    """Return the start that the configuration gives; a random Sun is that of the first evaluation case."""
     drawn = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
     return replace(
         drawn,
@@ -134,13 +134,13 @@ def _given(table: str, seed: int, stage: int) -> list[Scenario]:
 
 
 def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
-    """Return the starts that a table of episodes or of solved cases tells of, row by row.
+    """Return the starts in a table of episodes or of solved cases, row by row.
 
     Parameters
     ----------
     columns : mapping of (n,) arrays
-        ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``, and ``velocity_x_m_s`` and so on, without
-        which all are at rest, and ``sun_elevation_rad``, without which the Sun is in the orbit plane.
+        ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``; optionally ``velocity_x_m_s`` and so on
+        (else at rest), and ``sun_elevation_rad`` (else the Sun is in the orbit plane).
     """
     angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
     at_rest = np.zeros(len(angles))

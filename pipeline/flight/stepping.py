@@ -1,4 +1,4 @@
-"""Flights that are flown a control period at a time, under forces from outside."""
+"""Flights stepped one control period at a time, under external forces."""
 
 from typing import Final
 
@@ -21,8 +21,8 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: what learners and policies see, in this order, with its unit; vectors in Hill axes. Position and velocity
-#: are as the deputy knows them: where it navigates by fixes, its estimate.
+#: observations of learners and policies, in this order, with units; vectors in Hill axes. Position and
+#: velocity are as the deputy knows them: its estimate, if it navigates by fixes.
 OBSERVED: Final = (
     *(("position_radial", "m"), ("position_along_track", "m"), ("position_cross_track", "m")),
     *(("velocity_radial", "m/s"), ("velocity_along_track", "m/s"), ("velocity_cross_track", "m/s")),
@@ -35,14 +35,14 @@ NUM_SEEN: Final = LEFT + 1
 
 
 class Flights:
-    """Some flights in one mission, each at a sample of its own.
+    """Some flights in one mission, each at its own sample.
 
     Parameters
     ----------
     mission : Mission
     num_flights : int
     is_tilted : bool
-        Whether the Sun of some start is out of the orbit plane.
+        Whether any start has a Sun out of the orbit plane.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Flights:
         self.samples = np.full(num_flights, NOT_STARTED, dtype=np.int64)
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
         self._forces = np.zeros((num_flights, 3))
-        # they stay the same arrays, so that their types are asked for once
+        # they stay the same arrays, so that their types are resolved once
         self._arguments = (
             world,
             self._optics,
@@ -105,7 +105,7 @@ class Flights:
 
     @property
     def seen(self) -> NDArray[np.float32]:
-        """What is observed now, shape (n, NUM_SEEN), in the order of `OBSERVED`."""
+        """The observations now, shape (n, NUM_SEEN), in the order of `OBSERVED`."""
         return self.observed[:, :NUM_SEEN].astype(np.float32)
 
     def start(self, flight: int, scenario: Scenario) -> None:
@@ -114,7 +114,7 @@ class Flights:
         Raises
         ------
         ValueError
-            If its Sun is out of the orbit plane, which no start was said to have.
+            If its Sun is out of the orbit plane although `is_tilted` was false.
         """
         if self._optics is None and scenario.sun_elevation_rad != 0.0:
             raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
@@ -143,7 +143,7 @@ class Flights:
 
 
 def _stacked(departures: Departures | None, num_flights: int) -> Departures | None:
-    """Return navigation and thrusters with a row of what is carried for each flight."""
+    """Return navigation and thrusters with a row of carried data for each flight."""
     if departures is None:
         return None
 

@@ -1,4 +1,4 @@
-"""The points on the chief, the way its surface faces there, and what it hides of itself."""
+"""The chief's surface: its points, its normals there, and which of its parts hide one another."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from pipeline.settings.experiment import Chief, Mission, SettingError
 
 Floats = NDArray[np.float64]
 
-#: of a point that can be inspected, at least: seen from fewer of all directions it lies in a crevice
+#: least visibility of an inspectable point: seen from a smaller share of all directions it lies in a crevice
 LEAST_FREE = 0.01
 
 
@@ -27,7 +27,7 @@ class Surface(NamedTuple):
     occlusion : Occlusion
         What parts of a mesh hide; empty for a sphere.
     corners : (T, 3, 3)
-        Of a mesh's triangles, m; no rows for a sphere.
+        Triangles of a mesh, m; no rows for a sphere.
     """
 
     points: Floats
@@ -42,7 +42,7 @@ def surface_of(mission: Mission) -> Surface:
     Raises
     ------
     SettingError
-        If its mesh cannot be read, or reaches beyond the deputy's least distance.
+        If its mesh cannot be read, or extends beyond the deputy's least distance.
     """
     surface = _surface(mission.chief)
     reach = float(np.linalg.norm(surface.corners, axis=2).max()) if len(surface.corners) else 0.0

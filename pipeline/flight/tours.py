@@ -1,9 +1,9 @@
-"""The images of a tour: closed paths around the chief that show as much, for as little, as the tour itself.
+"""The images of a tour: closed paths around the chief that show as much for as little as the tour itself.
 
-Motion about a circular orbit, light and shadow stay the same when mirrored through the orbit plane, the Sun
-with them. They also stay the same when time and track are turned round: where a tour leads from one place to
-the next, its image leads back, past places mirrored along the track, while the Sun goes as it always does. So
-a tour has four images, itself among them, and from each start another one is nearest.
+Motion about a circular orbit, light and shadow are unchanged when mirrored in the orbit plane, with the Sun.
+They are also unchanged when time and the along-track axis are reversed: where a tour leads from one place to
+the next, its image leads back, past places mirrored along the track, while the Sun moves as always. So
+a tour has four images, including itself, and which is nearest depends on the start.
 """
 
 from dataclasses import replace
@@ -13,7 +13,7 @@ from fis_tools.model import FuzzyController
 from pipeline.flight.controller import Controller, from_fuzzy
 from pipeline.flight.signals import TOUR_PLACES, constant
 
-#: what the images are called, in the order in which they are tried
+#: names of the images, in the order in which they are tried
 IMAGES = (
     "as it is",
     "mirrored through the orbit plane",
@@ -23,11 +23,11 @@ IMAGES = (
 
 
 def sign(name: str, image: int) -> float:
-    """Return what a constant of a tour is multiplied by in an image.
+    """Return the factor of a tour's constant in an image.
 
-    The lift keeps its sign in the mirror: it is multiplied by the Sun's height, which changes its own. The
-    other way round the tour's place at an angle is the one that it had at minus that, where sines change
-    sign, and mirrored along the track.
+    The lift keeps its sign in the mirror: it is multiplied by the Sun's elevation, which changes sign. With
+    time reversed the tour's place at an angle is its former place at minus that angle, where sines change
+    sign, mirrored along the track.
     """
     is_mirrored, is_turned_round = image % 2 == 1, image >= 2
     flips = is_mirrored and name.startswith("tour_cross_track")
@@ -38,9 +38,9 @@ def sign(name: str, image: int) -> float:
 
 @lru_cache(maxsize=8)
 def tour_images(controller: Controller) -> tuple[Controller, ...]:
-    """Return a controller for each image of the tour that one flies ahead; none by default.
+    """Return a controller for each image of the tour that a controller rehearses; none by default.
 
-    Each follows its image without any rehearsal of tours. The first is that of the tour as it is.
+    Each follows its image without rehearsing tours. The first follows the tour itself.
     """
     values = controller.constants
     images = range(round(values[constant("rehearsal_tours")]))

@@ -1,4 +1,4 @@
-"""How a deputy turns that plays its turning from a table."""
+"""The rotation of a deputy that plays it from a table."""
 
 from typing import NamedTuple
 
@@ -9,34 +9,34 @@ Floats = NDArray[np.float64]
 
 
 class Turns(NamedTuple):
-    """Attitudes or torques, one row a control period.
+    """Attitudes or torques, one row per control period.
 
     Attributes
     ----------
     attitudes : (K, 4) array
-        That the attitude law seeks, or with ideal pointing has, from Hill to body axes, scalar last; the last
-        stays. Without rows the camera is aimed at the chief.
+        Reference of the attitude law, or actual attitude with ideal pointing, from Hill to body axes, scalar
+        last; the last row stays. Without rows the camera is aimed at the chief.
     torques : (K, 3) array
-        In place of the attitude law's, N m, body axes, none after the last row. Without rows the law acts.
+        Instead of the attitude law's, N m, body axes, zero after the last row. Without rows the law acts.
     """
 
     attitudes: Floats
     torques: Floats
 
     def attitude(self, period: int) -> Floats:
-        """Return the attitude of a control period, shape (4,), or (0,) where there is none."""
+        """Return the attitude of a control period, shape (4,), or (0,) if none is played."""
         if not len(self.attitudes):
             return np.zeros(0)
         wanted: Floats = self.attitudes[min(period, len(self.attitudes) - 1)]
         return wanted
 
     def torque(self, period: int, most: float) -> Floats:
-        """Return the torque of a control period, each component at most so great, or shape (0,) for none."""
+        """Return the torque of a control period, each component at most `most`, or shape (0,) for none."""
         if not len(self.torques):
             return np.zeros(0)
         beyond = period >= len(self.torques)
         return np.zeros(3) if beyond else np.clip(self.torques[period], -most, most)
 
 
-#: of a deputy that aims its camera at the chief
+#: turns of a deputy that aims its camera at the chief
 AIMED = Turns(np.zeros((0, 4)), np.zeros((0, 3)))

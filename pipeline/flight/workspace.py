@@ -1,4 +1,4 @@
-"""What one thread flies in, and the parts of a flight that are compiled only where they are used."""
+"""The workspace of one thread, and the parts of a flight that are compiled only when used."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, Departures 
 
 
 def make_workspace(world: World, lanes: int = LANES) -> Workspace:
-    """Allocate what one thread flies in, so many flights side by side."""
+    """Allocate the workspace of one thread, for `lanes` flights side by side."""
     points, width, instants = world.num_points, world.points.shape[2], world.num_attitude_steps
     clusters = num_clusters(points)
     return Workspace(
@@ -44,23 +44,23 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
 
 
 def optics_in_use(world: World, starts: Starts) -> Beyond | None:
-    """Return in what light or camera are not the paper's; None where they are."""
+    """Return the light and camera if they are not the paper's; None if they are."""
     return beyond_of(world, is_tilted=bool(np.any(starts.sun_elevation != 0.0)))
 
 
 def beyond_of(world: World, *, is_tilted: bool) -> Beyond | None:
-    """Return the same where the Sun of some start is out of the orbit plane, or of none."""
+    """Return the same, given whether the Sun of some start is out of the orbit plane."""
     if not (world.has_optics or is_tilted):
         return None
     return Beyond(closely=world.num_edge_cells > 0 or world.reflection.is_on or None)
 
 
 def parts_in_use(world: World, law: Law, cases: Cases, lanes: int = LANES) -> Parts:
-    """Return the parts of a flight that are compiled only where they are used; None for those that are not.
+    """Return the parts of a flight that are compiled only when used; None for unused ones.
 
-    Light and camera beyond the paper's, the safety layer, clusters, pushes that show what sets, and what
-    departs from what the deputy takes to be. In worlds other than the paper's the safety layer and pushes are
-    compiled in any case, so that few kinds of flight serve many worlds.
+    Light and camera beyond the paper's, the safety layer, clusters, pushes that show setting points, and
+    departures from the deputy's model. In worlds other than the paper's the safety layer and pushes are
+    always compiled, so that few variants serve many worlds.
     """
     optics, departures = optics_in_use(world, cases.starts), cases.departures(world.course, lanes)
     is_elsewhere = optics is not None or departures is not None

@@ -35,7 +35,7 @@ def inspection_points(mission: Mission) -> Floats:
 
 
 def optics_of(mission: Mission) -> Optics:
-    """Return what sight depends on where light or camera are not the paper's."""
+    """Return the optics that sight depends on if light or camera are not the paper's."""
     sensor, light = mission.sensor, mission.light
     cosine = float(np.cos(np.radians(sensor.half_angle_deg)))
     is_any = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
@@ -54,7 +54,7 @@ def optics_of(mission: Mission) -> Optics:
 
 
 def rows_of(surface: Surface, axes: Floats) -> Floats:
-    """Return what points lie on at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
+    """Return the surface at the points at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def hill_rate_b(mission: Mission) -> Floats:
 def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
     """Order points, shape (P, 3), so that each `POINTS` in a row are neighbours.
 
-    All are halved across the axis along which they lie farthest apart, in whole vectors, and each half again.
+    The points are split in half across their longest axis, in whole vectors, and each half again.
     """
     parts, place = [np.arange(len(points))], 0
     while place < len(parts):
@@ -121,7 +121,7 @@ def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
 
 
 def pack_world(mission: Mission) -> World:
-    """Turn a mission into the numbers that the compiled episode reads."""
+    """Return a mission as the numbers that the compiled episode reads."""
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
     surface, attitudes = surface_of(mission), chief_attitudes(mission)
     points = surface.points

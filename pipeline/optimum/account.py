@@ -1,4 +1,4 @@
-"""Results of solved cases: a row per case, a summary, and how many times the optimum others burn."""
+"""Results of solved cases: a row per case, a summary, and the ratio of other flights to the optimum."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -47,7 +47,7 @@ def case_row(case: int, scenario: Scenario, plan: CasePlan, num_points: int) -> 
 
 
 def check_points(mission: Mission, needed: int | None) -> None:
-    """Refuse to look for more points than there are.
+    """Raise SettingError if more points are required than there are.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def beside_optimum(
     episodes: Mapping[str, Column], cases: Mapping[str, Column], harder: Sequence[Mapping[str, Column]] = ()
 ) -> dict[str, Column]:
-    """Put a controller's flights beside the plans of the same cases.
+    """Compare a controller's flights with the plans of the same cases.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def beside_optimum(
     cases : mapping of (n,) arrays
         Of `pipeline.optimum.solved.Solved`.
     harder : sequence of such columns
-        Of the same, with plans for more points.
+        The same, with plans for more points.
 
     Returns
     -------
@@ -122,9 +122,9 @@ def beside_optimum(
 
 
 def summarise_times(columns: Mapping[str, Column]) -> dict[str, Any]:
-    """Return what `beside_optimum` comes to: times the optimum, and cases that succeed inside the limits."""
+    """Return a summary of `beside_optimum`: times the optimum, and cases that succeed inside the limits."""
     times = columns["times_optimum"]
-    as_seen = columns.get("times_optimum_as_seen", times)  # not in tables of earlier versions
+    as_seen = columns.get("times_optimum_as_seen", times)  # missing in tables of earlier versions
     worst = int(np.argmax(times))
     return {
         "num_cases": len(times),

@@ -1,23 +1,23 @@
-"""What no plan can do without: lower bounds by relaxation.
+"""Lower bounds on the fuel of any plan, by relaxation.
 
-*One point.* All demands but one are dropped. To see point j at sample k, the position must move along the
-point's normal by what is missing without force, ``b_jk = radius - normal . free_k``; with the slopes
+*One point.* All requirements but one are dropped. To see point j at sample k, the position must move along
+the point's normal by the shortfall without force, ``b_jk = radius - normal . free_k``; with the slopes
 ``a_jk`` of that height over all forces,
 
 ``delta_v >= delta_v_per_force max(0, b_jk)/max |a_jk|``,
 
-and the least of it over the samples at which the point is lit is what the point takes.
+and its minimum over the samples at which the point is lit is the point's cost.
 
-*Two points.* By weak duality, weights u, w >= 0 on both demands give
-``delta_v >= delta_v_per_force (u b_jk + w b_lm)/max |u a_jk + w a_lm|``; the best of a few weights, and the
-least of that over all pairs of samples, is what the pair takes.
+*Two points.* By weak duality, weights u, w >= 0 on both requirements give
+``delta_v >= delta_v_per_force (u b_jk + w b_lm)/max |u a_jk + w a_lm|``; the best over a few weights,
+minimised over all pairs of samples, is the pair's cost.
 
-*Enough points.* Of P points a plan that sees N misses at most P - N. Join two points by an edge where the
-pair takes v or more (a point with itself where it does alone): if no P - N points touch all edges, every such
-plan sees both ends of one, and takes v or more. The greatest such v is the bound.
+*Enough points.* Of P points a plan that sees N misses at most P - N. Join two points by an edge if the
+pair costs v or more (a point with itself if it does alone): if no P - N points cover all edges, every such
+plan sees both ends of one, and costs v or more. The largest such v is the bound.
 
-Distance limits, camera, what a mesh hides and the greatest force are dropped, so that the bound holds with
-any of them. It is no estimate: it says what is impossible, and may be far below what is possible.
+Distance limits, camera, occlusion by a mesh and the force limit are dropped, so that the bound holds with
+any of them. It is not an estimate: less is impossible, but the true minimum may be far above it.
 """
 
 from math import inf, pi
@@ -31,16 +31,16 @@ from pipeline.optimum.problem import Problem
 Floats = NDArray[np.float64]
 Edge = tuple[int, int]
 
-#: points whose pairs are looked at: those that take most alone
+#: number of points whose pairs are evaluated: those of the highest single-point cost
 NUM_HARDEST = 16
 #: directions of the weights, rad
 WEIGHTS = np.linspace(0.0, pi / 2.0, 11)[1:-1]
-#: of every bound, so that rounding does not make it too great
+#: factor on every bound, so that rounding does not make it too large
 ROUNDING = 1e-9
 
 
 def delta_v_bound(problem: Problem, needed: int, ceiling: float = inf) -> float:
-    """Return a delta-v without which so many points cannot be seen.
+    """Return a lower bound of the delta-v for seeing a number of points.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ def delta_v_bound(problem: Problem, needed: int, ceiling: float = inf) -> float:
     needed : int
         Points to be seen.
     ceiling : float
-        A delta-v that is known to do, m/s; it saves looking for more.
+        An achievable delta-v, m/s; limits the search.
 
     Returns
     -------
     float
-        m/s; infinite where so many points are never lit.
+        m/s; infinite if too few points are ever lit.
     """
     costs = sample_costs(problem)
     alone = costs.min(axis=0)
@@ -67,10 +67,10 @@ def delta_v_bound(problem: Problem, needed: int, ceiling: float = inf) -> float:
 
 
 def unavoidable(takes: dict[Edge, float], spare: int) -> float:
-    """Return the greatest cost that stays with some edge, whichever `spare` vertices are taken away."""
+    """Return the largest cost such that some edge has it after removing any `spare` vertices."""
     values = sorted(set(takes.values()))
     low, high = 0, len(values)
-    # the edges of the low-th value cannot be covered (none is asked of zero), those of the high-th can
+    # the edges of the low-th value cannot be covered (zero needs no check), those of the high-th can
     while low < high:
         middle = (low + high) // 2
         if can_cover([edge for edge, cost in takes.items() if cost >= values[middle]], spare):
@@ -81,7 +81,7 @@ def unavoidable(takes: dict[Edge, float], spare: int) -> float:
 
 
 def can_cover(edges: list[Edge], spare: int) -> bool:
-    """Tell whether so many vertices touch all edges, by trying either end of the first."""
+    """Return whether `spare` vertices cover all edges, by trying either end of the first."""
     if not edges:
         return True
     if spare == 0:
@@ -92,7 +92,7 @@ def can_cover(edges: list[Edge], spare: int) -> bool:
 def _pair_costs(
     problem: Problem, costs: Floats, points: NDArray[np.int64], ceiling: float
 ) -> dict[Edge, float]:
-    """Return what each pair takes, m/s, and each point with itself; no more than the ceiling."""
+    """Return the cost of each pair, m/s, and of each point with itself; capped at the ceiling."""
     takes: dict[Edge, float] = {}
     slopes = {int(j): slopes_of(problem.gain, problem.normals[:, :, j]) for j in points}
     missing = _missing(problem) * problem.delta_v_per_force
@@ -113,7 +113,7 @@ def _missing(problem: Problem) -> Floats:
 
 
 def sample_costs(problem: Problem) -> Floats:
-    """Return what seeing each point alone takes at each sample, shape (K+1, P), m/s; infinite in the dark."""
+    """Return the cost of seeing each point at each sample, shape (K+1, P), m/s; infinite in the dark."""
     missing = _missing(problem) * problem.delta_v_per_force
     costs = np.where(missing <= 0.0, 0.0, inf)
     for k in range(1, len(missing)):
@@ -156,16 +156,16 @@ def price_pair(
     weights: Floats,
     ceiling: float,
 ) -> float:
-    """Return what seeing two points takes, or the ceiling where that is less, m/s.
+    """Return the cost of seeing two points, or the ceiling if that is less, m/s.
 
     Parameters
     ----------
     one_slopes, other_slopes : (K+1, K, 3)
         m/N.
     one_missing, other_missing : (K+1,)
-        Heights that are missing, times the delta-v of a newton, m m/s/N.
+        Shortfalls in height, times the delta-v of a newton, m m/s/N.
     one_costs, other_costs : (K+1,)
-        What each takes alone, m/s.
+        Cost of each alone, m/s.
     weights : (n,)
         Directions to try, rad.
     ceiling : float
@@ -177,7 +177,7 @@ def price_pair(
             continue
         for m in range(len(other_costs)):
             cost = max(one_costs[k], other_costs[m])
-            # in any order: the direction that told enough of the last samples is likely to of these
+            # in any order: the direction decisive for most of the last samples is likely to be so again
             for _ in range(len(weights)):
                 if cost >= least:
                     break
@@ -188,7 +188,7 @@ def price_pair(
                     for axis in range(3):
                         slope = u * one_slopes[k, i, axis] + w * other_slopes[m, i, axis]
                         steepest = max(steepest, abs(slope))
-                    # what moves it more can only make it take less
+                    # larger slopes can only reduce the cost
                     if steepest > 0.0 and asked / steepest <= cost:
                         break
                 if steepest > 0.0:

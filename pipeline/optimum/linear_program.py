@@ -1,12 +1,12 @@
-"""Forces of least fuel under linear demands: a linear program, solved by HiGHS.
+"""Minimum-fuel forces under linear constraints: a linear program, solved by HiGHS.
 
 ``min delta_v_per_force sum |f| + PRICE_OF_SLACK sum s``,
 
 with ``rows f - s <= most``, ``|f| <= max_force`` and ``s >= 0``.
 
-HiGHS minimises what is linear: each force is the difference of two parts that are not below zero. SciPy's
-`linprog` and `milp` give the same programs to the same solver, but take longer about it than the solver does,
-and hold Python's lock all the while; `highspy` lets go of it while it solves.
+HiGHS minimises a linear objective: each force is the difference of two nonnegative parts. SciPy's `linprog`
+and `milp` pass the same programs to the same solver, but spend more time on that than the solver does, and
+hold Python's global lock throughout; `highspy` releases it while it solves.
 """
 
 from typing import NamedTuple
@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: m/s for a metre by which a demand is missed: many times what a metre ever costs
+#: m/s for a metre of violation: many times the highest price of a metre
 PRICE_OF_SLACK = 0.05
 #: forces below this are rounding, N
 LEAST_FORCE = 1e-9
 
 
 class LeastForces(NamedTuple):
-    """The solution of a linear program of F forces and R demands.
+    """The solution of a linear program of F forces and R constraints.
 
     Attributes
     ----------
     forces : (F,)
         N.
     slack : float
-        By how much the demands are missed in all, m.
+        Total violation of the constraints, m.
     prices : (R,)
-        What a metre of each demand costs, m/s.
+        Shadow price of each constraint, m/s per m.
     """
 
     forces: Floats
@@ -43,26 +43,26 @@ class LeastForces(NamedTuple):
 def least_forces(
     rows: Floats, most: Floats, delta_v_per_force: float, max_force: float, *, presolves: bool
 ) -> LeastForces | None:
-    """Return the forces of least fuel that meet demands as far as can be.
+    """Return the minimum-fuel forces that meet constraints as far as possible.
 
     Parameters
     ----------
     rows : (R, F)
         m/N.
     most : (R,)
-        What ``rows forces`` is to be at most, m.
+        Upper bounds of ``rows forces``, m.
     delta_v_per_force : float
         m/s for 1 N held over a period.
     max_force : float
         N.
     presolves : bool
-        Whether HiGHS makes the program smaller before it solves it.
+        Whether HiGHS presolves the program.
 
     Returns
     -------
     LeastForces, optional
-        None where there is none: slacks make a program feasible and prices bounded, so that only numbers
-        that are not finite, or a numerical failure, leave no solution.
+        None if there is none: slacks make a program feasible and prices bounded, so that only numbers
+        that are not finite, or a numerical failure, prevent a solution.
     """
     if not (np.isfinite(rows).all() and np.isfinite(most).all()):
         return None
@@ -82,14 +82,14 @@ def least_forces(
 def _solve(
     cost: Floats, upper: Floats, rows: Floats, most: Floats, presolve: str
 ) -> tuple[Floats, Floats] | None:
-    """Return what is found between zero and `upper`, and the prices of the rows; None where nothing is."""
-    import highspy  # noqa: PLC0415 - a report, which solves none, would wait for it
+    """Return the solution between zero and `upper`, and the prices of the rows; None if there is none."""
+    import highspy  # noqa: PLC0415 - slow to import, and reports do not need it
 
     starts, places, values = _columns(rows)
-    solver = highspy._Highs()  # `Highs` is the same with callbacks, which tie it to itself
+    solver = highspy._Highs()  # `Highs` is the same with callbacks, which create a reference cycle
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("presolve", presolve)
-    solver.setOptionValue("threads", 1)  # callers have threads of their own
+    solver.setOptionValue("threads", 1)  # callers have their own threads
     solver.passModel(
         len(cost), len(most), len(values),
         int(highspy.MatrixFormat.kColwise), int(highspy.ObjSense.kMinimize), 0.0,
@@ -104,7 +104,7 @@ def _solve(
 
 
 def _columns(rows: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """Return the matrix ``[rows, -rows, -1]`` column by column: where each begins, rows and numbers."""
+    """Return the matrix ``[rows, -rows, -1]`` by columns: column starts, row indices and values."""
     by_force, own = np.ascontiguousarray(rows.T), np.arange(len(rows), dtype=np.int32)
     is_set = by_force != 0.0
     places, values = np.broadcast_to(own, by_force.shape)[is_set], by_force[is_set]

@@ -1,6 +1,6 @@
 """Solving a case: a search with several restarts, polishing, and a flight by the simulator.
 
-What is told of a plan is what its flight showed, never what the linear model promised.
+The reported results of a plan are those of its flight, never of the linear model.
 """
 
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ from pipeline.settings.experiment import Mission, Optimum
 
 Floats = NDArray[np.float64]
 
-#: control periods between the forces of the first, coarse polishing
+#: spacing of the forces, in control periods, in the first, coarse polishing
 COARSE_STRIDE = 4
 COARSE_STEPS, FINE_STEPS = 12, 15
-#: relative fall of the fuel at which polishing ends
+#: relative decrease of the fuel at which polishing ends
 TOLERANCE = 1e-4
-#: restarts before any are agreed, and how many must agree
+#: fewest restarts, and how many must agree
 LEAST_RESTARTS, AGREEING = 8, 3
-#: burns that a kick adds, and the standard deviation of their components, m/s
+#: burns added by a kick, and the standard deviation of their components, m/s
 BURNS_PER_KICK, KICK_M_S = 2, 0.08
-#: what a kick must gain for others to follow, m/s
+#: least gain of a kick for others to follow, m/s
 WORTH_M_S = 5e-4
-#: drafts that are polished finely
+#: number of drafts that are polished finely
 NUM_FINALISTS = 3
-#: restarts whose plans cost the same to this, m/s, count as having found the same
+#: restarts whose plans cost the same to this tolerance, m/s, count as having found the same
 SAME_M_S = 1e-3
 
 
@@ -48,7 +48,7 @@ class FlownPlan:
     mean_distance, min_distance, max_distance : float
         Over all samples, m.
     outside : float
-        How far samples 1 … K were outside the limits at worst, m; zero inside.
+        Largest distance of samples 1 … K outside the limits, m; zero inside.
     """
 
     forces: Floats
@@ -60,27 +60,27 @@ class FlownPlan:
     outside: float
 
     def rank(self, needed: int) -> tuple[float, int, float]:
-        """Return what sorts flights from good to bad: within the limits, points enough, little fuel."""
+        """Return a key that sorts flights from best to worst: within limits, enough points, little fuel."""
         return self.outside, max(0, needed - self.num_inspected), self.delta_v
 
     def is_feasible(self, needed: int) -> bool:
-        """Tell whether it kept all limits and inspected enough."""
+        """Return whether it kept all limits and inspected enough."""
         return self.outside == 0.0 and self.num_inspected >= needed
 
 
 @dataclass(frozen=True)
 class CasePlan:
-    """The best plan of a case, and what tells how good it is.
+    """The best plan of a case, and indicators of its quality.
 
     Parameters
     ----------
     flight : FlownPlan
     restart_delta_v : (R,)
-        After coarse polishing, m/s, ascending; infinite where demands were missed.
+        After coarse polishing, m/s, ascending; infinite if constraints were violated.
     bound : float
-        No plan inspects as many points for less, m/s.
+        Lower bound for inspecting as many points, m/s.
     needed : int
-        Points that were asked for.
+        Required points.
     inspectable : int
         Points that can be inspected.
     """
@@ -93,23 +93,23 @@ class CasePlan:
 
 
 def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.random.SeedSequence) -> CasePlan:
-    """Find a plan of little fuel that inspects enough points within all limits.
+    """Find a low-fuel plan that inspects enough points within all limits.
 
-    Restarts go on until `AGREEING` of them have found the best; kicks then try to better it.
+    Restarts go on until `AGREEING` of them have found the best; kicks then try to improve it.
 
     Parameters
     ----------
     mission, scenario
         The case.
     settings : Optimum
-        Points to be inspected; most restarts; kicks; most burns of the global search.
+        Points to inspect; most restarts; kicks; most burns of the global search.
     seed : numpy.random.SeedSequence
-        Of everything random.
+        Of all randomness.
 
     Returns
     -------
     CasePlan
-        Its flight is the best there was, which may still be short of points or outside the limits.
+        Its flight is the best one found, which may still miss points or leave the limits.
     """
     problem = problem_of(mission, scenario)
     inspectable = int(problem.is_lit.any(axis=0).sum())
@@ -135,19 +135,19 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
 
 
 def _costs(drafts: list[Step]) -> Floats:
-    """Return the delta-v of drafts, infinite where demands are missed."""
+    """Return the delta-v of drafts, infinite if constraints are violated."""
     return np.array([draft.delta_v if draft.is_feasible else np.inf for draft in drafts])
 
 
 def num_agreeing(costs: Floats) -> int:
-    """Count the restarts that came within `SAME_M_S` of the best; none where none is feasible."""
+    """Return the number of restarts within `SAME_M_S` of the best; zero if none is feasible."""
     return int(np.sum(costs <= costs.min() + SAME_M_S)) if np.isfinite(costs.min()) else 0
 
 
 def kick(problem: Problem, best: Step, needed: int, num_kicks: int, generator: np.random.Generator) -> Step:
-    """Disturb a plan by random burns and polish it again; keep what is better (iterated local search).
+    """Perturb a plan by random burns and polish it again; keep improvements (iterated local search).
 
-    It ends when so many kicks in a row have bettered nothing.
+    It ends after `num_kicks` kicks in a row without improvement.
     """
     latest, reach = int(LATEST * problem.num_controls), problem.mission.deputy.max_force_n
     in_vain = 0
@@ -185,12 +185,12 @@ def descend(problem: Problem, forces: Floats, needed: int) -> Step:
 
 
 def total(done: Step) -> float:
-    """Return what drafts are compared by: delta-v, and 1 m/s for each metre of slack."""
+    """Return the cost by which drafts are compared: delta-v, and 1 m/s for each metre of slack."""
     return done.delta_v + done.slack
 
 
 def finish(problem: Problem, forces: Floats, needed: int) -> FlownPlan:
-    """Polish on all periods, flying each step's plan, for the camera points as its flight lets it."""
+    """Polish on all periods and fly each step's plan, with the camera pointing as in its flight."""
     log = flown(problem, forces)
     best = judge(problem, forces, log)
     prices, last = np.zeros(problem.num_points), np.inf

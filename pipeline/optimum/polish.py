@@ -1,14 +1,13 @@
 """Polishing by the convex-concave procedure: one linear program per step, until the fuel stops falling.
 
-A point must be above its horizon at one of many samples, and the deputy outside a sphere: both ask that a
-convex function of the forces be large. Such a function lies above its tangent, so a step asks that of the
-tangent at the last plan: each point at the sample where it was seen best, the spheres by their tangent
-planes. What is asked is then more than is needed, the last plan still fulfils it, and fuel cannot rise
-(Lipp and Boyd, Variations and extension of the convex-concave procedure, Optimization and Engineering 17,
-2016). Slacks with a high price let it begin from a plan that sees too little.
-
-The far limit is convex, which tangent planes allow too much of: where a solution goes beyond it, planes are
-added and the program is solved again.
+A point must be above its horizon at one of many samples, and the deputy outside a sphere: both require a
+convex function of the forces to be large. Such a function lies above its tangent, so a step requires it of
+the tangent at the last plan: each point at the sample where it was seen best, the spheres by their tangent
+planes. This is stricter than necessary, the last plan still satisfies it, and fuel cannot increase (Lipp and
+Boyd, Variations and extension of the convex-concave procedure, Optimization and Engineering 17, 2016). Slacks
+with a high price allow a start from a plan that sees too little. The outer limit is convex, and tangent
+planes are too permissive for it: where a solution exceeds it, planes are added and the program is solved
+again.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,19 +22,19 @@ from pipeline.optimum.problem import Problem, margins_along, path_of, sight_dema
 Floats = NDArray[np.float64]
 Constraint = tuple[Floats, int, float]
 
-#: m by which demands are set tighter: for rounding, and, as planes cut a convex limit but roughly, beyond it
+#: m by which constraints are tightened: for rounding, and more for the outer limit, as planes are rough there
 SIGHT_MARGIN, CURVED_MARGIN, NEAR_MARGIN, FAR_MARGIN = 1e-6, 0.02, 1e-3, 0.05
 #: tangent planes are set where the last path is nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 40.0, 60.0
-#: how often planes are added at most
+#: most times that planes are added
 CUT_ROUNDS = 5
-#: demands that are turned into rows at once
+#: constraints that are turned into rows at once
 ROWS_AT_ONCE = 32
 
 
 @dataclass(frozen=True)
 class Step:
-    """What one linear program gave.
+    """The solution of one linear program.
 
     Parameters
     ----------
@@ -44,9 +43,9 @@ class Step:
     delta_v : float
         m/s.
     slack : float
-        By how much its demands are missed in all, m.
+        Total violation of its constraints, m.
     prices : (P,)
-        What a metre of each point's demand costs, m/s; zero for those that are not asked for.
+        Price of a metre of each point's constraint, m/s; zero for points not required.
     """
 
     forces: Floats
@@ -56,7 +55,7 @@ class Step:
 
     @property
     def is_feasible(self) -> bool:
-        """Whether all demands are met."""
+        """Whether all constraints are met."""
         return self.slack < 1e-6
 
 
@@ -71,7 +70,7 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     needed : int
         Points to be seen.
     prices : (P,)
-        The last step's; of more points than needed, those that cost most are let go.
+        Of the last step; of more points than needed, the most expensive are dropped.
     stride : int
         Forces are free at every stride-th control period and zero elsewhere.
     """
@@ -81,7 +80,7 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     chosen = choose(margins.max(axis=0), needed, prices)
     periods = np.arange(0, problem.num_controls, stride)
     asked = [(int(best[j]), sight_demands(problem, path, int(best[j]), int(j))) for j in chosen]
-    # those of tangents to what is curved must do with planes a little inside
+    # tangents to curved limits need a margin, as planes are a little off
     margin = SIGHT_MARGIN if problem.is_flat else CURVED_MARGIN
     demands = [(direction, k, least + margin) for k, ((direction, least), *_) in asked]
     bars = [(direction, k, least + margin) for k, (_, *others) in asked for direction, least in others]
@@ -102,7 +101,7 @@ def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int
     matrix, least = _rows(problem, rows, periods)
     forces = np.zeros((problem.num_controls, 3))
     max_force = problem.mission.deputy.max_force_n
-    # a handful of forces is all that moves: preparing the program takes longer than solving it
+    # few forces are free: presolving the program takes longer than solving it
     solved = least_forces(-matrix, -least, problem.delta_v_per_force, max_force, presolves=False)
     if solved is None:
         return Step(forces, 0.0, np.inf, np.zeros(len(least)))
@@ -112,7 +111,7 @@ def _solve(problem: Problem, rows: Sequence[Constraint], periods: NDArray[np.int
 
 
 def choose(best: Floats, needed: int, prices: Floats) -> NDArray[np.int64]:
-    """Return the points to ask for: those seen best, or of enough that are seen those that cost least."""
+    """Return the points to require: those seen best, or, if enough are seen, the cheapest."""
     is_seen = best >= -SIGHT_MARGIN
     if is_seen.sum() >= needed:
         order = np.lexsort((-best, prices, ~is_seen))
@@ -122,7 +121,7 @@ def choose(best: Floats, needed: int, prices: Floats) -> NDArray[np.int64]:
 
 
 def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Constraint]:
-    """Yield the tangent planes of the spheres that the deputy must keep outside or inside of."""
+    """Yield the tangent planes of the spheres that the deputy must stay outside or inside of."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(path, axis=1)
     for k in range(1, len(path)):
@@ -135,7 +134,7 @@ def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Constra
 
 
 def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constraint]:
-    """Yield tangent planes of the far limit at the samples of a path that are within its reach, m."""
+    """Yield tangent planes of the outer limit at the samples of a path within `reach` of it, m."""
     farthest = problem.mission.deputy.max_distance_m
     distances = np.linalg.norm(path, axis=1)
     for k in np.flatnonzero(distances[1:] > farthest - reach) + 1:
@@ -145,13 +144,13 @@ def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constr
 def _rows(
     problem: Problem, demands: Sequence[Constraint], periods: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """Turn demands ``direction . position_k >= least`` into rows over the forces of some periods."""
+    """Turn constraints ``direction . position_k >= least`` into rows over the forces of some periods."""
     directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
     gain = problem.gain.transpose(1, 0, 2).reshape(3, -1)
-    # what a force leads to for each sample since; in parts, as a greater product wakes the threads of BLAS
+    # effect of a force on later samples; in parts, as a larger product wakes the threads of BLAS
     parts = np.array_split(directions, len(directions) // ROWS_AT_ONCE + 1)
     slopes = np.concatenate([part @ gain for part in parts]).reshape(len(demands), -1, 3)
-    # a force that is fired then, or later, leads to nothing
+    # a force fired at that sample or later has no effect
     since = np.maximum(np.array(samples)[:, np.newaxis] - periods, 0)
     matrix = slopes[np.arange(len(demands))[:, np.newaxis], since].reshape(len(demands), -1)
     least = [bound - float(direction @ problem.free[k]) for direction, k, bound in demands]

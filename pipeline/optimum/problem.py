@@ -1,12 +1,12 @@
-"""One case as linear algebra: where forces move the deputy, and what it must see from there.
+"""One case as linear algebra: the effect of forces on the position, and the visibility of points.
 
 The Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``.
 The paper's first condition of view, ``p . r >= d_c |p|``, is linear in the position r as well: a point is
-seen from beyond its tangent plane. Its second one, the cone of the camera, holds for every point above the
-horizon once the deputy is at least ``d_s/sin(beta - e)`` away, where e is by how much the camera misses the
-chief. The Sun moves by itself, so what is lit when is known. A greatest incidence or range bends the tangent
-plane into a cone or a sphere, of which a step takes the tangent again; what parts of a mesh hide, and where
-the Sun blinds the camera, is known along a path.
+seen from beyond its tangent plane. Its second one, the camera's cone, holds for every point above the horizon
+once the deputy is at least ``d_s/sin(beta - e)`` away, where e is the camera's pointing error from the chief.
+The Sun's motion is known, and so is what is lit when. A limit on incidence or range bends the tangent plane
+into a cone or a sphere, of which each step takes the tangent; occlusion by a mesh, and blinding of the camera
+by the Sun, are evaluated along a path.
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ from pipeline.settings.experiment import Mission, SettingError
 
 Floats = NDArray[np.float64]
 
-#: of the camera's error, that a slightly different flight may add to it
+#: margin of the camera's pointing error for a slightly different flight
 ERROR_SHARE = 0.2
 
 
@@ -40,28 +40,28 @@ class Problem:
     Parameters
     ----------
     mission, scenario
-        What it was made of.
+        The source of the data.
     free : (K+1, 3)
         Positions without force, m, Hill axes.
     gain : (K+1, 3, 3)
-        What 1 N held over a period adds to the position m samples after the period began, m/N.
+        Effect of 1 N held over a period on the position m samples after its start, m/N.
     points, normals : (K+1, 3, P)
         m, and unit vectors out of the surface there, Hill axes.
     heights : (P,)
         Of the points' tangent planes over the chief's centre, m.
     radius : float
-        Of the sphere that all points lie in, m.
+        Of the sphere that contains all points, m.
     cos_incidence, max_range : float
-        Of the greatest incidence; the greatest range, m, infinite for none.
+        Of the incidence limit; the range limit, m, infinite for none.
     most_sunward : float
-        Cosine between boresight and Sun beyond which the camera is blind.
+        Cosine between boresight and Sun beyond which the camera is blinded.
     suns : (K+1, 3)
         Unit vectors towards the Sun, Hill axes.
     occlusion, chief_axes : Occlusion, (K+1, 3, 3)
-        What parts of the chief hide, and its axes.
+        Occlusion by parts of the chief, and its axes.
     is_lit : (K+1, P) bool
     sight : (K+1,)
-        Distance from which on the camera holds all that is above the horizon, m; infinite where it looks
+        Distance from which the camera covers everything above the horizon, m; infinite if it points
         away.
     delta_v_per_force : float
         m/s for 1 N held over a period.
@@ -87,22 +87,22 @@ class Problem:
 
     @property
     def num_controls(self) -> int:
-        """Control periods, K."""
+        """Number of control periods, K."""
         return len(self.free) - 1
 
     @property
     def num_points(self) -> int:
-        """Points on the chief, P."""
+        """Number of points on the chief, P."""
         return int(self.normals.shape[2])
 
     @property
     def is_flat(self) -> bool:
-        """Whether a point is seen from all beyond a plane, with no greatest incidence or range."""
+        """Whether a point is seen from everywhere beyond a plane, with no limit on incidence or range."""
         return self.cos_incidence == 0.0 and self.max_range == np.inf
 
 
 def check_light(mission: Mission) -> None:
-    """Refuse a mission in which a point must be bright enough to be seen.
+    """Raise SettingError for a mission in which a point must be bright enough to be seen.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def check_light(mission: Mission) -> None:
 
 
 def problem_of(mission: Mission, scenario: Scenario) -> Problem:
-    """Set up a case; the camera is supposed to point as it does in a flight without force.
+    """Set up a case; the camera is assumed to point as it does in a flight without force.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
 
 
 def path_of(problem: Problem, forces: Floats) -> Floats:
-    """Return the positions that forces of shape (K, 3), N, lead through, shape (K+1, 3), m."""
+    """Return the positions under forces of shape (K, 3), N, as an array of shape (K+1, 3), m."""
     path = problem.free.copy()
     for i in np.flatnonzero(np.any(forces != 0.0, axis=1)):
         path[i + 1 :] += problem.gain[1 : len(path) - i] @ forces[i]
@@ -180,19 +180,19 @@ def seen_as(problem: Problem, log: FlightLog) -> Problem:
     inward = -log.position_m / np.linalg.norm(log.position_m, axis=1)[:, np.newaxis]
     error = np.arctan2(np.linalg.norm(np.cross(axes, inward), axis=1), np.sum(axes * inward, axis=1))
     left = np.radians(problem.mission.sensor.half_angle_deg) - (1.0 + ERROR_SHARE) * error
-    # a camera that has less than a tenth of a degree left sees nothing to count on
+    # a camera with less than a tenth of a degree to spare cannot be relied on
     is_useful = left > np.radians(0.1)
-    # a field of view of a right angle and more holds all that is above the horizon
+    # a field of view of a right angle or more covers everything above the horizon
     angle = np.minimum(np.where(is_useful, left, 1.0), 0.5 * np.pi)
     sight = np.where(is_useful, problem.radius / np.sin(angle), np.inf)
     return replace(problem, sight=sight)
 
 
 def margins_along(problem: Problem, path: Floats) -> Floats:
-    """Return by how much each point is seen at each sample, m: below zero it is not, -inf in the dark.
+    """Return by how much each point is seen at each sample, m: negative if it is not, -inf in the dark.
 
-    It is the least of the height over the point's tangent plane, or over the cone of the greatest incidence,
-    of what is left to the greatest range, and of the distance beyond `sight`.
+    It is the least of the height over the point's tangent plane, or over the cone of the incidence limit,
+    of the margin to the range limit, and of the distance beyond `sight`.
 
     Returns
     -------
@@ -214,10 +214,10 @@ def margins_along(problem: Problem, path: Floats) -> Floats:
 
 
 def sight_demands(problem: Problem, path: Floats, k: int, point: int) -> list[tuple[Floats, float]]:
-    """Return what seeing a point from near a path's place asks of a position r: directions d, ``d . r >= b``.
+    """Return linear constraints on a position r for seeing a point from nearby: directions d, ``d . r >= b``.
 
-    First the height, or the tangent of the incidence's cone; then that of the range's sphere, where there is
-    one. Both lie outside of what they are tangents of.
+    First the height, or the tangent of the incidence cone; then that of the range sphere, if there is
+    one. Each is tangent from outside.
     """
     normal, at = problem.normals[k, :, point], problem.points[k, :, point]
     if problem.is_flat:

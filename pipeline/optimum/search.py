@@ -1,8 +1,8 @@
 """Global search over a few burns: differential evolution (Storn and Price, 1997) with a smoothed coverage.
 
 A plan is one burn at the start and others at later samples, each held for one control period. Its cost is its
-delta-v, plus a price for each metre that points fall short of being seen, summed over those that come
-nearest, plus one for each metre outside the distance limits.
+delta-v, plus a price for each metre by which points fall short of being seen, summed over the
+nearest ones, plus one for each metre outside the distance limits.
 """
 
 from typing import Any
@@ -16,22 +16,22 @@ from pipeline.optimum.problem import Problem
 
 Floats = NDArray[np.float64]
 
-#: m/s for a metre that a point falls short, and for a metre outside the limits
+#: price of a metre by which a point falls short, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
-#: greatest component of a burn, m/s: twice what any case is known to need
+#: largest component of a burn, m/s: twice the most that any case is known to need
 REACH_M_S = 0.15
-#: share of the flight after whose end no burn begins; what is spent late comes too late to be seen from
+#: share of the flight after which no burn begins; later burns come too late to show anything
 LATEST = 0.75
 PERSONS_PER_GENE, GENERATIONS = 8, 100
-#: of a point that is never lit while the camera is at work, m
+#: shortfall of a point that is never lit while the camera works, m
 NEVER = -1e3
-#: plans that are priced side by side
+#: plans that are evaluated side by side
 PLANS = 16
 
 
 @compiled(error_model="numpy")
 def lead_along(genes: Floats, num_burns: int, free: Floats, effects: Floats, path: Floats) -> float:
-    """Write the positions that a plan leads through, one after the other; return the sum of its forces, N.
+    """Write the successive positions of a plan; return the sum of its forces, N.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def lead_along(genes: Floats, num_burns: int, free: Floats, effects: Floats, pat
     free, path : (3K+3,)
         Positions without force and with it, m.
     effects : (3, 3K+3)
-        What 1 N along each axis adds from the sample on at which it is fired, m/N.
+        Effect of 1 N along each axis from the sample at which it is fired on, m/N.
     """
     path[:] = free
     spent = 0.0
@@ -57,7 +57,7 @@ def lead_along(genes: Floats, num_burns: int, free: Floats, effects: Floats, pat
 
 @compiled(error_model="numpy")
 def missed(best: Floats, needed: int) -> float:
-    """Return by how much so many points fall short, those that come nearest, in all, m."""
+    """Return the total shortfall of the `needed` points nearest to being seen, m."""
     short = 0.0
     shortfalls = np.sort(-best)
     for j in range(needed):
@@ -88,13 +88,13 @@ def price_burns(
     Parameters
     ----------
     genes : (4 num_burns - 1, n)
-        Forces in N, burn by burn, then the samples of all burns but the first; a plan a column.
+        Forces in N, burn by burn, then the samples of all burns but the first; one column per plan.
     num_burns, needed : int
-        Burns, and points to be seen.
+        Number of burns, and of points to see.
     free, gain, normals, is_lit, sight, heights, points, cos_incidence, max_range, delta_v_per_force
         Of the `Problem`.
     limits : (float, float)
-        Of the distance, m.
+        Distance limits, m.
     costs : (n,)
         Filled.
     """
@@ -105,7 +105,7 @@ def price_burns(
     is_flat = cos_incidence == 0.0 and max_range == np.inf
     for first in range(0, num_plans, PLANS):
         for lane in range(PLANS):
-            # lanes that are left over repeat the last plan
+            # spare lanes repeat the last plan
             plan = min(first + lane, num_plans - 1)
             spent[lane] = lead_along(genes[:, plan], num_burns, starts, effects, path)
             places[:, :, lane] = path.reshape(-1, 3)
@@ -132,7 +132,7 @@ def price_burns(
 
 
 def search(problem: Problem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:
-    """Look for a few burns that see the points at little cost.
+    """Search for a few burns that see the points at low cost.
 
     Parameters
     ----------
@@ -140,9 +140,9 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
     needed : int
         Points to be seen.
     num_burns : int
-        The first at the start.
+        Number of burns, the first at the start.
     generator : numpy.random.Generator
-        Of everything random.
+        Of all randomness.
 
     Returns
     -------

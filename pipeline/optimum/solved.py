@@ -1,4 +1,4 @@
-"""Cases whose minimum-fuel plans are known: those that ship, or those of a run of the stage optimum."""
+"""Cases with known minimum-fuel plans: those that ship, or those of a run of the stage optimum."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ from pipeline.settings.experiment import LINEAR, SHIPPED, Experiment, Mission, S
 Column = NDArray[Any]
 Floats = NDArray[np.float64]
 
-#: groups of the mission that a plan of least fuel depends on
+#: groups of the mission that a minimum-fuel plan depends on
 GROUPS = ("orbit", "deputy", "chief", "sensor", "light", "attitude")
 
-#: the folders that ship, laid out like those of runs: plans for 95 points, and for more of the same starts
+#: the folders that ship, laid out like those of runs: plans for 95 points, and for more from the same starts
 SHIPPED_FOLDERS = {sun: Path(__file__).parent / "shipped" / f"{sun}_sun" for sun in ("fixed", "random")}
 HARDER_FOLDERS = {
     sun: [folder.with_name(f"{folder.name}_{points}") for points in (98, 99)]
@@ -29,7 +29,7 @@ HARDER_FOLDERS = {
 
 
 class IncomparableError(ValueError):
-    """Why flights cannot be measured by the plans there are; the text completes "not compared: …"."""
+    """Why flights cannot be compared with the available plans; the text completes "not compared: …"."""
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,15 @@ class Solved:
     Parameters
     ----------
     folder : Path
-        Where they lie.
+        Their folder.
     cases : mapping of (n,) arrays
         The columns of ``optimum/cases.parquet``.
     fired : (m, 5) array
         Case, time (s) and force (N, Hill axes) of every control period with a force.
     summary : mapping
-        What ``optimum/summary.json`` holds.
+        Content of ``optimum/summary.json``.
     harder : sequence of such columns
-        Of plans for more points from the same starts, ascending; only with those that ship.
+        Of plans for more points from the same starts, ascending; only for those that ship.
     """
 
     folder: Path
@@ -62,7 +62,7 @@ class Solved:
         return starts_in(self.cases)
 
     def plan(self, row: int, mission: Mission) -> Floats:
-        """Return the forces of the case of a row, one for each control period, N, Hill axes."""
+        """Return the forces of a row's case, one per control period, N, Hill axes."""
         own = self.fired[self.fired[:, 0] == self.cases["case"][row]]
         forces = np.zeros((mission.num_controls, 3))
         forces[np.rint(own[:, 1] / mission.control_period_s).astype(np.int64)] = own[:, 2:]
@@ -70,10 +70,10 @@ class Solved:
 
 
 def terms_of(mission: Mission) -> dict[str, Any]:
-    """Return what a minimum-fuel plan depends on besides its start: keys of the configuration to values.
+    """Return the dependencies of a minimum-fuel plan besides its start: keys of the configuration to values.
 
-    What only a controller senses or heeds is left out: guidance, coasting at the end, the share of the points
-    that counts as a success.
+    Settings that only a controller senses or uses are left out: guidance, coasting at the end, the share of
+    the points that counts as a success.
     """
     terms = {
         f"{group}.{key}": value for group in GROUPS for key, value in asdict(getattr(mission, group)).items()
@@ -90,13 +90,13 @@ def terms_of(mission: Mission) -> dict[str, Any]:
 
 
 def _plain(terms: Mapping[str, Any]) -> dict[str, Any]:
-    """Return terms as a file tells them."""
+    """Return terms in the form of a file."""
     plain: dict[str, Any] = json.loads(json.dumps(terms))
     return plain
 
 
 def _without_choice(mission: Mission) -> dict[str, Any]:
-    """Return the terms that settings have where none is given: those of the paper."""
+    """Return the default values of the terms: those of the paper."""
     terms = {
         f"{group}.{field.name}": field.default
         for group in GROUPS
@@ -129,14 +129,14 @@ def read_solved(folder: Path) -> Solved:
 
 
 def solved_for(experiment: Experiment) -> Solved:
-    """Return the cases that an experiment's controllers are measured by.
+    """Return the cases to compare an experiment's controllers with.
 
     Raises
     ------
     IncomparableError
-        If its mission or its Sun is another than that of the plans, or it names none.
+        If its mission or its Sun differs from that of the plans, or it names none.
     pipeline.run.artifacts.ArtifactError
-        If what it names cannot be read.
+        If the named plans cannot be read.
     """
     reference, sun = experiment.optimum.reference, experiment.sun
     if reference is None:
@@ -156,7 +156,7 @@ def solved_for(experiment: Experiment) -> Solved:
     their_sun, angles = solved.summary.get("sun"), solved.cases["sun_angle_rad"]
     if not isinstance(theirs, dict) or not len(solved.cases["case"]):
         raise IncomparableError(f"{solved.folder} does not say of which mission its plans are, or has none")
-    # plans of earlier versions do not name what was then the paper's without choice
+    # plans of earlier versions omit settings that then had no alternative to the paper's
     theirs = _without_choice(experiment.mission) | theirs
     differing = [key for key in ours if ours[key] != theirs.get(key)]
     if differing:
@@ -174,7 +174,7 @@ def solved_for(experiment: Experiment) -> Solved:
 
 
 def _elevations(sun: Sun) -> tuple[float, float]:
-    """Return the least and the greatest elevation of a Sun, deg."""
+    """Return the lowest and the highest elevation of a Sun, deg."""
     if sun.mode == "random" and sun.elevation_range_deg is not None:
         return sun.elevation_range_deg[0], sun.elevation_range_deg[1]
     return sun.elevation_deg, sun.elevation_deg

@@ -1,7 +1,7 @@
-"""Where the deputy should point, and the torque that turns it there.
+"""The deputy's desired attitude, and the control torque.
 
 The desired axes are ``x* = r/|r|``, ``y* = k x r/|k x r|`` and ``z* = x* x y*``, so that a camera along -x*
-looks at the chief. Over the poles of the orbit plane, where k x r vanishes, y* is carried along instead.
+looks at the chief. Over the poles of the orbit plane, where k x r vanishes, the previous y* is kept instead.
 """
 
 from math import atan2, cos, sin
@@ -45,7 +45,7 @@ def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
     position_h : array, shape (3,)
         Of the deputy, m, not at the origin.
     previous_y_h : array, shape (3,)
-        The one of the attitude instant before; `FIRST_Y` at the first.
+        At the previous attitude instant; `FIRST_Y` at the first.
 
     Returns
     -------
@@ -62,17 +62,17 @@ def desired_y(position_h: Floats, previous_y_h: Floats) -> Floats:
 
 @compiled
 def blended_y(position_h: Floats, previous_y_h: Floats, attitude_period: float) -> Floats:
-    """Return the desired second body axis that never turns in haste over a pole.
+    """Return the desired second body axis, without fast turns over a pole.
 
-    Where ``|k x r|/|r|`` is below `BLENDED_POLE` the axis is carried along; elsewhere it returns to
-    ``k x r/|k x r|`` by a turn about x* of at most `RETURN_RATE`.
+    Where ``|k x r|/|r|`` is below `BLENDED_POLE` the previous axis is kept; elsewhere it returns to
+    ``k x r/|k x r|`` by a turn about x* at a rate of at most `RETURN_RATE`.
 
     Parameters
     ----------
     position_h : array, shape (3,)
         Of the deputy, m, not at the origin.
     previous_y_h : array, shape (3,)
-        The one of the attitude instant before; at the first, that of `desired_y` there.
+        At the previous attitude instant; at the first, that of `desired_y` there.
     attitude_period : float
         Time since that instant, s.
 

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 @compiled
 def _angle_minus_sine(angle: float) -> float:
-    """Return ``angle - sin(angle)`` without the cancellation that small angles cause."""
+    """Return ``angle - sin(angle)`` without cancellation for small angles."""
     if abs(angle) > 0.5:
         return angle - sin(angle)
     square = angle * angle
@@ -37,14 +37,14 @@ def _angle_minus_sine(angle: float) -> float:
 
 @compiled
 def state_transition(mean_motion: float, duration: float) -> Floats:
-    """Return the matrix that carries a force-free state over some time.
+    """Return the state transition matrix of free motion.
 
     Parameters
     ----------
     mean_motion : float
         Of the chief's orbit, rad/s, above zero.
     duration : float
-        Time to move by, s.
+        Time to propagate, s.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def state_transition(mean_motion: float, duration: float) -> Floats:
 
 @compiled
 def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
-    """Return what a held force adds to the state over some time (zero-order hold).
+    """Return the effect of a held force on the state after some time (zero-order hold).
 
     Parameters
     ----------

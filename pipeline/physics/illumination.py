@@ -1,4 +1,4 @@
-"""Where the Sun is, what it lights (Choi, Kim and Leeghim, AAS 25-727), and when the Earth hides it."""
+"""The Sun's direction, what it lights (Choi, Kim and Leeghim, AAS 25-727), and when the Earth hides it."""
 
 from math import acos, asin, cos, pi, sin, sqrt
 
@@ -42,7 +42,7 @@ def orbit_radius(mean_motion: float) -> float:
 
 @compiled
 def share_at(sun_height: float, orbit_radius: float) -> float:
-    """Return what `visible_share` does, for a Sun whose direction has this component along i."""
+    """Return the same as `visible_share`, given the component of the Sun's direction along i."""
     sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / orbit_radius)
     apart = acos(max(-1.0, min(1.0, -sun_height)))
     if apart >= sun + earth:
@@ -74,17 +74,17 @@ def visible_share(sun_h: Floats, orbit_radius: float) -> float:
 
 
 def least_sun_height(orbit_radius: float, min_share: float) -> float:
-    """Return how high the Sun must stand for a share of its disc to be visible, as the cosine to zenith.
+    """Return the lowest Sun at which a share of its disc is visible, as the cosine of its zenith angle.
 
-    The Sun's disc comes out from behind the Earth the more the higher it stands over the chief's horizon, so
-    that one number tells light from shadow; found by bisection of `share_at`.
+    The higher the Sun stands over the chief's horizon, the more of its disc is visible, so that one number
+    separates light from shadow; found by bisection of `share_at`.
 
     Parameters
     ----------
     orbit_radius : float
         m.
     min_share : float
-        0 to 1; with 0 there is no shadow.
+        0 to 1; 0 for no shadow.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def least_sun_height(orbit_radius: float, min_share: float) -> float:
 
 @compiled
 def is_illuminated(point_h: Floats, sun_h: Floats) -> bool:
-    """Tell whether sunlight reaches a point on the chief: ``p . (p - r_s) < 0``.
+    """Return whether sunlight reaches a point on the chief: ``p . (p - r_s) < 0``.
 
     The point under the Sun counts as lit; the terminator is dark.
 
@@ -113,7 +113,7 @@ def is_illuminated(point_h: Floats, sun_h: Floats) -> bool:
     point_h : array, shape (3,)
         m, Hill axes.
     sun_h : array, shape (3,)
-        Unit vector towards the Sun, which stands at one astronomical unit, Hill axes.
+        Unit vector towards the Sun, which is one astronomical unit away, Hill axes.
 
     Returns
     -------

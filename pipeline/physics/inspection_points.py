@@ -12,12 +12,12 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
     """Place points on rings of constant latitude at nearly equal distances.
 
     Deserno's regular placement (M. Deserno, How to generate equidistributed points on the surface of a
-    sphere, 2004). It returns about as many points as are asked for: 99 for 100.
+    sphere, 2004). It returns about the requested number of points: 99 for 100.
 
     Parameters
     ----------
     num_points : int
-        Points asked for, at least 1.
+        Requested number, at least 1.
     radius_m : float
         Of the sphere, m.
 
@@ -45,7 +45,7 @@ def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
     Parameters
     ----------
     num_points : int
-        At least 1; exactly as many are returned.
+        At least 1; exactly this many are returned.
     radius_m : float
         Of the sphere, m.
 

@@ -1,14 +1,14 @@
-"""How the deputy moves: one object and one step, for flights, previews, the safety layer, planners and plans.
+"""Motion of the deputy: one implementation for flights, previews, the safety layer, planners and plans.
 
 While a force f is held, a state ``s = [x, y, z, u, v, w]`` (position in m, then velocity in m/s, Hill axes)
-moves by the closed form ``s(t) = Phi(t) s + Gamma(t) f`` of `pipeline.physics.clohessy_wiltshire`. Whatever
-else acts on the deputy enters here and nowhere else: `motion_over` computes the numbers, and the other
+moves by the closed form ``s(t) = Phi(t) s + Gamma(t) f`` of `pipeline.physics.clohessy_wiltshire`. Any other
+effect on the deputy enters here and nowhere else: `motion_over` computes the matrices, and the other
 functions of this file apply them. Everything that moves a deputy calls these functions; nothing else
 multiplies a state by Phi.
 
-Compiled code takes a state as six numbers, and reads from a `Step` the numbers of Phi and Gamma that are not
-0 or 1. Functions marked ``inline`` become part of the function that calls them and round as it does: with
-fused multiply-adds where the caller allows them.
+Compiled code takes a state as six numbers, and reads the elements of Phi and Gamma that are not 0 or 1 from a
+`Step`. Functions marked ``inline`` become part of the function that calls them and round as it does: with
+fused multiply-adds if the caller allows them.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 
 Floats = NDArray[np.float64]
 
-#: into how many parts `closest_approach` divides an orbit
+#: parts into which `closest_approach` divides an orbit
 ORBIT_PARTS = 36
 
 
 class Orbit(Protocol):
-    """What motion depends on of the chief's orbit."""
+    """The properties of the chief's orbit that motion depends on."""
 
     @property
     def mean_motion_rad_s(self) -> float:
@@ -36,7 +36,7 @@ class Orbit(Protocol):
 
 
 class Deputy(Protocol):
-    """What motion depends on of the deputy."""
+    """The properties of the deputy that motion depends on."""
 
     @property
     def mass_kg(self) -> float:
@@ -49,9 +49,9 @@ class Motion(NamedTuple):
     Attributes
     ----------
     transition : (n, 6, 6) array
-        Phi: what a state becomes without force.
+        Phi: state transition without force.
     control : (n, 6, 3) array
-        Gamma: what 1 N held for the duration adds.
+        Gamma: effect of 1 N held for the duration.
     """
 
     transition: Floats
@@ -59,7 +59,7 @@ class Motion(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where free motion leads: ``xx x + xu u + xv v``, ``yx x + y + yu u + yv v``, ``zz z + zw w``."""
+    """The position after free motion: ``xx x + xu u + xv v``, ``yx x + y + yu u + yv v``, ``zz z + zw w``."""
 
     xx: float
     xu: float
@@ -72,7 +72,7 @@ class Place(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Motion over one duration: the numbers of Phi and Gamma that are not 0 or 1, for a force (f, g, h)."""
+    """Motion over one duration: the elements of Phi and Gamma that are not 0 or 1, for a force (f, g, h)."""
 
     place: Place
     ux: float
@@ -108,19 +108,19 @@ class Stop(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """Numbers read off a state after free motion.
+    """Linear outputs of a state after free motion.
 
     Attributes
     ----------
     matrix : (..., m, 6) array
-        From the state now to the numbers then.
+        From the state now to the outputs then.
     """
 
     matrix: Floats
 
 
 def motion_over(orbit: Orbit, deputy: Deputy, durations: Sequence[float]) -> Motion:
-    """Return how a deputy moves over some durations, s."""
+    """Return the motion of a deputy over some durations, s."""
     n, mass = orbit.mean_motion_rad_s, deputy.mass_kg
     return Motion(
         transition=np.array([state_transition(n, duration) for duration in durations]).reshape(-1, 6, 6),
@@ -129,13 +129,13 @@ def motion_over(orbit: Orbit, deputy: Deputy, durations: Sequence[float]) -> Mot
 
 
 def stop_of(motion: Motion) -> Stop:
-    """Return what stops a deputy within the first duration of a motion."""
+    """Return the force law that stops a deputy within the first duration of a motion."""
     gain = -np.linalg.solve(motion.control[0, 3:], motion.transition[0, 3:])
     return Stop(np.asarray(gain, dtype=np.float64))
 
 
 def stopped(motion: Motion, stop: Stop) -> Motion:
-    """Return motion over the first duration where the force is the one that stops it: no speed is left."""
+    """Return motion over the first duration under the force that stops it: no speed is left."""
     transition = np.zeros((1, 6, 6))
     transition[0, :3] = motion.transition[0, :3] + motion.control[0, :3] @ stop.gain
     return Motion(transition, np.zeros((1, 6, 3)))
@@ -147,7 +147,7 @@ def joined(*motions: Motion) -> Motion:
 
 
 def free_path(motion: Motion, state: Floats, num_samples: int) -> Floats:
-    """Return the states that free motion passes at each first duration, `state` first, (num_samples, 6)."""
+    """Return the states of free motion after each first duration, `state` first, (num_samples, 6)."""
     path = np.empty((num_samples, 6))
     path[0] = state
     for k in range(1, num_samples):
@@ -156,7 +156,7 @@ def free_path(motion: Motion, state: Floats, num_samples: int) -> Floats:
 
 
 def repeated(motion: Motion, num_periods: int) -> Motion:
-    """Return motion over 1, 2, … of the first duration, with a force in the first alone."""
+    """Return motion over 1, 2, … of the first duration, with a force only in the first."""
     powers = [motion.transition[0]]
     for _ in range(num_periods - 1):
         powers.append(motion.transition[0] @ powers[-1])
@@ -175,14 +175,14 @@ def last_of(motion: Motion, matrix: Floats) -> Reading:
 
 
 def read(reading: Reading, state: Floats) -> Floats:
-    """Return what is read after free motion from a state, shape (6,)."""
+    """Return the outputs of a reading for a state of shape (6,), after free motion."""
     values: Floats = reading.matrix @ state
     return values
 
 
 @compiled(inline="always")
 def place_of(motion: Motion, which: int) -> Place:
-    """Read where free motion of one duration leads."""
+    """Return the place after free motion of one duration."""
     phi = motion.transition
     return Place(
         phi[which, 0, 0],
@@ -198,7 +198,7 @@ def place_of(motion: Motion, which: int) -> Place:
 
 @compiled
 def place_over(mean_motion: float, duration: float) -> Place:
-    """Return where free motion of any duration, s, leads."""
+    """Return the place after free motion of any duration, s."""
     phi = state_transition(mean_motion, duration)
     return Place(phi[0, 0], phi[0, 3], phi[0, 4], phi[1, 0], phi[1, 3], phi[1, 4], phi[2, 2], phi[2, 5])
 
@@ -212,7 +212,7 @@ def push_by(p: Place, x: float, y: float, z: float) -> tuple[float, float, float
 
 @compiled(inline="always")
 def step_of(motion: Motion, which: int) -> Step:
-    """Read the step of one duration."""
+    """Return the step of one duration."""
     phi, gamma = motion.transition, motion.control
     return Step(
         place_of(motion, which),
@@ -279,7 +279,7 @@ def velocity_after(
 
 @compiled
 def propagate(motion: Motion, state: Floats, force_h: Floats) -> Floats:
-    """Move a state over the first duration of a motion.
+    """Return a state after the first duration of a motion.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def propagate(motion: Motion, state: Floats, force_h: Floats) -> Floats:
     state : array, shape (6,)
         Position (m) and velocity (m/s), Hill axes.
     force_h : array, shape (3,)
-        Held meanwhile, N, Hill axes.
+        Held over the duration, N, Hill axes.
 
     Returns
     -------
@@ -304,7 +304,7 @@ def propagate(motion: Motion, state: Floats, force_h: Floats) -> Floats:
 
 @compiled(inline="always")
 def drift(motion: Motion, state: Floats, free: Floats) -> None:
-    """Write what a state, shape (6,), becomes without force over the first duration."""
+    """Write a state, shape (6,), after the first duration without force."""
     for i in range(6):
         free[i] = 0.0
         for j in range(6):
@@ -313,7 +313,7 @@ def drift(motion: Motion, state: Floats, free: Floats) -> None:
 
 @compiled(inline="always")
 def push(motion: Motion, free: Floats, force: Floats, after: Floats) -> None:
-    """Write what a held force, shape (3,), makes of the state that free motion leads to."""
+    """Write the state after a held force, shape (3,), from the state that free motion leads to."""
     for i in range(6):
         after[i] = free[i]
         for j in range(3):
@@ -322,7 +322,7 @@ def push(motion: Motion, free: Floats, force: Floats, after: Floats) -> None:
 
 @compiled(inline="always")
 def slopes(p: Place, a: float, b: float, c: float) -> tuple[float, float, float, float, float, float]:
-    """Return how the component along (a, b, c) of the position after free motion grows with the state."""
+    """Return the gradient, with respect to the state, of the position along (a, b, c) after free motion."""
     return (
         p.xx * a + p.yx * b,
         b,
@@ -356,20 +356,20 @@ def stopping_force(stop: Stop, axis: int, state: Floats) -> float:
 
 
 def orbit_parts(orbit: Orbit, deputy: Deputy) -> Motion:
-    """Return the motion over 1, 2, … `ORBIT_PARTS` parts of an orbit, that `closest_approach` looks along."""
+    """Return the motion over 1, 2, … `ORBIT_PARTS` parts of an orbit, for `closest_approach`."""
     part = 2.0 * pi / orbit.mean_motion_rad_s / ORBIT_PARTS
     return motion_over(orbit, deputy, [part * count for count in range(1, ORBIT_PARTS + 1)])
 
 
 @compiled
 def closest_approach(parts: Motion, position_h: Floats, velocity_h: Floats) -> float:
-    """Return how near a deputy that drifts freely for an orbit comes to the chief.
+    """Return the closest approach to the chief of a deputy that drifts freely for an orbit.
 
     The path is divided at every ``360 / ORBIT_PARTS`` degrees of the orbit, and each part taken as straight.
-    A chord is off a curve by at most an eighth of the largest acceleration times the part's duration squared
-    (the error of linear interpolation), and accelerations of free motion are at most
-    ``n^2 sqrt(4 b^2 + c^2)``, with b the ellipse's height and c the amplitude across the track: the distance
-    is right to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
+    A chord deviates from a curve by at most an eighth of the largest acceleration times the part's duration
+    squared (the error of linear interpolation), and accelerations of free motion are at most
+    ``n^2 sqrt(4 b^2 + c^2)``, with b the ellipse's height and c the cross-track amplitude: the distance
+    is accurate to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
 
     Parameters
     ----------

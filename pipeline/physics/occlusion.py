@@ -1,10 +1,11 @@
-"""What parts of a body hide of one another, looked up by direction.
+"""Self-occlusion of a body, looked up by direction.
 
 From a point on the body a ray to a far place passes the same parts as to infinity if the place lies beyond
-all of them, so that a direction says it all. Directions fall into the cells of a cube about the body, each
-face of it divided into squares of equal angles; a cell has the answer of its centre, which is off by half its
-diagonal at most: 2.1 deg with 32 cells along an edge. Rays and triangles meet as T. Moller and B. Trumbore
-say (Fast, minimum storage ray-triangle intersection, Journal of Graphics Tools 2, 1997).
+all of them, so that only the direction matters. Directions are sorted into the cells of a cube about the
+body, each face of it divided into squares of equal angles; a cell has the result of its centre, which is off
+by at most half its diagonal: 2.1 deg with 32 cells along an edge. Rays are intersected with triangles as by
+T. Moller and B. Trumbore (Fast, minimum storage ray-triangle intersection, Journal of Graphics Tools 2,
+1997).
 """
 
 from math import atan, pi, tan
@@ -20,17 +21,17 @@ Bytes = NDArray[np.uint8]
 
 #: cells along an edge of the cube
 EDGE_CELLS = 32
-#: a ray begins so far above its own face, as a share of the body's reach
+#: height above its own face at which a ray begins, as a share of the body's size
 LIFT = 1e-6
 
 
 class Occlusion(NamedTuple):
-    """Which points are free to be seen from which directions.
+    """The directions from which points are visible.
 
     Attributes
     ----------
     is_free : (6 n^2, P) of 0 or 1
-        A row for each cell; no rows where nothing hides anything.
+        One row per cell; no rows if nothing is hidden.
     edge : int
         Cells along an edge of the cube, n.
     """
@@ -46,7 +47,7 @@ def nothing_hidden() -> Occlusion:
 
 @compiled(error_model="numpy")
 def cell_of(edge: int, x: float, y: float, z: float) -> int:
-    """Return the cell that a direction of any length falls into, with so many cells along an edge."""
+    """Return the cell that a direction of any length falls into, for `edge` cells along an edge."""
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:
         face, most, u, v = 0 if x > 0.0 else 1, ax, y, z
@@ -63,7 +64,7 @@ def cell_of(edge: int, x: float, y: float, z: float) -> int:
 
 @compiled
 def centre_of(edge: int, cell: int) -> Floats:
-    """Return the direction, a unit vector, of the middle of a cell."""
+    """Return the direction, a unit vector, of the centre of a cell."""
     face, rest = cell // (edge * edge), cell % (edge * edge)
     u = tan((2.0 * (rest // edge) + 1.0 - edge) / edge * 0.25 * pi)
     v = tan((2.0 * (rest % edge) + 1.0 - edge) / edge * 0.25 * pi)
@@ -77,7 +78,7 @@ def centre_of(edge: int, cell: int) -> Floats:
 
 @compiled(error_model="numpy")
 def meets(triangle: Floats, origin: Floats, direction: Floats) -> bool:
-    """Tell whether a ray meets a triangle, given by a corner and two edges, shape (3, 3)."""
+    """Return whether a ray meets a triangle, given by a corner and two edges, shape (3, 3)."""
     a, b, c = direction[0], direction[1], direction[2]
     px = b * triangle[2, 2] - c * triangle[2, 1]
     py = c * triangle[2, 0] - a * triangle[2, 2]
@@ -121,7 +122,7 @@ def note_free(
 def note_free_along(
     occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
 ) -> None:
-    """Deny the points that the body hides from the places of a path.
+    """Exclude the points that the body hides from the places of a path.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def note_free_along(
 
 
 def occlusion_of(points: Floats, normals: Floats, corners: Floats) -> Occlusion:
-    """Look from every point in every direction.
+    """Return the occlusion of a body, from every point in every direction.
 
     Parameters
     ----------

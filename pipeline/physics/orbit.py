@@ -1,7 +1,7 @@
-"""The chief's orbit about the Earth, at the instants by which a deputy's motion is integrated.
+"""The chief's orbit about the Earth, at the instants of the integration of the deputy's motion.
 
-Axes stay as Hill's are at the start. The chief moves by the Earth's attraction, a point's and its
-oblateness's (D. A. Vallado, Fundamentals of Astrodynamics and Applications, 4th edition, section 8.6.1)::
+Axes are Hill's at the start, held fixed. The chief moves under the Earth's attraction, that of a point plus
+its oblateness (D. A. Vallado, Fundamentals of Astrodynamics and Applications, 4th edition, section 8.6.1)::
 
     a = -mu R / r^3 - 3/2 J2 mu E^2 / r^5 ((1 - 5 w^2 / r^2) R + 2 w p)        w = R . p
 
@@ -21,12 +21,12 @@ from pipeline.physics.vectors import assign, cross, dot, norm
 
 Floats = NDArray[np.float64]
 
-#: by how much the fastest orbit through the perigee turns in a step of the integration, at most, rad
+#: largest angle per step of the integration, on the fastest orbit through the perigee, rad
 LONGEST_STEP_RAD = 0.02
 
 
 class Elements(Protocol):
-    """What the chief's orbit and the accelerations of the deputy are given by."""
+    """The parameters of the chief's orbit and of the deputy's accelerations."""
 
     @property
     def eccentricity(self) -> float:
@@ -50,11 +50,11 @@ class Elements(Protocol):
 
     @property
     def drag_m_s2(self) -> float:
-        """By which drag slows the deputy more than the chief at the speed of a circular orbit."""
+        """Excess of the deputy's drag deceleration over the chief's, at the speed of a circular orbit."""
 
     @property
     def radiation_m_s2(self) -> float:
-        """By which sunlight pushes the deputy more than the chief."""
+        """Excess of the deputy's acceleration by sunlight over the chief's."""
 
 
 class Course(NamedTuple):
@@ -63,7 +63,7 @@ class Course(NamedTuple):
     Attributes
     ----------
     is_on : bool
-        Whether anything moves by it.
+        Whether it is used.
     num_steps : int
         In a control period.
     step : float
@@ -75,7 +75,7 @@ class Course(NamedTuple):
     pole : (3,)
         The Earth's.
     radiation : float
-        By which the Sun, where it shines, pushes the deputy more than the chief, m/s^2.
+        Excess of the deputy's acceleration by sunlight over the chief's, m/s^2.
     has_shadow : bool
         Whether the Earth hides the Sun.
     places : (N, 3)
@@ -85,10 +85,10 @@ class Course(NamedTuple):
     turning : (N, 3)
         Of Hill axes, rad/s, Hill axes.
     common : (N, 3)
-        Acceleration relative to the chief of a deputy anywhere near it, m/s^2: what drag adds, less what
-        oblateness adds to the chief's.
+        Acceleration relative to the chief of a deputy anywhere near it, m/s^2: that of drag, minus that of
+        the chief by oblateness.
     varying : (m, K, 3)
-        What drag adds besides in each control period of each flight, m/s^2, Hill axes; no flights where it
+        Further acceleration by drag in each control period of each flight, m/s^2, Hill axes; no flights if it
         does not vary.
     """
 
@@ -107,7 +107,7 @@ class Course(NamedTuple):
     varying: Floats = np.zeros((0, 0, 3))
 
 
-#: of a chief that nothing moves by
+#: a course that is not used
 NO_COURSE = Course(
     *(False, 1, 1.0, 0.0, 0.0, np.zeros(3), 0.0, False),
     *(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))),
@@ -116,7 +116,7 @@ NO_COURSE = Course(
 
 @compiled
 def oblate_attraction(oblateness: float, pole: Floats, place: Floats) -> Floats:
-    """Return what the Earth's oblateness adds to its attraction, shape (3,), m/s^2."""
+    """Return the contribution of the Earth's oblateness to its attraction, shape (3,), m/s^2."""
     square, height = dot(place, place), dot(place, pole)
     scale = -oblateness / (square * square * sqrt(square))
     return scale * ((1.0 - 5.0 * height * height / square) * place + 2.0 * height * pole)
@@ -174,10 +174,10 @@ def course_of(
     mean_motion : float
         At the start, rad/s.
     radius : float
-        Semi-major axis at the start, m; together they are the Earth's gravity, ``n^2 a^3``.
+        Semi-major axis at the start, m; with the mean motion it gives the Earth's gravity, ``n^2 a^3``.
     elements : Elements
     has_shadow : bool
-        Whether the Earth takes the Sun's pressure from the deputy.
+        Whether the Earth's shadow removes the Sun's pressure from the deputy.
     period : float
         A control period, s.
     num_periods : int

@@ -1,4 +1,4 @@
-"""Unit quaternions ``[q1, q2, q3, q4]``, scalar last, that map one frame's axes to another's.
+"""Unit quaternions ``[q1, q2, q3, q4]``, scalar last, for transforms between two frames' axes.
 
 `dcm_b_from_h` gives ``v_b = C(q) v_h`` (Choi, Kim and Leeghim, AAS 25-727, the matrix C_DC). Read as an
 active rotation, the same four numbers turn body vectors into Hill vectors. All arrays are float64.
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 @compiled
 def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
-    """Return the direction cosine matrix that takes Hill components to body components.
+    """Return the direction cosine matrix from Hill to body components.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def from_dcm(dcm: Floats) -> Floats:
     Returns
     -------
     array, shape (4,)
-        Its largest component is positive; of equal ones the last (Shepperd, Journal of Guidance and
+        Its largest component is positive; among equal ones the last (Shepperd, Journal of Guidance and
         Control 1(3), 1978).
     """
     trace = dcm[0, 0] + dcm[1, 1] + dcm[2, 2]
@@ -120,9 +120,9 @@ def from_dcm(dcm: Floats) -> Floats:
 
 @compiled
 def error_vector(quaternion_b_from_h: Floats, desired_b_from_h: Floats) -> Floats:
-    """Return the vector part of the turn from the desired to the actual attitude, the short way round.
+    """Return the vector part of the rotation from the desired to the actual attitude, the short way round.
 
-    The error quaternion has ``C(q_e) = C(q) C(q*)^T``, that is ``q_e = conj(q*) q``, and is negated where its
+    The error quaternion has ``C(q_e) = C(q) C(q*)^T``, that is ``q_e = conj(q*) q``, and is negated if its
     scalar part is negative.
 
     Parameters

@@ -1,10 +1,10 @@
-"""Sunlight that a surface reflects towards a camera: Blinn and Phong's law.
+"""Sunlight reflected by a surface towards a camera: Blinn and Phong's model.
 
-Of each colour, ``ambient + diffuse (n . l) + specular (n . h)^p``, at most 1, with the unit normal n, the
+For each colour, ``ambient + diffuse (n . l) + specular (n . h)^p``, at most 1, with the unit normal n, the
 unit vectors l towards the Sun and v towards the camera, and h halfway between these (J. F. Blinn, Models of
 light reflection for computer synthesized pictures, Computer Graphics 11(2), 1977, 192-198). AFRL's
-safe-autonomy-simulation takes a quarter of a shininess as p, and a point as seen where each colour is between
-two limits. Here p is whole, so that its power is made of products and the same wherever it is computed.
+safe-autonomy-simulation uses a quarter of a shininess as p, and counts a point as seen if each colour is
+between two limits. Here p is an integer, so that the power is a product and the same on every platform.
 """
 
 from math import sqrt
@@ -20,12 +20,12 @@ Floats = NDArray[np.float64]
 
 
 class Reflection(NamedTuple):
-    """How a surface reflects, and with what intensity a point is seen; arrays have a place for each colour.
+    """A surface's reflection, and the intensities at which a point is seen; arrays have one entry per colour.
 
     Attributes
     ----------
     is_on : bool
-        Otherwise a point is seen whatever it reflects.
+        If not, a point is seen whatever it reflects.
     ambient, diffuse, specular : (3,)
     exponent : int
     least, greatest : (3,)
@@ -43,7 +43,7 @@ class Reflection(NamedTuple):
 
 @compiled
 def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camera: Floats) -> Floats:
-    """Return what a point reflects of each colour, shape (3,).
+    """Return the intensity that a point reflects in each colour, shape (3,).
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def intensities(reflection: Reflection, normal: Floats, to_sun: Floats, to_camer
 
 @compiled(error_model="numpy")
 def power(base: float, exponent: int) -> float:
-    """Return a number multiplied by itself so often, by squares."""
+    """Return an integer power of a number, by squaring."""
     result = 1.0
     while exponent > 0:
         if exponent % 2 == 1:
@@ -83,7 +83,7 @@ def is_bright(
     vy: float,
     vz: float,
 ) -> bool:
-    """Tell whether a point is neither too dark nor too bright, by `intensities`; v may have any length."""
+    """Return whether a point is neither too dark nor too bright, by `intensities`; v may have any length."""
     scale = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
     hx, hy, hz = lx + vx * scale, ly + vy * scale, lz + vz * scale
     facing = max(0.0, nx * lx + ny * ly + nz * lz)

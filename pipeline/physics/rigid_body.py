@@ -1,4 +1,4 @@
-"""How rigid bodies turn: the deputy relative to a turning reference, and a chief that tumbles freely.
+"""Rotation of rigid bodies: the deputy relative to a rotating reference, and a chief that tumbles freely.
 
 The relative equation is that of Choi, Kim and Leeghim, AAS 25-727 (after Li and others, 2018)::
 
@@ -19,7 +19,7 @@ from pipeline.physics.vectors import cross, cross_matrix, times
 
 Floats = NDArray[np.float64]
 
-#: by which the attitude of a tumbling chief may be off at the end of a flight, twice, rad
+#: tolerance for the attitude of a tumbling chief at the end of a flight, applied to two errors, rad
 TUMBLING_TOLERANCE_RAD = 1e-4
 
 
@@ -31,7 +31,7 @@ def relative_coefficients(
     reference_rate: Floats,
     reference_acceleration: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return A and h of the relative equation as the paper writes them.
+    """Return A and h of the relative equation as in the paper.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def relative_angular_acceleration(
     reference_acceleration: Floats,
     torque_b: Floats,
 ) -> Floats:
-    """Return ``J^-1 (A w + h + tau)``, the products of A and h multiplied out.
+    """Return ``J^-1 (A w + h + tau)``, with the products of A and h expanded.
 
     Parameters
     ----------
@@ -98,9 +98,9 @@ def relative_angular_acceleration(
 
 @compiled
 def _advance(stage: int, duration: float, start: Floats, rate: Floats, state: Floats, end: Floats) -> None:
-    """Use one stage's rate in the classical Runge-Kutta method, in place.
+    """Apply one stage's rate in the classical Runge-Kutta method, in place.
 
-    `state` becomes where the next of the four stages looks, and `end` gathers where the step ends.
+    `state` becomes the point of the next of the four stages, and `end` accumulates the end of the step.
     """
     weight = duration / 3.0 if 0 < stage < 3 else duration / 6.0
     reach = duration if stage == 2 else 0.5 * duration
@@ -182,13 +182,13 @@ def euler_angular_acceleration(
 def longest_tumbling_step(
     inertia: Floats, inertial_rate_c: Floats, mean_motion: float, duration: float
 ) -> float:
-    """Return the longest step that turns a torque-free chief truly enough over a flight.
+    """Return the longest step that keeps a torque-free chief accurate over a flight.
 
     The fourth-order Runge-Kutta method turns a harmonic motion of rate w by ``w (w h)^4 / 120`` too slowly,
     and damps it by ``w (w h)^5 / 144`` (its stability function on the imaginary axis; Hairer, Norsett and
     Wanner, Solving Ordinary Differential Equations I, II.1), which changes its angle with the square of time.
-    Each of the two angles stays below `TUMBLING_TOLERANCE_RAD`, with w the fastest that the chief can turn at
-    its energy.
+    Each of the two angles stays below `TUMBLING_TOLERANCE_RAD`, with w the fastest possible rate of the chief
+    at its energy.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def tumbling_step(
     inertia, inverse_inertia : array, shape (3, 3)
         Of the chief, kg m^2 and its inverse, chief axes.
     mean_motion : float
-        The rate at which Hill turns about k, rad/s.
+        Rate of the Hill frame about k, rad/s.
     duration : float
         Length of the step, s.
 
@@ -268,7 +268,7 @@ def tumble(
     duration: float,
     num_steps: int,
 ) -> tuple[Floats, Floats]:
-    """Turn a torque-free chief for a time in so many steps, see `tumbling_step`."""
+    """Turn a torque-free chief for a time, in a number of steps, see `tumbling_step`."""
     for _ in range(num_steps):
         quaternion_c_from_h, inertial_rate_c = tumbling_step(
             quaternion_c_from_h, inertial_rate_c, inertia, inverse_inertia, mean_motion, duration / num_steps

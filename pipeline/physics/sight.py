@@ -1,7 +1,7 @@
-"""Whether points of the chief are lit and in view, as flights, previews, planners and plans ask for it.
+"""Whether points of the chief are lit and in view, for flights, previews, planners and plans.
 
 The conditions are those of `pipeline.physics.illumination.is_illuminated` and
-`pipeline.physics.visibility.is_in_view`, without roots, for floats or for vectors of points.
+`pipeline.physics.visibility.is_in_view`, without square roots, for floats or for vectors of points.
 """
 
 from typing import NamedTuple
@@ -15,12 +15,12 @@ from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 
 Floats = NDArray[np.float64]
 
-#: rows of what tells of the surface that points lie on: the unit normal out of it, ``n . p``, ``|p|^2``
+#: rows of data on the surface at points: the unit normal out of it, ``n . p``, ``|p|^2``
 NORMAL, HEIGHT, SQUARE, NUM_SURFACE = 0, 3, 4, 5
 
 
 class Sight(NamedTuple):
-    """What it depends on whether a point of the chief is lit and in view.
+    """The parameters that decide whether a point of the chief is lit and in view.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Sight(NamedTuple):
     horizon : float
         Square of the radius of the sphere of points, m^2.
     cos_squared : float
-        Of the field of view's half angle, which is less than a right one.
+        Of the cosine of the field of view's half angle, which is below 90 deg.
     """
 
     sun_threshold: float
@@ -44,19 +44,19 @@ def sight_of(radius: float, half_angle: float) -> Sight:
 
 @compiled(inline="always")
 def is_lit(sight: Sight, px: Vector, py: Vector, sun_x: float, sun_y: float) -> Mask:
-    """Tell which points sunlight reaches; the Sun's direction lies in Hill's i-j plane."""
+    """Return which points sunlight reaches; the Sun's direction lies in Hill's i-j plane."""
     return px * sun_x + py * sun_y > sight.sun_threshold
 
 
 @compiled(inline="always")
 def is_facing(sight: Sight, along: Vector) -> Mask:
-    """Tell which points are above the horizon of a place r, by ``p . r``."""
+    """Return which points are above the horizon of a place r, by ``p . r``."""
     return along >= sight.horizon
 
 
 @compiled(inline="always")
 def is_in_cone(sight: Sight, towards: Vector, squared: Vector) -> Mask:
-    """Tell which points are in the field of view along b, by ``(p - r) . b`` and ``|p - r|^2 |b|^2``."""
+    """Return which points are in the field of view along b, by ``(p - r) . b`` and ``|p - r|^2 |b|^2``."""
     return (towards > 0.0) & (towards * towards >= sight.cos_squared * squared)
 
 
@@ -70,22 +70,22 @@ def fits_from(sight: Sight) -> float:
 
 
 class Optics(NamedTuple):
-    """What sight depends on besides in a world whose light or camera are not the paper's.
+    """Further parameters of sight in a world whose light or camera are not the paper's.
 
     Attributes
     ----------
     least_height : float
-        Component of the Sun's direction along i that it must exceed; lower it is in the Earth's shadow.
+        Component of the Sun's direction along i that it must exceed; below, the Earth's shadow begins.
     cos_squared : float
         ``c |c|`` of the cosine c of the field of view's half angle, up to 180 deg.
     incidence_squared : float
-        Of the cosine of the greatest angle between a point's normal and the direction to the deputy.
+        Of the cosine of the largest angle between a point's normal and the direction to the deputy.
     range_squared : float
-        Of the greatest range, m^2; infinite for none.
+        Of the range limit, m^2; infinite for none.
     most_sunward : float
-        Cosine between boresight and Sun beyond which the camera is blind; infinite for none.
+        Cosine between boresight and Sun beyond which the camera is blinded; infinite for none.
     past_terminator : float
-        Sine of the angle by which the Sun may be below the plane that a point lies on.
+        Sine of the angle by which the Sun may be below the tangent plane of a point.
     """
 
     least_height: float
@@ -108,16 +108,16 @@ def sunlight(
 
 @compiled(inline="always")
 def is_sunlit(along_sun: Vector, height: Vector) -> Mask:
-    """Tell which points the Sun is above the tangent plane of, by ``n . s`` and ``n . p``.
+    """Return which points have the Sun above their tangent plane, by ``n . s`` and ``n . p``.
 
-    Where the plane passes behind the chief's centre, by ``n . s > 0``, which no light does not fulfil either.
+    If the plane passes behind the chief's centre, by ``n . s > 0``, which is also false without light.
     """
     return along_sun > most(height, 0.0) * (1.0 / ASTRONOMICAL_UNIT_M)
 
 
 @compiled(inline="always")
 def is_resolved(optics: Optics, above: Vector, towards: Vector, squared: Vector) -> Mask:
-    """Tell which points a camera resolves, by the height ``n . (r - p)``, ``(p - r) . b``, ``|p - r|^2``."""
+    """Return which points a camera resolves, by height ``n . (r - p)``, ``(p - r) . b``, ``|p - r|^2``."""
     is_facing_it = (above >= 0.0) & (above * above >= optics.incidence_squared * squared)
     is_in_field = towards * abs(towards) >= optics.cos_squared * squared
     return is_facing_it & is_in_field & (squared <= optics.range_squared)

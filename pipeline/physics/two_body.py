@@ -1,9 +1,9 @@
-"""How the deputy moves where the equations are not linear: about the Earth, beside a chief that does so, too.
+"""Nonlinear motion of the deputy about the Earth, relative to a chief that orbits it as well.
 
-What is integrated is the difference d of the places of the two craft, in axes that do not turn, and not each
-of them, whose digits the difference would lose (J. F. Encke's idea). With Battin's function of
+The difference d of the positions of the two spacecraft is integrated, in axes that do not rotate, rather than
+each position, where the difference would lose digits (J. F. Encke's idea). With Battin's function of
 ``q = d . (d + 2 R) / r^2`` (R. H. Battin, An Introduction to the Mathematics and Methods of Astrodynamics,
-revised edition, section 8.4) the difference of the attractions of a point is free of cancellation::
+revised edition, section 8.4) the difference of the attractions of a point mass has no cancellation::
 
     -mu / |R + d|^3 (d - f(q) R)        f(q) = (1 + q)^(3/2) - 1 = q (3 + 3 q + q^2) / (1 + (1 + q)^(3/2))
 
@@ -28,7 +28,7 @@ Three = tuple[Vector, Vector, Vector]
 
 @compiled(error_model="numpy", forceinline=True)
 def to_inertial(course: Course, row: int, hill: Three) -> Three:
-    """Turn Hill axes into those of the course."""
+    """Return a vector in Hill axes in axes of the course."""
     c, (x, y, z) = course.axes, hill
     return (
         c[row, 0, 0] * x + c[row, 1, 0] * y + c[row, 2, 0] * z,
@@ -39,7 +39,7 @@ def to_inertial(course: Course, row: int, hill: Three) -> Three:
 
 @compiled(error_model="numpy", forceinline=True)
 def to_hill(course: Course, row: int, inertial: Three) -> Three:
-    """Turn axes of the course into Hill's."""
+    """Return a vector in axes of the course in Hill axes."""
     c, (x, y, z) = course.axes, inertial
     return (
         c[row, 0, 0] * x + c[row, 0, 1] * y + c[row, 0, 2] * z,
@@ -50,7 +50,7 @@ def to_hill(course: Course, row: int, inertial: Three) -> Three:
 
 @compiled(error_model="numpy", forceinline=True)
 def entered(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
-    """Turn a place and a velocity in Hill axes, which turn, into those in axes of the course."""
+    """Return a position and velocity in rotating Hill axes in axes of the course."""
     (x, y, z), (u, v, w) = place, velocity
     wx, wz = course.turning[row, 0], course.turning[row, 2]
     moving = (u - wz * y, v + wz * x - wx * z, w + wx * y)
@@ -59,7 +59,7 @@ def entered(course: Course, row: int, place: Three, velocity: Three) -> tuple[Th
 
 @compiled(error_model="numpy", forceinline=True)
 def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
-    """Turn a place and a velocity in axes of the course into those in Hill axes."""
+    """Return a position and velocity in axes of the course in rotating Hill axes."""
     x, y, z = to_hill(course, row, place)
     u, v, w = to_hill(course, row, velocity)
     wx, wz = course.turning[row, 0], course.turning[row, 2]
@@ -68,7 +68,7 @@ def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three
 
 @compiled(error_model="numpy", forceinline=True)
 def acceleration(course: Course, row: int, place: Three, force: Three, light: Three, shine: Vector) -> Three:
-    """Return the acceleration relative to the chief of a deputy at a place beside it, axes of the course.
+    """Return the acceleration relative to the chief of a deputy near it, axes of the course.
 
     See `stepped` for force, light and shine.
     """
@@ -96,7 +96,7 @@ def acceleration(course: Course, row: int, place: Three, force: Three, light: Th
 
 @compiled(error_model="numpy", forceinline=True)
 def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
-    """Return where a deputy is after a time in which it is accelerated evenly."""
+    """Return the position after a time of constant acceleration."""
     half = 0.5 * time * time
     return (
         place[0] + time * velocity[0] + half * pull[0],
@@ -115,15 +115,15 @@ def stepped(
     ----------
     course : Course
     row : int
-        Even: where the step begins; it ends two rows further.
+        Even: the start of the step; it ends two rows further.
     place, velocity : three numbers or vectors
         Relative to the chief, m and m/s, axes of the course.
     force : three numbers or vectors
         Held in Hill axes, per mass, m/s^2.
     light : three numbers or vectors
-        Acceleration by the whole Sun, m/s^2, axes of the course.
+        Acceleration by the full Sun, m/s^2, axes of the course.
     shine : three numbers or vectors
-        Share of its disc that is visible at the beginning, in the middle and at the end of the step.
+        Visible share of its disc at the beginning, in the middle and at the end of the step.
 
     Returns
     -------
@@ -149,7 +149,7 @@ def stepped(
 
 @compiled
 def sunshine(course: Course, row: int, sun: Floats) -> float:
-    """Return the share of the Sun's disc that is visible at a row; 1 where nothing hides it.
+    """Return the visible share of the Sun's disc at a row; 1 if nothing hides it.
 
     `sun`, shape (3,), is the direction towards it in axes of the course.
     """
@@ -169,11 +169,11 @@ def move_beside(course: Course, period: int, state: Floats, force: Floats, sun: 
     ----------
     course : Course
     period : int
-        Which, from 0.
+        Its index, from 0.
     state : array, shape (6,)
         Position (m) and velocity (m/s), Hill axes.
     force : array, shape (3,)
-        Held meanwhile, per mass, m/s^2, Hill axes.
+        Held over the period, per mass, m/s^2, Hill axes.
     sun : array, shape (3,)
         Direction towards the Sun at the start of the flight, Hill axes.
 

@@ -60,7 +60,7 @@ def times(matrix: Floats, a: Floats) -> Floats:
 
 @compiled
 def transposed_times(matrix: Floats, a: Floats) -> Floats:
-    """Return ``matrix.T @ a`` for shapes (3, 3) and (3,): the way back through a direction cosine matrix."""
+    """Return ``matrix.T @ a`` for shapes (3, 3) and (3,): the inverse of a direction cosine matrix."""
     return np.array(
         [
             matrix[0, 0] * a[0] + matrix[1, 0] * a[1] + matrix[2, 0] * a[2],
@@ -74,8 +74,8 @@ def transposed_times(matrix: Floats, a: Floats) -> Floats:
 def assign(target: Floats, source: Floats) -> None:
     """Write the elements of one vector, shape (n,), into another.
 
-    Compiled code that assigns to a slice carries a message for shapes that differ, and with it some eighty
-    functions of strings to compile.
+    Compiled assignments to slices include an error message for different shapes, and with it some eighty
+    string functions to compile.
     """
     for i in range(len(target)):
         target[i] = source[i]

@@ -1,4 +1,4 @@
-"""What the deputy's camera sees of the chief (Choi, Kim and Leeghim, AAS 25-727)."""
+"""Points of the chief that the deputy's camera sees (Choi, Kim and Leeghim, AAS 25-727)."""
 
 from math import inf
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 def is_in_view(
     point_h: Floats, position_h: Floats, boresight_h: Floats, cos_half_angle: float, radius: float
 ) -> bool:
-    """Tell whether a point faces the deputy and lies inside its field of view.
+    """Return whether a point faces the deputy and lies inside its field of view.
 
     The first condition, ``p . r/(|p| |r|) >= d_c/|r|``, holds between the tangents from the deputy to the
     sphere of points; the second is ``(p - r) . b/|p - r| >= cos(beta)``.
@@ -25,7 +25,7 @@ def is_in_view(
     point_h, position_h : array, shape (3,)
         The point and the deputy, m, Hill axes.
     boresight_h : array, shape (3,)
-        Unit vector along which the camera looks, Hill axes.
+        Unit vector along the camera's axis, Hill axes.
     cos_half_angle : float
         Cosine of the field of view's half angle, beta.
     radius : float
@@ -34,7 +34,7 @@ def is_in_view(
     Returns
     -------
     bool
-        Both ends of both conditions count as in view.
+        Equality in either condition counts as in view.
     """
     if dot(point_h, position_h) < radius * norm(point_h):
         return False
@@ -53,7 +53,7 @@ def is_resolved(
     max_range: float,
     cos_min_sun_angle: float,
 ) -> bool:
-    """Tell whether a camera resolves a point in its view: near, not too obliquely, and not blinded.
+    """Return whether a camera resolves a point in its view: near, not too obliquely, and not blinded.
 
     Parameters
     ----------
@@ -62,9 +62,9 @@ def is_resolved(
     normal_h : array, shape (3,)
         Unit vector out of the surface at the point, Hill axes.
     boresight_h, sun_h : array, shape (3,)
-        Unit vectors along which the camera looks, and towards the Sun, Hill axes.
+        Unit vectors along the camera's axis, and towards the Sun, Hill axes.
     cos_max_incidence : float
-        Of the greatest angle between the normal and the direction to the deputy.
+        Of the largest angle between the normal and the direction to the deputy.
     max_range : float
         m; infinite for none.
     cos_min_sun_angle : float

@@ -1,9 +1,9 @@
-"""The files of a run's folder: their names, how they are written whole or not at all, and the manifest.
+"""The files of a run's folder: their names, atomic writing, and the manifest.
 
-The manifest says what a run's files come from: the hash of its configuration, everything that took part
-(`pipeline.run.maker`), the seed, the finished stages, and the SHA-256 of each file. It also says, for
-programs that know nothing of this one, which file has which role (`ROLES`) and what the scene of its flights
-is (`docs/reference/run-folder.md`).
+The manifest says what a run's files come from: the hash of its configuration, software and hardware
+(`pipeline.run.maker`), the seed, the finished stages, and the SHA-256 of each file. For programs that
+know nothing of this one, it also says which file has which role (`ROLES`) and gives the scene of its flights
+(`docs/reference/run-folder.md`).
 """
 
 import hashlib
@@ -60,14 +60,14 @@ FIGURES: Final = "figures"
 REPORT: Final = "report.html"
 REVIEW: Final = "review.html"
 
-#: ends the hidden name of a file while it is written
+#: suffix of the hidden name of a file while it is written
 UNFINISHED: Final = ".unfinished"
 
-#: of a configuration that is read: bytes, and levels of groups and lists
+#: limits of a configuration that is read: bytes, and nesting levels of groups and lists
 MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
 MOST_DEEP: Final = 64
 
-#: which stage writes what another may miss
+#: the stage that writes each file that another may miss
 WRITTEN_BY: Final[Mapping[str, str]] = {
     SCENARIOS: "scenario",
     LOGBOOK: "train",
@@ -100,10 +100,10 @@ WRITTEN_BY: Final[Mapping[str, str]] = {
     REVIEW: "report",
 }
 
-#: 2 added the roles of files, the scene and the command; runs of version 1 are read and gone on with
+#: 2 added the roles of files, the scene and the command; runs of version 1 are read and resumed
 MANIFEST_VERSION: Final = 2
 VERSIONS_READ: Final = (1, 2)
-#: what other programs look for in a run's folder; they find it by these names in the manifest
+#: the files that other programs look for in a run's folder, by these names in the manifest
 ROLES: Final[Mapping[str, str]] = {
     "configuration": CONFIG,
     "champion": CHAMPION,
@@ -113,7 +113,7 @@ ROLES: Final[Mapping[str, str]] = {
     "evaluation_trajectories": TRAJECTORIES,
     "recordings": RECORDINGS,
 }
-#: what is read of a manifest again
+#: the keys of a manifest that are read back
 MANIFEST_KEYS: Final[Mapping[str, type]] = {"config_hash": str, "finished_stages": list}
 
 
@@ -122,16 +122,16 @@ class ArtifactError(ValueError):
 
 
 class WriteError(OSError):
-    """A file of a run that the disk refuses; the one it was to replace still stands."""
+    """A file of a run that could not be written; the one it was to replace is unchanged."""
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:
-    """Write a file so that at every moment either the old or the new content stands, never a part.
+    """Write a file atomically: at every moment either the old or the new content is there, never a part.
 
     Parameters
     ----------
     path : Path
-        Its folder is made where it is missing.
+        Its folder is made if missing.
     content : bytes or str
         Text is written as UTF-8 with its line ends unchanged.
 
@@ -150,7 +150,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 
 
 def _write_beside(path: Path, content: bytes | str) -> None:
-    """Write a file under another name and, once it is safely on disk, give it its own."""
+    """Write a file under another name and, once it is safely on disk, rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=UNFINISHED, dir=path.parent)
     try:
@@ -166,9 +166,9 @@ def _write_beside(path: Path, content: bytes | str) -> None:
 
 
 def drop_unfinished(folder: Path) -> None:
-    """Remove the files that a process was writing when it was killed; nobody else may be at work there.
+    """Remove the files that a process was writing when it was killed; no other process may be at work there.
 
-    Those of runs in it, which others may be at work in, stay: each run drops its own.
+    Those of runs inside it, where others may be at work, stay: each run removes its own.
     """
     for path in folder.rglob(f".*{UNFINISHED}"):
         inner = [parent for parent in path.parents if folder in parent.parents]
@@ -182,7 +182,7 @@ def write_json(path: Path, content: Any) -> None:
     Raises
     ------
     ArtifactError
-        If a number is not finite, for JSON has none.
+        If a number is not finite, which JSON cannot hold.
     WriteError
         See `write_atomically`.
     """
@@ -197,7 +197,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def _not_finite(content: Any, key: str = "") -> Iterator[str]:
-    """Name the numbers that JSON cannot hold, by the keys that lead to them."""
+    """Yield the keys of the numbers that JSON cannot hold."""
     if isinstance(content, float) and not math.isfinite(content):
         yield key
     elif isinstance(content, Mapping):
@@ -214,7 +214,7 @@ def require(folder: Path, name: str) -> Path:
     Raises
     ------
     ArtifactError
-        If it is not there.
+        If it does not exist.
     """
     path = folder / name
     if not path.exists():
@@ -230,7 +230,7 @@ def read_json(folder: Path, name: str) -> Any:
     Raises
     ------
     ArtifactError
-        If it is missing, cut short or no JSON.
+        If it is missing, cut short or not JSON.
     """
     path = require(folder, name)
     try:
@@ -245,7 +245,7 @@ def config_hash(config: Mapping[str, Any]) -> str:
     Parameters
     ----------
     config : mapping
-        Plain data; its part ``hydra``, which only says where files go, does not count.
+        Plain data; its part ``hydra``, which only sets output folders, does not count.
 
     Returns
     -------
@@ -266,7 +266,7 @@ def config_text(config: Mapping[str, Any]) -> str:
 
 
 def _check_events(content: bytes, loader: Any) -> None:
-    """Refuse aliases, by which a page of text grows to gigabytes, and bottomless nesting."""
+    """Raise ValueError for aliases, by which a page of text grows to gigabytes, and excessive nesting."""
     depth = 0
     for event in yaml.parse(content, loader):
         if isinstance(event, yaml.AliasEvent):
@@ -277,12 +277,12 @@ def _check_events(content: bytes, loader: Any) -> None:
 
 
 def parse_config(content: bytes) -> Any:
-    """Turn what `config_text` wrote, or anything else, into plain data.
+    """Turn the output of `config_text`, or anything else, into plain data.
 
     Raises
     ------
     ValueError
-        If it is larger, deeper or of another kind than what is written.
+        If it is larger, deeper or of another kind than `config_text` writes.
     """
     if len(content) > MOST_CONFIG_BYTES:
         raise ValueError(f"it has {len(content)} bytes, and at most {MOST_CONFIG_BYTES} are read")
@@ -295,7 +295,7 @@ def parse_config(content: bytes) -> Any:
 
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
-    """Keep a resolved configuration in a run's folder, see `config_text`."""
+    """Write a resolved configuration into a run's folder, see `config_text`."""
     write_atomically(folder / CONFIG, config_text(config))
 
 
@@ -305,7 +305,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     Raises
     ------
     ArtifactError
-        If the folder holds no run, or its configuration cannot be read.
+        If the folder contains no run, or its configuration cannot be read.
     """
     if not folder.is_dir():
         raise ArtifactError(f"{folder} is no folder; give the folder of a run, outputs/NAME/TIME")
@@ -326,7 +326,7 @@ def file_hash(path: Path) -> str:
 
 
 def list_artifacts(folder: Path) -> list[str]:
-    """Name the finished files of a run, by their paths in its folder, in order.
+    """Return the finished files of a run, by their paths in its folder, sorted.
 
     The manifest, logs, checkpoints, files still being written and hidden ones do not count.
     """
@@ -340,7 +340,7 @@ def list_artifacts(folder: Path) -> list[str]:
 
 
 def holds_run(folder: Path) -> bool:
-    """Tell whether a folder holds a run, be it one that was killed before it had a manifest."""
+    """Return whether a folder contains a run, even one that was killed before it had a manifest."""
     return (folder / MANIFEST).exists() or list_artifacts(folder) == [CONFIG]
 
 
@@ -354,25 +354,25 @@ def write_manifest(
     makers: Sequence[Mapping[str, Any]] = (),
     made_by: Mapping[str, Sequence[int]] | None = None,
 ) -> None:
-    """Write down what the files of a run come from.
+    """Write the manifest of a run.
 
     Parameters
     ----------
     folder : Path
-        Of the run.
+        The run's.
     config : mapping
         Resolved, plain data.
     finished : sequence of str
         The finished stages.
     command : sequence of str
-        The words with which the run was started, after ``python -m pipeline``.
+        The arguments with which the run was started, after ``python -m pipeline``.
     scene : mapping of str to float, optional
-        What a picture of its flights needs: ``sample_period_s``, ``min_distance_m`` and ``max_distance_m``
+        Parameters for plotting its flights: ``sample_period_s``, ``min_distance_m`` and ``max_distance_m``
         (limits), ``threshold_percent`` (of a success), ``chief_radius_m``.
     makers : sequence of mapping
-        All that have worked at the run, see `pipeline.run.maker`; the last is at it now.
+        All that have worked on the run, see `pipeline.run.maker`; the last is the present one.
     made_by : mapping of str to sequence of int, optional
-        Of each stage that was begun, the indices of its makers.
+        For each stage that was begun, the indices of its makers.
     """
     manifest: dict[str, Any] = {
         "manifest_version": MANIFEST_VERSION,
@@ -399,7 +399,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     Raises
     ------
     ArtifactError
-        If it is missing, cannot be read, is of another version or lacks what is read of it.
+        If it is missing, cannot be read, is of another version or lacks a key that is read.
     """
     manifest = read_json(folder, MANIFEST)
     version = manifest.get("manifest_version") if isinstance(manifest, dict) else None

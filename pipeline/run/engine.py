@@ -1,7 +1,7 @@
-"""Who does the parts of a campaign, or the islands of a training: this process, or others.
+"""Runs the parts of a campaign, or the islands of a training, in this process or in others.
 
-A part's result hangs on nothing but its arguments, so that it is the same whoever does it, and however often
-it has to be begun again.
+A part's result depends only on its arguments, so that it is the same wherever it runs, and however often
+it must be restarted.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -10,7 +10,7 @@ from typing import Any
 
 from pipeline.settings.experiment import Engine
 
-#: does all parts, in any order: a function at module level, its arguments -> place of a part, and its result
+#: runs all parts, in any order: a function at module level, its arguments -> index of a part, and its result
 Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterator[tuple[int, Any]]]
 
 
@@ -20,14 +20,14 @@ class EngineMissingError(ValueError):
 
 @contextmanager
 def crew(engine: Engine) -> Iterator[Each]:
-    """Have whoever does parts, for as long as there are some.
+    """Yield the function that runs parts, and release its processes afterwards.
 
     Raises
     ------
     EngineMissingError
         If Dask is not installed.
     pipeline.run.processes.EngineError
-        If it cannot be reached, or goes away.
+        If Dask's scheduler cannot be reached, or disappears.
     """
     if engine.kind == "local":
         yield _here
@@ -45,7 +45,7 @@ def crew(engine: Engine) -> Iterator[Each]:
 def each(
     engine: Engine, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
-    """Do all parts, in any order, by a crew of their own.
+    """Run all parts, in any order, with their own processes.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def each(
     Yields
     ------
     (int, result)
-        Place of a part, and what came of it.
+        Index of a part, and its result.
 
     Raises
     ------

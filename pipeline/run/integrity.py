@@ -8,12 +8,12 @@ from pipeline.run import artifacts
 
 @dataclass(frozen=True)
 class Integrity:
-    """What has become of the files of a run.
+    """Comparison of a run's files with its manifest.
 
     Parameters
     ----------
     intact, changed, missing, added : tuple of str
-        Paths in the run's folder; what is added is not in the manifest.
+        Paths in the run's folder; added files are not in the manifest.
     """
 
     intact: tuple[str, ...]
@@ -23,18 +23,18 @@ class Integrity:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every file that the manifest tells of is as it was written."""
+        """Whether every file in the manifest is as it was written."""
         return not self.changed and not self.missing
 
 
 @dataclass(frozen=True)
 class Beside:
-    """The files of a run beside those of another, by the hashes in their manifests.
+    """Comparison of the files of two runs, by the hashes in their manifests.
 
     Parameters
     ----------
     equal, different, single : tuple of str
-        Paths in the runs' folders; the last are in one of them alone.
+        Paths in the runs' folders; the last are in only one of them.
     """
 
     equal: tuple[str, ...]
@@ -43,12 +43,12 @@ class Beside:
 
 
 def put_beside(folder: Path, other: Path) -> Beside:
-    """Compare what two runs have made; their configurations do not count.
+    """Compare the files of two runs; their configurations do not count.
 
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If a folder holds no run, or its manifest cannot be read.
+        If a folder contains no run, or its manifest cannot be read.
     """
     one, two = (dict(artifacts.read_manifest(place).get("sha256", {})) for place in (folder, other))
     names = sorted({*one, *two} - {artifacts.CONFIG})
@@ -60,12 +60,12 @@ def put_beside(folder: Path, other: Path) -> Beside:
 
 
 def check_files(folder: Path) -> Integrity:
-    """Hash the files of a run again, its configuration by what it says as well.
+    """Hash the files of a run again; the configuration is also compared by content.
 
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If the folder holds no run, or its manifest cannot be read.
+        If the folder contains no run, or its manifest cannot be read.
     """
     config, manifest = artifacts.read_config(folder), artifacts.read_manifest(folder)
     told = {str(name): str(digest) for name, digest in manifest.get("sha256", {}).items()}

@@ -1,6 +1,6 @@
-"""One process at a time in a run's folder: the kernel holds the lock, and a file beside says whose it is.
+"""One process at a time in a run's folder: the kernel holds the lock, and a file there names its holder.
 
-The lock goes with its process, however that ends; a file that a killed process left behind is told and taken
+The lock ends with its process, in whatever way; a file left by a killed process is reported and taken
 over.
 """
 
@@ -30,7 +30,7 @@ def held(folder: Path) -> Iterator[None]:
     Parameters
     ----------
     folder : Path
-        Made where it is missing; what was made is removed again if nothing was put there.
+        Made if missing; what was made is removed again if nothing was put there.
 
     Raises
     ------
@@ -57,12 +57,12 @@ def held(folder: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            # while it is still held: whoever waits for it finds that the file is another, and looks again
+            # while still locked: a process that waits for it finds that the file is another, and retries
             path.unlink(missing_ok=True)
 
 
 def _locked(path: Path) -> IO[str]:
-    """Open and lock a file; it is the one of this name once the lock is there."""
+    """Open and lock a file, and check that it still has this name."""
     import fcntl  # noqa: PLC0415 - not on every system
 
     while True:
@@ -81,7 +81,7 @@ def _locked(path: Path) -> IO[str]:
 
 
 def _is_at(stream: IO[str], path: Path) -> bool:
-    """Tell whether an open file still has its name."""
+    """Return whether an open file still has its name."""
     try:
         return os.path.samestat(os.fstat(stream.fileno()), path.stat())
     except FileNotFoundError:
@@ -89,7 +89,7 @@ def _is_at(stream: IO[str], path: Path) -> bool:
 
 
 def _sign(stream: IO[str]) -> None:
-    """Write down whose lock it is."""
+    """Write the holder into a lock file."""
     stream.truncate(0)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
     json.dump({"process": os.getpid(), "host": platform.node(), "since": now}, stream)
@@ -97,7 +97,7 @@ def _sign(stream: IO[str]) -> None:
 
 
 def _holder(stream: IO[str]) -> str:
-    """Return whose lock a file says it is; nothing where it says nothing that can be read."""
+    """Return the holder named in a lock file; nothing if it cannot be read."""
     stream.seek(0)
     try:
         told = json.loads(stream.read(1000))

@@ -1,6 +1,6 @@
-"""What makes the files of a run: this product, its libraries, and the processor that they are compiled for.
+"""What produces a run's files: this product, its libraries, and the processor they are compiled for.
 
-Two makers that are equal make the same files from the same configuration, bit for bit. What is compiled
+Two equal makers produce the same files from the same configuration, bit for bit. Our compiled code
 rounds alike on all processors; libraries may not, unless `pipeline.run.reproducible` makes them.
 """
 
@@ -34,14 +34,14 @@ LIBRARIES: Final = (
     "matplotlib",
     "rerun-sdk",
 )
-#: packages whose sources make results
+#: packages whose sources affect results
 PACKAGES: Final = ("pipeline", "fis_tools", "telemetry")
-#: what of a processor's description decides last digits; the rest is for the record
+#: properties of a processor that affect last digits; the rest is for the record
 ROUNDING: Final = ("machine", "libm", "numpy", "blas")
 
 
 def present_maker() -> dict[str, Any]:
-    """Describe what would make files now, as plain data.
+    """Describe the present maker, as plain data.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def present_maker() -> dict[str, Any]:
 
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Name, in words, in what two makers differ."""
+    """Return, in words, the differences between two makers."""
     told = []
     for name, value in one.get("versions", {}).items():
         now = other.get("versions", {}).get(name)
@@ -87,7 +87,7 @@ def sources_hash() -> str:
 
 @cache
 def processor() -> dict[str, Any]:
-    """Describe the processor, what is compiled for it, and the variants that libraries chose."""
+    """Describe the processor, its compilation target, and the variants that libraries chose."""
     from llvmlite import binding  # noqa: PLC0415 - only runs need them
     from threadpoolctl import threadpool_info  # noqa: PLC0415
 
@@ -113,9 +113,9 @@ def processor() -> dict[str, Any]:
 
 
 def product_version() -> str:
-    """Return the version of this product: of the source tree it runs from, else of what is installed.
+    """Return the version of this product: of the source tree it runs from, else of the installed package.
 
-    It is ``unknown`` where the packages were copied without being installed.
+    It is ``unknown`` if the packages were copied without being installed.
     """
     project = SOURCES / "pyproject.toml"
     if project.is_file():
@@ -129,7 +129,7 @@ def product_version() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Name the versions of this product, Python, the libraries that matter, and the platform."""
+    """Return the versions of this product, Python, the relevant libraries, and the platform."""
     found = {
         "product": product_version(),
         "python": platform.python_version(),
@@ -144,7 +144,7 @@ def versions() -> dict[str, str]:
 
 
 def git_revision() -> str | None:
-    """Return the revision of the sources, with ``+changes`` where files differ from it; None without git."""
+    """Return the revision of the sources, with ``+changes`` if files differ from it; None without git."""
     if not (SOURCES / ".git").exists():
         return None
     try:

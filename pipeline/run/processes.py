@@ -1,7 +1,7 @@
-"""Processes that Dask looks after, of this machine or of a scheduler that is joined.
+"""Processes managed by Dask, on this machine or of a scheduler to join.
 
-Dask's peers exchange pickles, so that whoever reaches one can run code as its user. What is started here, and
-whatever leaves this machine, therefore speaks TLS, and only to those who have its certificate.
+Dask's peers exchange pickles, so that whoever reaches one can run code as its user. Processes started here,
+and all traffic off this machine, therefore use TLS, and accept only holders of their certificate.
 """
 
 import json
@@ -20,14 +20,14 @@ from distributed.security import Security
 
 from pipeline.settings.experiment import Engine
 
-#: of a process, how often its part is begun again before it is blamed for the end of its processes
+#: restarts of a part before it is blamed for the deaths of its processes
 MOST_DEATHS: Final = 1000
-#: parts that are under way or wait, a process; it bounds what is kept in memory
+#: parts running or waiting, per process; it bounds the memory used
 AHEAD: Final = 3
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
-#: after so long without a part done, the processes are looked at, s
+#: time without a finished part after which the processes are checked, s
 LOOK_S: Final = 5.0
-#: settings of Dask's: what dies is begun again, and nobody watches what nobody looks at
+#: Dask's settings: restart what dies, with little monitoring
 SETTINGS: Final = {
     "distributed.scheduler.allowed-failures": MOST_DEATHS,
     "distributed.scheduler.active-memory-manager.start": False,
@@ -35,24 +35,24 @@ SETTINGS: Final = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-#: where Dask, which insists, serves its state: here alone, and in nobody's way
+#: where Dask must serve its state: on this machine only, on any free port
 NO_DASHBOARD: Final = f"{LOOPBACK[0]}:0"
-#: a certificate with its key, beside the file of a scheduler
+#: a certificate with its key, next to a scheduler's file
 CERTIFICATE: Final = "tls.pem"
 
 
 class EngineError(ValueError):
-    """An engine that cannot be had, or has gone; what was done stays done."""
+    """An engine that is not available, or has disappeared; finished parts are kept."""
 
 
 class Processes:
-    """Does parts in processes.
+    """Runs parts in processes.
 
     Parameters
     ----------
     client : distributed.Client
     cluster : distributed.LocalCluster, optional
-        Whose processes are ours to look after.
+        The cluster, if we started its processes.
     """
 
     def __init__(self, client: Any, cluster: Any = None) -> None:
@@ -60,7 +60,7 @@ class Processes:
         self._missing: set[Any] = set()
 
     def each(self, do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
-        """Do all parts, in any order; see `pipeline.run.engine.each`."""
+        """Run all parts, in any order; see `pipeline.run.engine.each`."""
         ahead = AHEAD * max(1, self._count())
         left, places = iter(enumerate(parts)), dict[Any, int]()
         try:
@@ -80,7 +80,7 @@ class Processes:
             ) from error
 
     def _done(self, running: list[Any]) -> Iterator[tuple[Any, Any]]:
-        """Wait for a while; yield what has been done, with its result."""
+        """Wait for a while; yield the finished parts, with their results."""
         try:
             done = wait(running, LOOK_S, "FIRST_COMPLETED").done
         except TimeoutError:
@@ -89,7 +89,7 @@ class Processes:
         for future in done:
             try:
                 result = future.result(timeout=LOOK_S)
-            except TimeoutError:  # its process died before it could be fetched: it is done again
+            except TimeoutError:  # its process died before the result was fetched: it runs again
                 self._look()
                 continue
             yield future, result
@@ -100,7 +100,7 @@ class Processes:
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _look(self) -> None:
-        """Replace processes that are found dead twice: Dask leaves alone those that die while they start."""
+        """Replace processes found dead twice: Dask does not restart those that die while starting."""
         if self._cluster is None:
             return
         dead = {name for name, nanny in self._cluster.workers.items() if not nanny.is_alive()}
@@ -120,9 +120,9 @@ def joined(engine: Engine) -> Iterator[Processes]:
     EngineError
         If they cannot be started or joined.
     """
-    import dask  # noqa: PLC0415 - what distributed brings
+    import dask  # noqa: PLC0415 - installed with distributed
 
-    for name in ("distributed", "distributed.client", "asyncio"):  # what matters is told as an error
+    for name in ("distributed", "distributed.client", "asyncio"):  # what matters is raised as an error
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     with dask.config.set(SETTINGS), ExitStack() as stack:
         if engine.scheduler:
@@ -142,7 +142,7 @@ def _joined(address: str, certificate: Path | None) -> Any:
 
 
 def _started(engine: Engine, scratch: str) -> Any:
-    """Start processes of one thread each on this machine, which trust one another alone."""
+    """Start processes of one thread each on this machine, which trust only one another."""
     try:
         cluster = LocalCluster(
             n_workers=0,
@@ -164,7 +164,7 @@ def _started(engine: Engine, scratch: str) -> Any:
 
 
 def security_of(certificate: Path) -> Security:
-    """Return what makes Dask speak to those alone who have a certificate and its key."""
+    """Return the settings with which Dask speaks only to holders of a certificate and its key."""
     name = str(certificate)
     roles = product(("client", "scheduler", "worker"), ("cert", "key"))
     files = {f"tls_{role}_{part}": name for role, part in roles}
@@ -172,7 +172,7 @@ def security_of(certificate: Path) -> Security:
 
 
 def write_certificate(path: Path) -> None:
-    """Write a new certificate with its key, which its owner alone can read."""
+    """Write a new certificate with its key, readable only by its owner."""
     made = Security.temporary()
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
@@ -182,7 +182,7 @@ def write_certificate(path: Path) -> None:
 
 
 def address_of(scheduler: str) -> tuple[str, Path | None]:
-    """Return the address of a scheduler, given itself or as its file, and the certificate beside that.
+    """Return the address of a scheduler, given itself or by its file, and the certificate next to that.
 
     Raises
     ------

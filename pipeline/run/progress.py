@@ -28,7 +28,7 @@ class Progress:
         What is counted, such as ``generation``.
     total : int
     done : int, optional
-        How many were done before; by default all but one of those shown first.
+        Number done before; by default all but one of those shown first.
     """
 
     def __init__(self, what: str, total: int, done: int | None = None) -> None:
@@ -59,7 +59,7 @@ class Progress:
         self._bar.stop()
 
     def show(self, done: int, text: str = "") -> None:
-        """Show how many are done, and a text about the last one."""
+        """Show the number done, and a text about the last one."""
         if not self._bar.disable:
             self._bar.update(self._task, completed=done, description=text or self._what)
             return

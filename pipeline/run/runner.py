@@ -19,7 +19,7 @@ _LOG = logging.getLogger("pipeline")
 
 
 class Interrupted(KeyboardInterrupt):
-    """The keyboard stopped a run; says what was kept and how to go on."""
+    """A run was interrupted from the keyboard; says what was kept and how to go on."""
 
 
 def stage_named(name: str) -> Stage:
@@ -54,18 +54,18 @@ def run_stages(
     config : mapping
         The same as plain data, for the folder.
     folder : Path
-        Made where it is missing.
+        Made if missing.
     stages : sequence of str, optional
         Those to run; by default all of the experiment's.
     command : sequence of str, optional
-        The words with which a new run is started; by default those that its manifest tells.
+        The arguments with which a new run is started; by default those in its manifest.
 
     Raises
     ------
     pipeline.run.reproducible.NotInForce
         If the experiment is to be reproducible, and this process is not.
     Interrupted
-        After an interrupt from the keyboard; the manifest then tells what is finished.
+        After an interrupt from the keyboard; the manifest then says what is finished.
     """
     if experiment.reproducible:
         reproducible.require()
@@ -93,12 +93,12 @@ def run_stages(
                 artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, finished)) from error
-            except Exception:  # raised again below: here the run's own log learns of it too
+            except Exception:  # raised again below: here the run's own log records it too
                 _LOG.exception("stage %s failed", name)
                 raise
             _check_there(folder)
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
-            # what came after is made from files that are no longer there
+            # later stages were made from files that are no longer there
             finished = [other for other in finished if STAGES.index(other) < STAGES.index(name)] + [name]
             if index < len(stages):
                 _begin(made_by, stages[index], len(makers) - 1, is_resumed=False)
@@ -106,7 +106,7 @@ def run_stages(
 
 
 def _check_there(folder: Path) -> None:
-    """Refuse to tell of files that somebody has taken away."""
+    """Raise WriteError if the run's folder has been deleted or moved."""
     if not (folder / artifacts.CONFIG).exists():
         raise artifacts.WriteError(
             f"{folder} has been deleted or moved while the run was at work; start the run again"
@@ -114,9 +114,9 @@ def _check_there(folder: Path) -> None:
 
 
 def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the makers of a run with the present one last; tell in what it differs from the one before."""
+    """Return the makers of a run with the present one last; report its differences from the one before."""
     before = [dict(one) for one in earlier.get("makers", [])]
-    if not before and "versions" in earlier:  # a run of a version that kept the last one alone
+    if not before and "versions" in earlier:  # a run of a version that kept only the last one
         before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
     now = present_maker()
     if before and (differing := unlike(before[-1], now)):
@@ -128,13 +128,13 @@ def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _begin(made_by: dict[str, list[int]], stage: str, maker: int, *, is_resumed: bool) -> None:
-    """Note who is at a stage; one that is resumed may hold another's work."""
+    """Record the maker of a stage; a resumed stage may contain another's work."""
     earlier = made_by.get(stage, []) if is_resumed else []
     made_by[stage] = [*(one for one in earlier if one != maker), maker]
 
 
 def scene_of(mission: Mission) -> dict[str, float]:
-    """Return what a picture of a mission's flights needs, see `artifacts.write_manifest`."""
+    """Return the parameters for plotting a mission's flights, see `artifacts.write_manifest`."""
     return {
         "sample_period_s": mission.control_period_s,
         "min_distance_m": mission.deputy.min_distance_m,
@@ -145,7 +145,7 @@ def scene_of(mission: Mission) -> dict[str, float]:
 
 
 def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
-    """Say what an interrupted run leaves behind and how to go on."""
+    """Return what an interrupted run leaves behind and how to go on."""
     files = [name for name in artifacts.list_artifacts(folder) if name != artifacts.CONFIG]
     if (folder / artifacts.CHECKPOINT).exists():
         files.append(artifacts.CHECKPOINT)
@@ -155,22 +155,22 @@ def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
 
 
 class _Log(logging.FileHandler):
-    """A log that does without what the disk refuses: the run itself tells of that."""
+    """A log that ignores write errors: the run itself reports those."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
-        """Tell an error that is none of the disk's."""
+        """Report an error unless it is one of the disk."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handleError(record)
 
     def close(self) -> None:
-        """Close the file, whatever of it could not be written."""
+        """Close the file, even if some of it could not be written."""
         with suppress(OSError):
             super().close()
 
 
 @contextmanager
 def _logged_to(path: Path) -> Iterator[None]:
-    """Append what the packages log to a file."""
+    """Append the packages' log messages to a file."""
     handler = _Log(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     loggers = [logging.getLogger(name) for name in ("pipeline", "fis_tools", "telemetry")]

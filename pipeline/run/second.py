@@ -1,7 +1,7 @@
-"""A second process of this machine, for what Python can do on one processor alone.
+"""A second process on this machine, for Python work that would otherwise use only one processor.
 
-Functions with their arguments, and what they return, go as pickles through pipes that nobody else can reach.
-It is no copy of the first process, whose threads and compiled code a copy might not survive.
+Functions with their arguments, and their results, go as pickles through pipes that nobody else can reach.
+It is not a fork of the first process, whose threads and compiled code might not survive one.
 """
 
 import gc
@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import Any, Final
 
-#: has parts begun, given a function at module level and its arguments for each; what it returns does the
+#: starts parts, given a function at module level and its arguments for each; the returned function runs the
 #: others here, and returns all results in the order of the parts
 Share = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Callable[[], list[Any]]]
 
@@ -25,7 +25,7 @@ _SERVE: Final = f"from {__name__} import serve; serve()"
 
 @contextmanager
 def second_process(module: str) -> Iterator[Share]:
-    """Start a process that imports a module and then does every second part once; none on one processor."""
+    """Start a process that imports a module and then runs every second part once; none on one processor."""
     if os.cpu_count() == 1:
         yield alone
         return
@@ -43,7 +43,7 @@ def second_process(module: str) -> Iterator[Share]:
 
 
 def alone(do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Callable[[], list[Any]]:
-    """Do all parts here; see `Share`."""
+    """Run all parts here; see `Share`."""
     return lambda: [do(*part) for part in parts]
 
 
@@ -61,7 +61,7 @@ def _shared(
         results: list[Any] = [None] * len(parts)
         results[::2] = [do(*part) for part in parts[::2]]
         try:
-            results[1::2] = pickle.load(answer)  # noqa: S301 - of a process of ours
+            results[1::2] = pickle.load(answer)  # noqa: S301 - of our own process
         except (EOFError, pickle.UnpicklingError):  # it has died, and cannot have done anything else
             results[1::2] = [do(*part) for part in parts[1::2]]
         return results
@@ -70,11 +70,11 @@ def _shared(
 
 
 def serve() -> None:
-    """Be the second process."""
+    """Run as the second process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first is interrupted, and ends this one
-    gc.disable()  # it lives for a moment
+    gc.disable()  # it is short-lived
     with ThreadPoolExecutor(1) as reading:
-        given = reading.submit(sys.stdin.buffer.read)  # a pipe holds little: nobody is to wait for the import
+        given = reading.submit(sys.stdin.buffer.read)  # a pipe holds little: do not make the writer wait
         import_module(sys.argv[1])
         if sent := given.result():
             do, parts = pickle.loads(sent)  # noqa: S301 - of the process that started this one

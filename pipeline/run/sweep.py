@@ -1,4 +1,4 @@
-"""The file of a sweep: its runs, what each differs in, and which failed."""
+"""The file of a sweep: its runs, their differences, and which failed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -9,7 +9,7 @@ from pipeline.run import artifacts
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
-#: folder of what runs that were started by themselves, such as jobs of a cluster, failed with
+#: folder of the failures of runs that were started separately, such as jobs of a cluster
 FAILURES: Final = "failures"
 
 DONE, FAILED, UNFINISHED = "done", "failed", "unfinished"
@@ -22,13 +22,13 @@ class SweptRun:
     Parameters
     ----------
     folder : str
-        In the sweep's.
+        In the sweep's folder.
     differs : mapping of str to str
-        Key to its value in this run, of the keys that have several in the sweep.
+        Key to value in this run, for the keys that vary in the sweep.
     command : tuple of str
-        The words with which it would be started alone.
+        The arguments with which it would be started alone.
     failure : str
-        Why it could not be finished; empty where it did not fail.
+        Why it failed; empty if it did not.
     """
 
     folder: str
@@ -50,7 +50,7 @@ def read(folder: Path) -> list[SweptRun]:
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If the folder holds no sweep, or its file is damaged.
+        If the folder contains no sweep, or its file is damaged.
     """
     if not (folder / SWEEP).is_file():
         raise artifacts.ArtifactError(
@@ -68,7 +68,7 @@ def read(folder: Path) -> list[SweptRun]:
 
 
 def _run_of(told: Mapping[str, object]) -> SweptRun:
-    """Return a run, whose folder lies in the sweep's."""
+    """Return a run, after checking that its folder is inside the sweep's."""
     run = SweptRun(**{field.name: told[field.name] for field in fields(SweptRun)})  # type: ignore[arg-type]
     path = PurePosixPath(run.folder)
     if path.is_absolute() or ".." in path.parts:
@@ -83,7 +83,7 @@ def _with_own_failure(folder: Path, run: SweptRun) -> SweptRun:
 
 
 def note_failure(folder: Path, run: SweptRun, failure: str) -> None:
-    """Note why a run that was started by itself failed, or, where it is empty, that it did not."""
+    """Record why a separately started run failed, or, if empty, that it did not."""
     path = _failure_of(folder, run)
     if failure:
         artifacts.write_atomically(path, failure)
@@ -96,17 +96,17 @@ def _failure_of(folder: Path, run: SweptRun) -> Path:
 
 
 def with_failure(runs: Sequence[SweptRun], folder: str, failure: str) -> list[SweptRun]:
-    """Return the runs with the failure of one noted, or, where it is empty, forgotten."""
+    """Return the runs with the failure of one recorded, or, if empty, cleared."""
     return [replace(run, failure=failure) if run.folder == folder else run for run in runs]
 
 
 def merged(earlier: Sequence[SweptRun], now: Sequence[SweptRun]) -> list[SweptRun]:
-    """Return the runs of a sweep that is made larger: those of before, and the new ones in their places."""
+    """Return the runs of an extended sweep: the earlier ones, and the new ones in their places."""
     return list({run.folder: run for run in (*earlier, *now)}.values())
 
 
 def state_of(folder: Path, run: SweptRun) -> str:
-    """Tell whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
+    """Return whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
     own = folder / run.folder
     if (own / artifacts.MANIFEST).exists():
         finished = artifacts.read_manifest(own)["finished_stages"]

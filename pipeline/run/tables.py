@@ -1,4 +1,4 @@
-"""Tables of a run's folder: Parquet and CSV, written whole or not at all, and read back as columns."""
+"""Tables of a run's folder: Parquet and CSV, written atomically, and read back as columns."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 from fis_tools.formats.printed.csv import rows_as_text
 from pipeline.run import artifacts
 
-#: what a table may unpack to: so much, or so many times the size of its file, but no more than the last
+#: limits of a table's unpacked size: this much, or a multiple of the size of its file, up to the last
 SMALL_BYTES, MOST_TIMES, MOST_BYTES = 256 * 1024**2, 64, 4 * 1024**3
 
 
 def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
-    """Write columns of equal length; a two-dimensional one becomes a list a row."""
+    """Write columns of equal length; a two-dimensional one becomes a list per row."""
     arrays = {
         name: pa.array(list(column) if np.ndim(column) == 2 else column) for name, column in columns.items()
     }
     sink = pa.BufferOutputStream()
-    # measured numbers hardly repeat: dictionaries of them would take six times as long and more room
+    # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
     pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=False)
     artifacts.write_atomically(path, sink.getvalue().to_pybytes())
 
 
 def join_parquet(path: Path, parts: Sequence[Path]) -> None:
-    """Write one table of several, a part at a time, so that no more than one is in memory."""
+    """Write one table from several, one part at a time, so that only one is in memory."""
     first = pq.read_schema(parts[0])
     unfinished = path.with_name(f".{path.name}{artifacts.UNFINISHED}")
     with pq.ParquetWriter(unfinished, first, compression="zstd", use_dictionary=False) as writer:
@@ -49,7 +49,7 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     try:
         claimed = pq.read_metadata(path)
         unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
-        # equal numbers in a row are packed as one
+        # runs of equal numbers are packed as one
         unpacked = max(unpacked, 8 * claimed.num_rows * claimed.num_columns)
         most = min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * path.stat().st_size))
         if unpacked > most:
@@ -63,12 +63,12 @@ def read_parquet(folder: Path, name: str) -> dict[str, NDArray[Any]]:
 
 
 class Columns(Mapping[str, NDArray[Any]]):
-    """The columns of a table in one file or several, each read when it is asked for, and not kept.
+    """The columns of a table in one file or several, each read on request and not kept.
 
     Parameters
     ----------
     paths : sequence of Path
-        Of Parquet files of ours with the same columns, in the order of their rows.
+        Parquet files of ours with the same columns, in the order of their rows.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -83,11 +83,11 @@ class Columns(Mapping[str, NDArray[Any]]):
         return np.concatenate(list(read))
 
     def __iter__(self) -> Iterator[str]:
-        """Name the columns."""
+        """Return an iterator over the names of the columns."""
         return iter(self._names)
 
     def __len__(self) -> int:
-        """Count the columns."""
+        """Return the number of columns."""
         return len(self._names)
 
 

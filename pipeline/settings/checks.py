@@ -1,8 +1,8 @@
 """Types of settings with their limits, and checks of several settings together.
 
-Every refusal states the fact, what is expected and how to get there. Checks of single values are read by
+Every error states the fact, what is expected and how to get there. Checks of single values are run by
 pydantic; in their messages ``{key}`` stands for the setting's key and ``{unit}`` for its unit in brackets.
-Comparisons are written so that NaN, for which all are false, never passes.
+Comparisons are written so that NaN, which compares false with everything, never passes.
 """
 
 import math
@@ -22,13 +22,13 @@ class SettingError(ValueError):
 
 @dataclass(frozen=True)
 class Cure:
-    """Words that end the sentence about a number that is too small, such as that null is allowed."""
+    """End of the message about a number that is too small, such as that null is allowed."""
 
     words: str
 
 
 def _whole(value: Any) -> Any:
-    """Let a whole number be written like 1e3."""
+    """Accept a whole number written like 1e3."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -67,7 +67,7 @@ def _pair(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _thrusters(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    """Raise ValueError unless each has a place, a unit vector and a greatest force."""
+    """Raise ValueError unless each has a position, a unit vector and a maximum force."""
     if not 4 <= len(rows) <= 64:
         raise ValueError(f"{{key}} has {len(rows)} rows, one a thruster; there must be from 4 to 64")
     for which, row in enumerate(rows):
@@ -109,13 +109,13 @@ def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ..
 
 @dataclass(frozen=True)
 class Reach:
-    """The least positive and the greatest magnitude that a number with a unit can sensibly have."""
+    """The least positive and the greatest magnitude that makes sense for a number with a unit."""
 
     least: float
     greatest: float
 
 
-#: by unit; "" are numbers without one. Beyond them formulas lose their digits, overflow or fill the memory
+#: by unit; "" for numbers without one. Beyond them formulas lose digits, overflow or fill the memory
 REACHES: Mapping[str, Reach] = {
     "": Reach(1e-9, 1e12),
     "1/s": Reach(1e-9, 1e3),
@@ -128,7 +128,7 @@ REACHES: Mapping[str, Reach] = {
     "kg": Reach(1e-3, 1e6),
     "kg m^2": Reach(1e-9, 1e9),
     "m": Reach(1e-6, 1e7),
-    "m/s": Reach(1e-9, 1e12),  # of prices, too
+    "m/s": Reach(1e-9, 1e12),  # also of prices
     "rad": Reach(1e-9, 100.0),
     "rad/s": Reach(1e-8, 10.0),
     "s": Reach(1e-3, 1e8),
@@ -136,7 +136,7 @@ REACHES: Mapping[str, Reach] = {
 
 
 def _not_beyond(value: float, info: ValidationInfo) -> float:
-    """Raise ValueError for a number greater than any quantity of its unit."""
+    """Raise ValueError for a number too large for its unit."""
     unit = unit_of(str(info.field_name))
     reach = REACHES.get(unit)
     if reach is not None and not abs(value) <= reach.greatest:
@@ -147,7 +147,7 @@ def _not_beyond(value: float, info: ValidationInfo) -> float:
 
 
 def _not_vanishing(value: float, info: ValidationInfo) -> float:
-    """Raise ValueError for a positive number less than any quantity of its unit."""
+    """Raise ValueError for a positive number too small for its unit."""
     unit = unit_of(str(info.field_name))
     reach = REACHES.get(unit)
     if reach is not None and 0.0 < value < reach.least:
@@ -162,21 +162,21 @@ Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Whole = Annotated[int, Strict(), BeforeValidator(_whole)]
-#: beyond a million of anything a run takes years or the memory of any computer
+#: beyond a million a run takes years or more memory than any computer has
 MOST = 1_000_000
 Natural = Annotated[Whole, Field(ge=0, le=MOST)]
 Count = Annotated[Whole, Field(ge=1, le=MOST)]
-#: flown part by part, so that memory hardly grows with them
+#: flown in parts, so that memory hardly grows with them
 Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
-#: threads; None is one for each processor
+#: worker threads; None is one per processor
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
 Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]
 Quaternion = Annotated[tuple[Number, ...], AfterValidator(_quaternion)]
 Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]
-#: a lower and a greater upper bound: of numbers, of positive ones, of those not below zero
+#: a lower and a greater upper bound: of any numbers, of positive ones, of nonnegative ones
 Interval = Annotated[tuple[Number, ...], AfterValidator(_pair)]
 PositiveInterval = Annotated[tuple[Positive, ...], AfterValidator(_pair)]
 NotNegativeInterval = Annotated[tuple[NotNegative, ...], AfterValidator(_pair)]
@@ -225,5 +225,5 @@ def shell(group: str, low_m: float, high_m: float) -> None:
 
 
 def in_unit(unit: str) -> str:
-    """Return a unit in brackets, nothing where there is none."""
+    """Return a unit in brackets, or nothing."""
     return f" ({unit})" if unit else ""

@@ -35,7 +35,7 @@ class NaturalMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class Ring:
-    """An ellipse of free motion that follows the Sun, and how high it swings; or a route in its place."""
+    """An ellipse of free motion that follows the Sun, with its cross-track amplitude; or a route instead."""
 
     follows: Annotated[
         Literal["ring", "route"],
@@ -51,7 +51,7 @@ class Ring:
 
 @settings(FREE)
 class Lqr(Ring):
-    """A linear-quadratic regulator that tracks a ring; errors of what is tolerated weigh alike."""
+    """A linear-quadratic regulator that tracks a ring; errors at their tolerance are weighted equally."""
 
     position_tolerance_m: Annotated[Positive, Field(description="in the orbit plane, m")]
     height_tolerance_m: Annotated[Positive, Field(description="along the orbit normal, m")]
@@ -62,7 +62,7 @@ class Lqr(Ring):
 
 @settings(FREE)
 class RecedingHorizon(Ring):
-    """Model predictive control: solves a linear program again and again to reach a ring with minimum fuel."""
+    """Model predictive control: solves a linear program repeatedly to reach a ring with minimum fuel."""
 
     first_horizon_s: Annotated[
         Positive, Field(description="looked ahead at the start, s; its end stays until horizon_s is farther")
@@ -88,7 +88,7 @@ class RecedingHorizon(Ring):
 
 Planned = NaturalMotion | Lqr | RecedingHorizon
 
-#: settings of the kinds that plan
+#: settings of the planning kinds
 PLANNED: Mapping[str, type[Planned]] = {
     "natural_motion": NaturalMotion,
     "lqr": Lqr,
@@ -106,7 +106,7 @@ CONTROLLER_KEYS: Mapping[str, set[str]] = {
 
 
 def check_controller(source: Mapping[str, Any]) -> None:
-    """Refuse a controller of the configuration that is of no kind, or has not its kind's keys and values.
+    """Raise SettingError if a controller has no known kind, or lacks its kind's keys or values.
 
     Raises
     ------
@@ -135,11 +135,11 @@ def check_controller(source: Mapping[str, Any]) -> None:
 
 
 def planned_settings(source: Mapping[str, Any]) -> Planned:
-    """Return the settings of a controller that plans.
+    """Return the settings of a planning controller.
 
     Raises
     ------
     SettingError
-        If a value cannot be.
+        If a value is not allowed.
     """
     return PLANNED[source["kind"]](**{key: value for key, value in source.items() if key != "kind"})

@@ -1,6 +1,6 @@
-"""Distributions of settings that each flight of an evaluation has its own of.
+"""Distributions of the settings that are dispersed over the flights of an evaluation.
 
-With a correlation time a setting varies within a flight as well; `pipeline.flight.processes` has the law.
+With a correlation time a setting varies within a flight as well; `pipeline.flight.processes` defines how.
 """
 
 import math
@@ -12,15 +12,15 @@ from typing import Any, Literal
 from pipeline.settings.checks import SettingError
 from pipeline.settings.nearest import did_you_mean
 
-#: what each kind is told by; low and high truncate a normal one
+#: keys that define each kind; low and high truncate a normal one
 KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "normal": ({"mean", "std"}, {"low", "high", "correlation_s"}),
     "uniform": ({"low", "high"}, {"correlation_s"}),
 }
 
-#: what may vary within a flight: errors that otherwise stay as they are drawn (the distribution is that of
-#: the error itself, each axis has its own), standard deviations of what is drawn anew each time, and a value.
-#: What a key is drawn from depends on its place here: new ones come last
+#: settings that may vary within a flight: errors that are otherwise constant (the distribution is that of
+#: the error, separately for each axis), standard deviations of what is drawn anew each time, and a value.
+#: The random numbers of a key depend on its place here: append new ones at the end
 IN_TIME: Mapping[str, Literal["error", "spread", "value"]] = {
     "actuators.scale_error": "error",
     "actuators.misalignment_deg": "error",
@@ -36,7 +36,7 @@ IN_TIME: Mapping[str, Literal["error", "spread", "value"]] = {
 
 @dataclass(frozen=True)
 class Distribution:
-    """Of one key: normal, cut off at low and high, or uniform between them.
+    """Distribution of one key: normal, truncated at low and high, or uniform between them.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class Distribution:
     kind : str
         One of `KINDS`.
     mean, std : float
-        Of a normal one before it is cut.
+        Of a normal distribution before truncation.
     low, high : float
-        Infinite where nothing is cut.
+        Infinite where not truncated.
     correlation_s : float, optional
-        After which the correlation with a value within the flight has fallen to 1/e; None where a case has
-        one value.
+        Time after which the correlation with a value within the flight has fallen to 1/e; None for
+        one value per case.
     """
 
     key: str
@@ -62,7 +62,7 @@ class Distribution:
     correlation_s: float | None = None
 
     def value(self, share: float) -> float:
-        """Return the value below which a share of all values lies, from 0 to less than 1."""
+        """Return the quantile at a probability from 0 to less than 1."""
         if self.kind == "uniform":
             return self.low + share * (self.high - self.low)
         normal = NormalDist(self.mean, self.std)
@@ -76,19 +76,19 @@ class Distribution:
 
 
 def distributions(config: Mapping[str, Any]) -> tuple[Distribution, ...]:
-    """Read from the group ``dispersions`` what each case draws one value of; sorted by the keys.
+    """Return the distributions in the group ``dispersions`` of one value per case; sorted by key.
 
     Raises
     ------
     SettingError
-        If one is told in other words than `KINDS`, or cannot be.
+        If one is not written as in `KINDS`, or a value is not allowed.
     """
     found = (one for one in _read(config, ()) if one.correlation_s is None)
     return tuple(sorted(found, key=lambda one: one.key))
 
 
 def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
-    """Read from the same group, by its key, what varies within a flight; see `IN_TIME`.
+    """Return from the same group, by key, the distributions that vary within a flight; see `IN_TIME`.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
 
 
 def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return of the same group what varies within a flight."""
+    """Return the part of the same group that varies within a flight."""
     found: dict[str, Any] = {}
     for name, value in config.items():
         kept = value if "correlation_s" in value else {} if "kind" in value else in_time_alone(value)
@@ -166,7 +166,7 @@ def _distribution(key: str, told: Mapping[str, Any]) -> Distribution:
 
 
 def _check_in_time(found: Distribution, where: str) -> None:
-    """Refuse what cannot vary within a flight, and spreads below zero."""
+    """Raise SettingError for settings that cannot vary within a flight, and for negative spreads."""
     if found.correlation_s is None:
         return
     if found.key not in IN_TIME:

@@ -1,9 +1,8 @@
-"""What an experiment is made of: every key of `conf/`, checked when it is built.
+"""The experiment: every key of `conf/`, checked when it is built.
 
-Groups of the mission stand in `pipeline.settings.mission`, those of training in `pipeline.settings.training`.
-
-Keys carry their units; degrees appear only in keys that end in ``_deg``. A setting that cannot be is refused
-with a `SettingError`.
+Groups of the mission are in `pipeline.settings.mission`, those of training in `pipeline.settings.training`.
+Keys carry their units; degrees appear only in keys that end in ``_deg``. Invalid settings raise
+`SettingError`.
 """
 
 import math
@@ -89,7 +88,7 @@ __all__ = [
     "Telemetry",
 ]
 
-#: in the order in which they run: each reads what those before it have written
+#: in the order in which they run: each reads the files of those before it
 STAGES = ("scenario", "search", "train", "evaluate", "record", "optimum", "compare", "assure", "report")
 
 #: the minimum-fuel plans that come with the program, as a value of ``optimum.reference``
@@ -98,7 +97,7 @@ SHIPPED = "shipped"
 
 @settings("monte_carlo")
 class MonteCarlo:
-    """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from given."""
+    """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
     num_cases: Annotated[Cases, Cure("; without scenarios there is nothing to fly")]
     min_distance_m: Annotated[Positive, Field(description="from the chief, m")]
@@ -113,7 +112,7 @@ class MonteCarlo:
     table: Annotated[Text | None, Field(description="starts in place of drawn ones, as CSV text")] = None
 
     def __post_init__(self) -> None:
-        """Check that the shell is not inside out."""
+        """Check that the shell's bounds ascend."""
         checks.shell("monte_carlo", self.min_distance_m, self.max_distance_m)
         num_given = self.num_cases if self.table is None else start_table.num_rows(self.table)
         if self.num_cases != num_given:
@@ -147,7 +146,7 @@ class Optimum:
 
 @settings("engine")
 class Engine:
-    """Who flies the parts of a campaign: this process, or several that Dask looks after."""
+    """Where the parts of a campaign run: in this process, or in several managed by Dask."""
 
     kind: Literal["local", "dask"] = "local"
     processes: Workers = None
@@ -172,7 +171,7 @@ class Tracking:
 
 @settings("search")
 class Search:
-    """Settings that are tried, and the flights that trials race on."""
+    """Settings to try, and the flights on which trials compete."""
 
     space: Annotated[dict[str, Any], Field(description="keys, each with {low, high, log} or {choices}")] = (
         field(default_factory=dict, hash=False)
@@ -186,13 +185,13 @@ class Search:
     trains: Annotated[Flag, Field(description="whether each trial trains its controller")] = False
 
     def __post_init__(self) -> None:
-        """Check that every key of the space is one, with something to choose from."""
+        """Check that every key of the space exists and has something to choose from."""
         dimensions(self.space)
 
 
 @settings("compare")
 class Compare:
-    """Controllers side by side: who flies, and under what."""
+    """Comparison of controllers: which fly, and under which conditions."""
 
     controllers: Annotated[tuple[Text, ...], Field(description="names as in controller=NAME, or paths")]
     suns: tuple[Text, ...]
@@ -203,7 +202,7 @@ class Compare:
     ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        """Check that the table has rows, and that no two are the same."""
+        """Check that the table has rows, and no row twice."""
         known = {"suns": ("fixed", "random", "mixed"), "safety": ("none", "filter")}
         for name in ("controllers", "suns", "safety"):
             values = getattr(self, name)
@@ -221,7 +220,7 @@ class Compare:
 
 @settings("assurance")
 class Assurance:
-    """Evidence for requirements: which, and how hard they are tried."""
+    """Evidence for requirements: which, and how thoroughly they are tested."""
 
     requirements: Annotated[Text, Field(description="those that ship, by name, or the path of a file")]
     num_cases: Annotated[Count, Cure("; without flights nothing is shown")]
@@ -238,7 +237,7 @@ class Assurance:
 
 @settings("telemetry")
 class Telemetry:
-    """Which flights are recorded, and what the log calls near."""
+    """Which flights are recorded, and the distances that the log calls near."""
 
     record_training: Annotated[Flag, Field(description="the flights of the training scenarios")]
     record_ranked: Annotated[Flag, Field(description="of the evaluation: the worst, the median, the best")]
@@ -248,7 +247,7 @@ class Telemetry:
 
 @settings("report")
 class Report:
-    """How the report looks."""
+    """Appearance of the report."""
 
     title: Text
     dots_per_inch: Annotated[Whole, Field(ge=20, le=1200, description="of the PNG files")]
@@ -264,21 +263,21 @@ class Experiment:
     name : str
         Names the run's folder.
     seed : int
-        Of everything random.
+        Of all randomness.
     stages : tuple of str
-        What is done, in order.
+        The stages to run, in order.
     mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine,
     search, tracking
         The groups of the configuration.
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
-        file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or of a kind that plans.
+        file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or one of a planning kind.
     reproducible : bool
-        Whether libraries compute alike on all x86-64 processors.
+        Whether libraries compute identically on all x86-64 processors.
     case : int, optional
-        Of the evaluation, which `telemetry.record_start` flies in place of the given start.
+        Case of the evaluation that `telemetry.record_start` flies instead of the given start.
     resume : bool
-        Whether to go on from a checkpoint in the run's folder; no part of the configuration.
+        Whether to go on from a checkpoint in the run's folder; not part of the configuration.
     """
 
     name: Text
@@ -307,7 +306,7 @@ class Experiment:
     resume: bool = False
 
     def __post_init__(self) -> None:
-        """Check what must fit together."""
+        """Check settings that must fit together."""
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", self.name):
             raise SettingError(
                 f"name is {self.name!r}; it names a folder: use letters, digits, '_', '-' and '.' only"
@@ -335,7 +334,7 @@ class Experiment:
 
     @property
     def sun_in_words(self) -> str:
-        """The Sun of the evaluation: its mode, or that the starts have their own."""
+        """The Sun of the evaluation: its mode, or that the starts define it."""
         return self.sun.mode if self.monte_carlo.table is None else "of the starts"
 
     def _check_start(self) -> None:
@@ -346,7 +345,7 @@ class Experiment:
             return
         deputy = self.mission.deputy
         distance = math.hypot(*deputy.initial_position_m)
-        # by a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
+        # a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
         if not deputy.min_distance_m * (1 - 1e-9) <= distance <= deputy.max_distance_m * (1 + 1e-9):
             raise SettingError(
                 f"deputy.initial_position_m is {distance:.6g} m from the chief, outside the limits of the "

@@ -17,7 +17,7 @@ Kind = TypeVar("Kind")
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
 def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
-    """Make a class a frozen dataclass that checks its values, and refuses them under the keys of a group.
+    """Make a class a frozen dataclass that checks its values, with the keys of a group in its errors.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
     """
 
     def checked(plain: type[Kind]) -> type[Kind]:
-        # built when it is first needed: most commands need few groups by themselves
+        # built when first needed: most commands need few groups
         config = ConfigDict(extra="forbid", defer_build=True)
         made: Any = checked_dataclass(plain, config=config, frozen=True, kw_only=True)
         build = made.__init__
@@ -44,7 +44,7 @@ def settings(group: str) -> Callable[[type[Kind]], type[Kind]]:
             except ValidationError as error:
                 raise SettingError(sentence(made, group, error)) from error
             finally:
-                # what is built when it is needed gets an __init__ of pydantic's again
+                # classes built when needed get pydantic's __init__ again
                 made.__init__ = check_and_build
 
         made.__init__ = check_and_build

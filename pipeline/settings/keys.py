@@ -1,4 +1,4 @@
-"""The dotted keys of the configuration, their units, and what they were called before."""
+"""The dotted keys of the configuration, their units, and their earlier names."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -6,11 +6,11 @@ from typing import Any
 
 from pipeline.settings.nearest import did_you_mean
 
-#: the group whose keys depend on its kind; whoever reads a controller checks it
+#: the group whose keys depend on its kind; they are checked when the controller is read
 FREE = "controller"
 #: the group whose keys are those of the mission
 DISPERSIONS = "dispersions"
-#: ends of keys to their units; the first that fits counts
+#: suffixes of keys to their units; the first that fits counts
 UNITS: Mapping[str, str] = {
     "_kg_m2": "kg m^2",
     "_rad_s": "rad/s",
@@ -29,7 +29,7 @@ UNITS: Mapping[str, str] = {
     "proportional_gain": "1/s^2",
     "derivative_gain": "1/s",
 }
-#: keys of earlier versions, to what they are called now
+#: keys of earlier versions to their present names
 RENAMED: Mapping[str, str] = {
     "optimizer.penalty.c_d": "optimizer.penalty.outside_m_s",
     "optimizer.penalty.c_95": "optimizer.penalty.short_point_m_s",
@@ -41,23 +41,23 @@ _known: set[str] = set()
 
 
 def register(group: str, names: Iterable[str]) -> None:
-    """Make the keys of a group known; "" is the configuration itself."""
+    """Register the keys of a group; "" is the configuration itself."""
     if group != FREE:
         _known.update(dotted(group, (name,)) for name in names)
 
 
 def all_keys() -> frozenset[str]:
-    """Return every key and group of the configuration, dotted; `pipeline.settings.experiment` brings them."""
+    """Return every dotted key and group of the configuration; `pipeline.settings.experiment` adds them."""
     return frozenset(_known)
 
 
 def is_key(key: str) -> bool:
-    """Return whether a dotted key may stand in the configuration."""
+    """Return whether a dotted key may be in the configuration."""
     return key in _known or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
 
 
 def unknown(key: str) -> str:
-    """Say that there is no such key, and which may be meant."""
+    """Return a message that there is no such key, with the key that may be meant."""
     if key in RENAMED:
         return f"there is no key {key} any more; write {RENAMED[key]}"
     return f"there is no key {key}{did_you_mean(key, _known)}"
@@ -78,12 +78,12 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def dotted(group: str, location: Iterable[int | str]) -> str:
-    """Write where a value stands: names behind dots, places in lists in brackets."""
+    """Return the location of a value: names joined by dots, list indices in brackets."""
     words = [f"[{name}]" if isinstance(name, int) else f".{name}" for name in location]
     return (group + "".join(words)).lstrip(".")
 
 
 def unit_of(key: str) -> str:
-    """Return the unit of a key, nothing where it has none."""
+    """Return the unit of a key, or nothing."""
     name = key.partition("[")[0]
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")

@@ -1,4 +1,4 @@
-"""One mission: its parts, clocks and limits, and how they must fit one another."""
+"""One mission: its parts, clocks and limits, and how they must fit together."""
 
 from dataclasses import field
 from functools import cached_property
@@ -28,20 +28,20 @@ from pipeline.settings.mission_parts import (
     Sensor,
 )
 
-#: by which specific impulse is a speed of exhaust
+#: standard gravity: the exhaust speed is the specific impulse times this
 STANDARD_GRAVITY_M_S2 = 9.80665
 
-#: beyond these a flight fills the memory of a computer
+#: beyond these a flight fills a computer's memory
 MOST_CONTROLS, MOST_POINTS_SAMPLED, MOST_ATTITUDES = 100_000, 20_000_000, 5_000_000
-#: beyond so many control periods of free drift the safety layer takes longer than the flight
+#: beyond this many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
-#: numbers that all flights of an evaluation share: what their samples and decisions keep time by
+#: numbers that all flights of an evaluation share, since samples and decisions depend on them
 SHARED = (
     *("attitude_period_s", "control_period_s", "duration_s"),
     *("navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"),
 )
-#: with what the groups count of which something may vary within a flight
+#: groups with settings that may vary within a flight, and the key and value that put them into effect
 COUNTS_WITH = {
     "navigation": ("mode", "fixes"),
     "actuators": ("kind", "real"),
@@ -51,7 +51,7 @@ COUNTS_WITH = {
 
 @settings("")
 class Mission:
-    """One inspection flight: everything the simulation depends on but the start and the controller."""
+    """One inspection flight: everything the simulation depends on except the start and the controller."""
 
     orbit: Orbit
     deputy: Deputy
@@ -75,7 +75,7 @@ class Mission:
     ] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        """Check that the clocks fit into one another, the gains and the safety layer."""
+        """Check that clocks, gains and safety layer fit together."""
         checks.divides("attitude_period_s", self.attitude_period_s, "control_period_s", self.control_period_s)
         checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
         if self.num_controls > MOST_CONTROLS:
@@ -93,7 +93,7 @@ class Mission:
             self._check_safety()
 
     def _check_dispersions(self) -> None:
-        """Refuse distributions of what is no number of a flight's own."""
+        """Raise SettingError for distributions of anything other than a number of a single flight."""
         for one in distributions(self.dispersions):
             node: Any = self
             for name in one.key.split("."):
@@ -114,7 +114,7 @@ class Mission:
                 )
 
     def _check_clocks(self) -> None:
-        """Refuse fixes and delays that do not fall on samples."""
+        """Raise SettingError for fixes and delays that do not fall on samples."""
         period, navigation, actuators = self.control_period_s, self.navigation, self.actuators
         clocks = []
         if navigation.mode == "fixes":
@@ -133,7 +133,7 @@ class Mission:
             checks.within(key, time, 0.0, self.duration_s, "s")
 
     def _check_propellant(self) -> None:
-        """Refuse more propellant than the deputy's mass, a control period's at full thrust besides."""
+        """Raise SettingError unless the mass exceeds the propellant plus a control period at full thrust."""
         actuators, deputy = self.actuators, self.deputy
         if actuators.kind != "real" or actuators.specific_impulse_s is None:
             return
@@ -148,7 +148,7 @@ class Mission:
             )
 
     def _check_size(self) -> None:
-        """Refuse flights of which no log fits into memory, and points that no deputy can be outside of."""
+        """Raise SettingError for flights whose log exceeds memory, and points beyond the deputy's reach."""
         for key, count, most in (
             ("chief.num_points", self.num_controls * self.chief.num_points, MOST_POINTS_SAMPLED),
             ("attitude_period_s", self.num_controls * self.num_attitude_steps, MOST_ATTITUDES),
@@ -167,7 +167,7 @@ class Mission:
             )
 
     def _check_gains(self) -> None:
-        """Refuse gains with which the attitude law, sampled, overshoots ever more."""
+        """Raise SettingError for gains with which the sampled attitude law is unstable."""
         if self.attitude.mode != "flown":
             return
         damping = self.attitude.derivative_gain * self.attitude_period_s
@@ -179,7 +179,7 @@ class Mission:
                 f"period turns an error in rate into one {abs(1.0 - damping):.3g} times as great: lower one "
                 "of them"
             )
-        # an error of half a turn is answered by turning at the quotient of the gains, rad/s
+        # for an error of half a turn the rate is the ratio of the gains, rad/s
         proportional, derivative = self.attitude.proportional_gain, self.attitude.derivative_gain
         turned = proportional / derivative * self.attitude_period_s
         if not turned < 2.0:
@@ -191,7 +191,7 @@ class Mission:
             )
 
     def _check_safety(self) -> None:
-        """Refuse spheres without room between them, and stops that the deputy has not the force for."""
+        """Raise SettingError for spheres without room between them, and stops that need too much force."""
         safety, deputy = self.safety, self.deputy
         checks.ascending(
             "deputy.min_distance_m plus safety.keep_out_margin_m",
@@ -223,31 +223,31 @@ class Mission:
 
     @cached_property
     def varying(self) -> dict[str, Distribution]:
-        """What varies within a flight, by its key."""
+        """The distributions that vary within a flight, by key."""
         return processes(self.dispersions)
 
     @property
     def rate_at_start_rad_s(self) -> tuple[float, ...]:
-        """How the deputy turns relative to Hill at the start, body axes."""
+        """Angular rate of the deputy relative to Hill at the start, body axes."""
         given = self.deputy.initial_angular_velocity_rad_s
         return (0.0, 0.0, self.orbit.mean_motion_rad_s) if given is None else given
 
     @property
     def keep_out_m(self) -> float:
-        """Radius of the sphere that the safety layer keeps the deputy out of."""
+        """Radius of the keep-out sphere of the safety layer."""
         return self.deputy.min_distance_m + self.safety.keep_out_margin_m
 
     @property
     def keep_in_m(self) -> float:
-        """Radius of the sphere that the safety layer keeps the deputy in."""
+        """Radius of the keep-in sphere of the safety layer."""
         return self.deputy.max_distance_m - self.safety.keep_in_margin_m
 
     @property
     def num_controls(self) -> int:
-        """Control periods in the flight; the state is sampled at one instant more."""
+        """Number of control periods in the flight; the state is sampled at one instant more."""
         return round(self.duration_s / self.control_period_s)
 
     @property
     def num_attitude_steps(self) -> int:
-        """Attitude periods in a control period."""
+        """Number of attitude periods in a control period."""
         return round(self.control_period_s / self.attitude_period_s)

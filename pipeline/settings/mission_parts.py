@@ -1,4 +1,4 @@
-"""The groups of settings that a mission is made of, and what each is where nobody chooses."""
+"""The groups of settings that a mission is made of, with their defaults."""
 
 import math
 from typing import Annotated, Literal
@@ -24,9 +24,9 @@ from pipeline.settings.checks import (
 )
 from pipeline.settings.groups import settings
 
-#: beyond so many points a flight fills the memory of a computer
+#: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000
-#: the least is beyond what rounding adds up to in a flight
+#: the least is beyond the accumulated rounding of a flight
 Margin = Annotated[Number, Field(ge=0.001)]
 
 
@@ -45,7 +45,7 @@ class Orbit:
 
 @settings("dynamics")
 class Dynamics:
-    """How the deputy really moves: by Clohessy and Wiltshire's equations, or about the Earth as the chief."""
+    """The deputy's true motion: Clohessy and Wiltshire's equations, or an orbit about the Earth."""
 
     model: Literal["cw", "two_body"]
     eccentricity: Annotated[NotNegative, Field(lt=1, description="of the chief's orbit at the start")]
@@ -137,7 +137,7 @@ class Sensor:
 
 @settings("light")
 class Light:
-    """What takes the sunlight from the chief, and what its surface makes of it."""
+    """Shadow on the chief, and how its surface reflects."""
 
     shadow: Annotated[Literal["none", "conical"], Field(description="of the Earth")] = "none"
     min_fraction: Annotated[
@@ -165,7 +165,7 @@ class Light:
 
 @settings("sun")
 class Sun:
-    """Where the Sun starts: one angle for every case, one drawn for each, or both by turns."""
+    """The Sun's initial direction: one angle for every case, one drawn for each, or both alternately."""
 
     mode: Literal["fixed", "random", "mixed"]
     angle_deg: Annotated[Number, Field(description="of the fixed Sun, from +i towards +j, deg")]
@@ -194,7 +194,7 @@ class Attitude:
 
 @settings("guidance")
 class Guidance:
-    """How the direction of the points that are lit and not yet inspected is chosen."""
+    """How the target direction is chosen among the points that are lit and not yet inspected."""
 
     kind: Literal["centroid", "clusters"]
     engine: Literal["compiled", "sklearn"]
@@ -202,7 +202,7 @@ class Guidance:
 
 @settings("safety")
 class Safety:
-    """Run-time assurance around any controller: the least change of force that keeps the deputy safe."""
+    """Run-time assurance around any controller: the smallest change of force that keeps the deputy safe."""
 
     kind: Literal["none", "filter"]
     keep_out_margin_m: Annotated[Margin, Field(description="of its sphere beyond the least distance, m")]
@@ -223,7 +223,7 @@ class Safety:
 
 @settings("navigation")
 class Navigation:
-    """What the deputy knows of its own place: the truth, or what a filter makes of fixes."""
+    """The deputy's knowledge of its own state: the truth, or a filter's estimate from fixes."""
 
     mode: Literal["perfect", "fixes"]
     fix_period_s: Positive
@@ -255,7 +255,7 @@ class Navigation:
 
 @settings("actuators")
 class Actuators:
-    """How the thrusters depart from what they are told."""
+    """How the thrusters deviate from their commands."""
 
     kind: Literal["ideal", "real"]
     delay_s: Annotated[NotNegative, Field(description="from a command to its force, s")]
@@ -279,7 +279,7 @@ class Actuators:
     ] = 1.0
 
 
-#: what a deputy knows that knows its place, and thrusters that fire what they are told
+#: perfect navigation and ideal thrusters
 PERFECT = Navigation(
     mode="perfect",
     fix_period_s=10.0,
@@ -317,7 +317,7 @@ LINEAR = Dynamics(
 )
 
 
-#: no layer: forces are applied as a controller asks for them
+#: no layer: forces are applied as commanded
 UNGUARDED = Safety(
     kind="none",
     keep_out_margin_m=1.0,
@@ -331,5 +331,5 @@ UNGUARDED = Safety(
 )
 
 
-#: the paper's: the Sun shines always
+#: the paper's: the Sun always shines
 PAPER_LIGHT = Light()

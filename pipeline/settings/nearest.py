@@ -1,14 +1,14 @@
-"""The right word nearest to a wrong one, for messages."""
+"""The known word nearest to a misspelt one, for messages."""
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
-#: so many equal letters at the beginning count as likeness
+#: this many equal letters at the beginning count as similar
 COMMON = 3
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word most like one that is not, or None where none is like it.
+    """Return the known word most like an unknown one, or None if none is similar.
 
     In a group that exists, its keys come first; else a dotted key is also compared by its last name, so that
     a key in the wrong group finds the right one.
@@ -32,12 +32,12 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
-    """Return ``; did you mean …? The choices are …``, for choices that may be called something else."""
+    """Return ``; did you mean …? The choices are …``; the choices may be called something else."""
     guess = did_you_mean(word, known)
     return (f"{guess} The" if guess else "; the") + f" {plural} are {', '.join(known)}"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``; did you mean …?``, or nothing where no known word is like it."""
+    """Return ``; did you mean …?``, or nothing if no known word is similar."""
     found = nearest(word, known)
     return f"; did you mean {found}?" if found else ""

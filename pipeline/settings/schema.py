@@ -1,4 +1,4 @@
-"""Plain mappings to settings: the mission's groups stand at the top of a configuration."""
+"""From plain mappings to settings: the mission's groups are at the top of a configuration."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,8 +14,8 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
     Raises
     ------
     SettingError
-        If a key is unknown or missing, or a value is of the wrong type or cannot be; keys of earlier
-        versions are read where today's are not there.
+        If a key is unknown or missing, or a value has the wrong type or is not allowed; keys of earlier
+        versions are read if today's are missing.
     """
     config = in_todays_words(config)
     own, of_mission = names_of(Experiment), names_of(Mission)

@@ -1,4 +1,4 @@
-"""Turns pydantic's validation errors into sentences: the fact, the expectation and the cure."""
+"""Turns pydantic's validation errors into sentences: what is wrong, what is expected, how to fix it."""
 
 import math
 from collections.abc import Mapping
@@ -11,9 +11,9 @@ from pipeline.settings.checks import Cure, SettingError, expected, in_unit
 from pipeline.settings.keys import dotted, unit_of, unknown
 from pipeline.settings.nearest import did_you_mean
 
-#: fields that are no part of a configuration
+#: fields that are not part of a configuration
 NOT_CONFIGURED = ("mission", "resume")
-#: pydantic's names for a value of the wrong type, to the right type in words
+#: pydantic's names for values of the wrong type, to the right type in words
 TYPES: Mapping[str, str] = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -25,7 +25,7 @@ TYPES: Mapping[str, str] = {
 
 
 def names_of(kind: Any) -> list[str]:
-    """Return the keys of a group, without their group."""
+    """Return the keys of a group, without the group's name."""
     return [field.name for field in fields(kind) if field.name not in NOT_CONFIGURED]
 
 
@@ -37,7 +37,7 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
     kind : type
         The dataclass that was to be built.
     group : str
-        Under which its keys stand.
+        Prefix of its keys.
     error : ValidationError
     """
     order = {"unexpected_keyword_argument": 0, "missing": 1}
@@ -56,7 +56,7 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
 
 
 def _refused(key: str, fault: Mapping[str, Any], kind: Any, metadata: list[Any]) -> str:
-    """Return what a value is and what it must be."""
+    """Return a value and what it must be, in words."""
     value = fault["input"]
     match fault["type"]:
         case "dataclass_type":
@@ -90,7 +90,7 @@ def _limited(
 
 
 def _place(kind: Any, location: tuple[int | str, ...]) -> tuple[Any, list[Any]]:
-    """Return the type at a place of a group, and what limits the value there."""
+    """Return the type at a location in a group, and the limits of the value there."""
     metadata: list[Any] = []
     for name in location:
         if isinstance(name, int) or not is_dataclass(kind):

@@ -1,4 +1,4 @@
-"""What a search chooses from: keys of the configuration, each with its range or its choices."""
+"""The space of a search: keys of the configuration, each with its range or its choices."""
 
 import copy
 import math
@@ -12,18 +12,18 @@ from pipeline.settings.keys import is_key, unknown
 
 @dataclass(frozen=True)
 class Dimension:
-    """A key and what it may be set to.
+    """A key and its possible values.
 
     Parameters
     ----------
     key : str
         Dotted, such as ``optimizer.initial_step``.
     low, high : float or int
-        Of a range; whole numbers where both are.
+        Of a range; whole numbers if both are.
     is_log : bool
-        Whether the logarithm is what is even.
+        Whether values are uniform in the logarithm.
     choices : tuple
-        In place of a range.
+        Instead of a range.
     """
 
     key: str
@@ -39,7 +39,7 @@ def dimensions(space: Mapping[str, Any]) -> tuple[Dimension, ...]:
     Raises
     ------
     SettingError
-        If a key is unknown, or is told in other words.
+        If a key is unknown, or its entry has another form.
     """
     return tuple(_dimension(key, told) for key, told in sorted(_leaves(space, ())))
 
@@ -70,12 +70,12 @@ def _dimension(key: str, told: Any) -> Dimension:
 
 
 def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration with some keys set, dotted.
+    """Return a configuration with some dotted keys set.
 
     Raises
     ------
     SettingError
-        If a key is none of this configuration.
+        If a key is not in this configuration.
     """
     changed = copy.deepcopy(dict(config))
     for key, value in values.items():

@@ -1,7 +1,7 @@
 """Starts as a table: CSV text with the columns of ``scenarios.csv``.
 
-A file of starts becomes part of the configuration, so that a run, its recordings and whoever resumes it have
-the same starts whatever becomes of the file.
+A file of starts becomes part of the configuration, so that a run, its recordings and a resumed run have
+the same starts even if the file changes.
 """
 
 import csv
@@ -17,27 +17,27 @@ from pipeline.settings.nearest import did_you_mean
 
 Floats = NDArray[np.float64]
 
-#: of a row of ``scenarios.csv``: to which flights it belongs, which of them it is, and the start itself
+#: columns of ``scenarios.csv``: the set of flights, the index in it, and the start itself
 LABELS = ("set", "case")
 POSITION = tuple(f"position_{axis}_m" for axis in "xyz")
 VELOCITY = tuple(f"velocity_{axis}_m_s" for axis in "xyz")
 COLUMNS = (*LABELS, *POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")
-#: what a table may not leave out: starts are at rest, and the Sun in the orbit plane, unless it says so
+#: required columns: by default starts are at rest, and the Sun is in the orbit plane
 NEEDED = (*POSITION, "sun_angle_rad")
-#: how the sets of training begin, and that of an evaluation
+#: prefixes of the sets of training and of an evaluation
 TRAINING, EVALUATION = "training-", "evaluation"
 
 
 def split(text: str, key: str) -> tuple[str, str]:
     """Split a table into the starts of training and those of the evaluation, each a table.
 
-    Those are the rows whose ``set`` begins with ``training-`` and ``evaluation``; where there is none for one
-    of the two, it has all rows.
+    These are the rows whose ``set`` begins with ``training-`` and ``evaluation``; if there are none for one
+    of the two, it gets all rows.
 
     Raises
     ------
     SettingError
-        If the table is none, told under a key.
+        If it is not a table; the message names the key.
     """
     header, rows = _cells(text, key)
     _check_header(header, key)
@@ -56,12 +56,12 @@ def split(text: str, key: str) -> tuple[str, str]:
 
 
 def numbers(text: str, key: str) -> Mapping[str, Floats]:
-    """Return the numbers of a table without labels by their columns, each of shape (n,).
+    """Return the columns of a table without labels, each of shape (n,).
 
     Raises
     ------
     SettingError
-        If a column is unknown or missing, or a number is none.
+        If a column is unknown or missing, or a cell is not a number.
     """
     header, rows = _cells(text, key)
     _check_header(header, key)
@@ -80,12 +80,12 @@ def numbers(text: str, key: str) -> Mapping[str, Floats]:
 
 
 def num_rows(text: str) -> int:
-    """Return how many starts a table has."""
+    """Return the number of starts in a table."""
     return text.strip().count("\n")
 
 
 def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
-    """Refuse a table with a start outside the distance limits.
+    """Raise SettingError if a start of a table is outside the distance limits.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
     """
     columns = numbers(text, key)
     distances = np.sqrt(sum(np.square(columns[name]) for name in POSITION))
-    # by a billionth outside is rounding
+    # a billionth outside is rounding
     outside = (distances < limits_m[0] * (1 - 1e-9)) | (distances > limits_m[1] * (1 + 1e-9))
     if outside.any():
         row = int(np.flatnonzero(outside)[0])
@@ -122,7 +122,7 @@ def _cells(text: str, key: str) -> tuple[list[str], list[list[str]]]:
 
 
 def _check_header(header: Sequence[str], key: str) -> None:
-    """Refuse columns that say nothing here, those that are missing, and those that come twice."""
+    """Raise SettingError for unknown, missing and repeated columns."""
     for name in header:
         if name not in COLUMNS:
             raise SettingError(

@@ -28,13 +28,13 @@ from pipeline.settings.groups import settings
 
 #: of a population, or a tournament
 MOST_INDIVIDUALS = 100_000
-#: what prices may grow to, m/s
+#: largest prices, m/s
 MOST_PRICE = 1e15
 
 
 @settings("starts")
 class Starts:
-    """Where training flights start: at rest on the octants' diagonals, or drawn in a shell, or a table's."""
+    """Starts of training flights: at rest on the octants' diagonals, drawn in a shell, or from a table."""
 
     kind: Literal["octants", "random", "file"]
     num_cases: Annotated[Count, Cure("; without scenarios nothing can be trained")]
@@ -53,7 +53,7 @@ class Starts:
     table: Annotated[Text | None, Field(description="the rows of that file, as CSV text")] = None
 
     def __post_init__(self) -> None:
-        """Check that the shell is not inside out, the hard starts are some of more, and octants are eight."""
+        """Check the shell's bounds, that the hard starts are a subset, and that there are eight octants."""
         checks.shell("starts", self.min_distance_m, self.max_distance_m)
         if self.num_hard > self.hard_from:
             raise SettingError(
@@ -81,7 +81,7 @@ class Starts:
 
 @settings("optimizer.encoding")
 class Encoding:
-    """How far genes can move what they tune; a constant with bounds is tuned, None keeps the controller's."""
+    """Range of the genes; a constant with bounds is tuned, None keeps the controller's."""
 
     mean_window: Annotated[
         Positive, Field(le=0.99, description="of an inner mean, in spacings of evenly spaced terms")
@@ -122,7 +122,7 @@ class Encoding:
     ] = None
 
     def __post_init__(self) -> None:
-        """Check the bounds that a range of their own limits, and that stretched systems have genes."""
+        """Check bounds that must stay in a range, and that stretched systems have genes."""
         if self.stretch is not None and self.rules == "free":
             raise SettingError(
                 "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch "
@@ -136,7 +136,7 @@ class Encoding:
 
 @settings("optimizer.penalty")
 class Penalty:
-    """Prices in the fitness, besides delta-v; see `pipeline.training.fitness`."""
+    """Prices in the fitness besides delta-v; see `pipeline.training.fitness`."""
 
     outside_m_s: Annotated[NotNegative, Field(description="outside the limits, and again for each metre")]
     outside_most_m: Annotated[
@@ -165,7 +165,7 @@ class Penalty:
 
 @settings("optimizer")
 class Optimizer:
-    """The evolution."""
+    """The evolutionary algorithm."""
 
     population_size: Annotated[Whole, Field(ge=2, le=MOST_INDIVIDUALS)]
     generations: Annotated[Count, Field(description="after the first population, in each round")]
@@ -240,7 +240,7 @@ class Optimizer:
             )
 
     def _check_islands(self) -> None:
-        """Check that islands have equal populations, which breed, and room for migrants."""
+        """Check that islands have equal populations, large enough to breed, and room for migrants."""
         if self.algorithm != "genetic":
             raise SettingError(
                 f"optimizer.algorithm is {self.algorithm} and optimizer.islands {self.islands}; islands "
@@ -260,7 +260,7 @@ class Optimizer:
             )
 
     def _check_front(self) -> None:
-        """Check that there are starts to judge a front on, and steps that suit several objectives."""
+        """Check that there are starts to evaluate a front on, and steps that suit several objectives."""
         if self.validation_cases < 1:
             raise SettingError(
                 f"optimizer.validation_cases is {self.validation_cases}; it must be a whole number of at "

@@ -1,4 +1,4 @@
-"""Worlds: what differs from the experiment's own, by groups of the configuration."""
+"""Worlds: their differences from the experiment's own, by groups of the configuration."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -15,7 +15,7 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
     Raises
     ------
     SettingError
-        If the world changes what is no part of a world, or to what cannot be.
+        If the world changes keys that are not part of a world, or sets a value that is not allowed.
     """
     changes = experiment.compare.worlds.get(name, {})
     mission, sun = asdict(experiment.mission), asdict(experiment.sun)

@@ -1,4 +1,4 @@
-"""Gather evidence for requirements: flights, searches, proofs and a page of what they show: assure/."""
+"""Gather evidence for requirements: flights, searches, proofs and a page of the results: assure/."""
 
 import hashlib
 import sys
@@ -44,19 +44,19 @@ from pipeline.settings.places import requirements_path
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
-#: of the operational domain and of what leaves it
+#: of the bound on how many flights leave the operational domain
 CONFIDENCE = 0.9
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Gather the evidence, write it as data and as a page; that of an earlier run of this stage goes.
+    """Gather the evidence, write it as data and as a page; an earlier run's evidence is removed.
 
     Raises
     ------
     pipeline.evaluation.assurance.requirements.RequirementError
         If the requirements cannot be read.
     pipeline.run.artifacts.ArtifactError
-        If a recorded flight is not the one that was found.
+        If a recorded flight differs from the one that was found.
     """
     text = requirements_path(experiment.assurance.requirements).read_text(encoding="utf-8")
     requirements = read(text, experiment.assurance.requirements)
@@ -73,7 +73,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
-    """Say before anything flies how many cases the claims need."""
+    """Print before anything flies how many cases the claims need."""
     for one in requirements:
         if CASES in one.verified_by:
             needed = [cases_needed(one.probability, one.confidence, failed) for failed in (0, 1, 2)]
@@ -91,7 +91,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     controller = controller_of_run(experiment, folder)
     scenarios = _scenarios(experiment, settings.num_cases)
     flights = Flights(mission, controller, settings.workers)
-    flights.tracks(scenarios[:1])  # compiles where that has not been done
+    flights.tracks(scenarios[:1])  # compiles if necessary
     started = time.perf_counter()
     outcomes = flights.judge(scenarios, requirements.requirements)
     sys.stderr.write(
@@ -130,7 +130,7 @@ def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
 
 
 def _judged(requirement: Requirement, outcome: Outcome | None) -> Judgement | None:
-    """Judge a requirement by its cases, where that is asked for."""
+    """Evaluate a requirement on its cases, if it asks for that."""
     if outcome is None or CASES not in requirement.verified_by:
         return None
     return judge(outcome.margins, outcome.is_met, requirement.probability, requirement.confidence)
@@ -139,7 +139,7 @@ def _judged(requirement: Requirement, outcome: Outcome | None) -> Judgement | No
 def _searches(
     experiment: Experiment, flights: Flights, requirement: Requirement, random: Outcome | None
 ) -> tuple[Search, ...]:
-    """Search for the worst case of a requirement, where that is asked for, and tell how it went."""
+    """Search for the worst case of a requirement, if it asks for that, and print how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
     space = case_space(experiment.monte_carlo, experiment.sun, experiment.mission)
@@ -153,7 +153,7 @@ def _searches(
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
-    """Find the operational domain of a fuzzy controller, and write it for the monitor."""
+    """Return the operational domain of a fuzzy controller, and write it for the monitor."""
     if not controller.systems:
         (folder / artifacts.DOMAIN).unlink(missing_ok=True)
         return None
@@ -164,7 +164,7 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
 
 
 class _Worst:
-    """Records the worst case that is known of each requirement."""
+    """Records the worst known case of each requirement."""
 
     def __init__(
         self, experiment: Experiment, folder: Path, controller: Controller, domain: Domain | None
@@ -186,7 +186,7 @@ class _Worst:
         outcome: Outcome,
         searches: Sequence[Search],
     ) -> dict[str, Any]:
-        """Fly the worst case again, logged; record it, and judge the recording."""
+        """Fly the worst case again, logged; record it, and evaluate the recording."""
         case = int(np.argmin(outcome.margins))
         margin, scenario, source = float(outcome.margins[case]), scenarios[case], f"case {case}"
         for number, one in enumerate(searches):
@@ -228,7 +228,7 @@ def _start(mission: Mission, scenario: Scenario) -> dict[str, Any]:
 
 
 def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
-    """Write a table; an empty one is no file."""
+    """Write a table, unless it is empty."""
     if table:
         tables.write_parquet(folder / name, table)
     else:
@@ -245,7 +245,7 @@ def _fingerprint(controller: Controller) -> str | None:
 def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
-    """Say what the evidence is about and what it comes from."""
+    """Return the subject and the sources of the evidence."""
     shell, mission = experiment.monte_carlo, experiment.mission
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(artifacts.ASSURANCE)]
     own = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE)

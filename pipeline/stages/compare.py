@@ -48,7 +48,7 @@ PART = 100
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Fly all, and write the table."""
+    """Fly all controllers, and write the table."""
     reported = published.TEST
     rows = [published_row("the paper", reported.num_cases, reported.means, reported.standard_deviations)]
     flown: list[Row] = []
@@ -99,7 +99,7 @@ def _solved(experiment: Experiment) -> Solved | None:
 
 
 class _Flights:
-    """The flights of all rows: shows how many are flown, until somebody ends them."""
+    """The flights of all rows: shows the number flown, and can be stopped."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress, self._lock, self._flown = progress, Lock(), 0
@@ -116,8 +116,8 @@ class _Flights:
 def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
     """Fly the controllers of all lots; rows in their order.
 
-    Those that plan again and again, half of the time in Python, keep less than two processors busy, whatever
-    the number of threads: compiled ones are flown meanwhile.
+    Planning controllers, half of whose time is spent in Python, keep less than two processors busy, whatever
+    the number of threads: compiled ones fly at the same time.
     """
     compare = lots[0].experiment.compare
     rows_of_lot = len(compare.controllers) * len(compare.safety)
@@ -142,7 +142,7 @@ def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
 
 
 def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> list[Row]:
-    """Fly one controller under all layers."""
+    """Fly one controller with all safety layers."""
     experiment, controller = lot.experiment, remembering(controller)
     workers, rows = experiment.monte_carlo.workers, []
     for layer in experiment.compare.safety:
@@ -169,13 +169,13 @@ def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> lis
 
 
 def label_of(name: str, names: Sequence[str]) -> str:
-    """Return what a controller is called in the table: its file's name, where that is no other's too."""
+    """Return a controller's name in the table: its file's name if that is unique."""
     stem = Path(name).stem
     return stem if [Path(other).stem for other in names].count(stem) == 1 else name
 
 
 def guarded(mission: Mission, layer: str) -> Mission:
-    """Return a mission under a safety layer; the filter has the mission's own numbers."""
+    """Return a mission with a safety layer; the filter has the mission's own parameters."""
     return replace(mission, safety=UNGUARDED if layer == "none" else replace(mission.safety, kind="filter"))
 
 
@@ -215,7 +215,7 @@ def _planned(experiment: Experiment, solved: Solved) -> ComparisonRow:
 
 
 def _told(experiment: Experiment, rows: list[ComparisonRow]) -> str:
-    """Write the table and what its columns mean."""
+    """Write the table and the meaning of its columns."""
     threshold = experiment.mission.inspection_threshold_percent
     confidence = experiment.monte_carlo.confidence_percent
     deputy = experiment.mission.deputy

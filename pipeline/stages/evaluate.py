@@ -1,4 +1,4 @@
-"""Fly the controller from all evaluation starts: episodes, trajectories, summary; and beside the optimum."""
+"""Fly the controller from all evaluation starts: episodes, trajectories, summary, the optimum."""
 
 import shlex
 import sys
@@ -28,10 +28,10 @@ from pipeline.settings.schema import experiment_from
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Fly the run's champion, or the configured controller where nothing was trained."""
+    """Fly the run's champion, or the configured controller if nothing was trained."""
     controller = controller_of_run(experiment, folder)
     first = evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed, slice(1))
-    fly_cases(experiment.mission, controller, first, 1)  # compiles where that has not been done
+    fly_cases(experiment.mission, controller, first, 1)  # compiles if necessary
     started = time.perf_counter()
     episodes = _flown(experiment, controller, folder)
     seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
@@ -65,14 +65,14 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _viewer_line(folder: Path) -> str:
-    """Say how to see all flights, where it was written down where they flew."""
+    """Return how to view all flights, if their trajectories were written."""
     if not (folder / artifacts.TRAJECTORIES).exists():
         return ""
     return f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n"
 
 
 def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
-    """Fly all cases and write them down; those of a campaign in parts, and without where they flew."""
+    """Fly all cases and write them; a campaign in parts, and without trajectories."""
     cases = experiment.monte_carlo
     if _is_in_parts(experiment):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
@@ -96,13 +96,13 @@ def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapp
 
 
 def _is_in_parts(experiment: Experiment) -> bool:
-    """Tell whether cases are flown part by part: by Dask, or where there are more than a part has."""
+    """Return whether cases are flown in parts: by Dask, or if there are more than fit in one part."""
     engine = experiment.engine
     return engine.kind != "local" or experiment.monte_carlo.num_cases > engine.part_cases
 
 
 def _fly_parts(experiment: Experiment, folder: Path, kind: str) -> list[Path]:
-    """Fly a campaign by its engine, each part into a file; a resumed one flies those that are not there."""
+    """Fly a campaign by its engine, each part into a file; a resumed one flies the missing parts."""
     engine, num_cases = experiment.engine, experiment.monte_carlo.num_cases
     place = folder / artifacts.EPISODE_PARTS / kind
     if not experiment.resume and place.is_dir():
@@ -123,7 +123,7 @@ def _fly_parts(experiment: Experiment, folder: Path, kind: str) -> list[Path]:
 def fly_part(folder: str, kind: str, first: int, last: int) -> dict[str, Column]:
     """Fly some cases of the run in a folder: as they are, or ``nominal``, without their dispersions.
 
-    Processes of an engine do this: they know of a run what its folder tells.
+    Runs in the processes of an engine, which know of a run only what its folder contains.
     """
     experiment = experiment_from(artifacts.read_config(Path(folder)))
     controller, cases = controller_of_run(experiment, Path(folder)), experiment.monte_carlo
@@ -135,7 +135,7 @@ def fly_part(folder: str, kind: str, first: int, last: int) -> dict[str, Column]
 
 
 def _drop(paths: list[Path]) -> None:
-    """Remove parts, and their folders where nothing else is left there."""
+    """Remove parts, and their folders if nothing else is left there."""
     for path in paths:
         path.unlink(missing_ok=True)
     for place in {path.parent for path in paths}:
@@ -162,7 +162,7 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
 def _dispersed(
     experiment: Experiment, controller: Controller, episodes: Mapping[str, Any], folder: Path
 ) -> dict[str, Any]:
-    """Return what each dispersion costs, and how the same cases go without; nothing where there is none."""
+    """Return the cost of each dispersion, and the results without; nothing if there are no dispersions."""
     mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
     if not mission.dispersions:
         return {}
@@ -179,7 +179,7 @@ def _dispersed(
 def _nominal(
     experiment: Experiment, controller: Controller, folder: Path
 ) -> tuple[Mapping[str, Column], list[Path]]:
-    """Fly the same cases without their dispersions; return what came of it, and the files it is read from."""
+    """Fly the same cases without their dispersions; return the results, and the files they are read from."""
     cases = experiment.monte_carlo
     if _is_in_parts(experiment):
         paths = _fly_parts(experiment, folder, "nominal")
@@ -190,7 +190,7 @@ def _nominal(
 
 
 def _dispersion_lines(summary: Mapping[str, Any]) -> str:
-    """Say how the cases go without dispersions, what most keep to with them, and which matter."""
+    """Return lines on the results without dispersions, the 99 % delta-v, and which dispersions matter."""
     if "sensitivity" not in summary:
         return ""
     nominal, (_, _, most) = summary["nominal"], summary["percentiles"]["delta_v_m_s"]
@@ -211,7 +211,7 @@ def _dispersion_lines(summary: Mapping[str, Any]) -> str:
 
 
 def _told(beside: dict[str, Any]) -> str:
-    """Say in a line how many times the optimum was burnt; nothing where it was not compared."""
+    """Return a line on the ratio of fuel to the optimum; nothing if not compared."""
     if "not_compared" in beside:
         return ""
     times = beside["times_optimum"]
@@ -223,7 +223,7 @@ def _told(beside: dict[str, Any]) -> str:
 
 
 def _inspectable_line(summary: Mapping[str, Any]) -> str:
-    """Say what the rate is of the points that can be inspected, where some cannot be."""
+    """Return a line on the rate of inspectable points, if some are not."""
     rate = summary["inspectable_rate_percent"]
     if rate["mean"] == summary["inspection_rate_percent"]["mean"]:
         return ""
@@ -235,7 +235,7 @@ def _inspectable_line(summary: Mapping[str, Any]) -> str:
 
 
 def _propellant_line(summary: Mapping[str, Any]) -> str:
-    """Say what was used up, where the mass falls."""
+    """Return a line on propellant, if the mass falls."""
     if "propellant_kg" not in summary:
         return ""
     used = summary["propellant_kg"]
@@ -243,7 +243,7 @@ def _propellant_line(summary: Mapping[str, Any]) -> str:
 
 
 def _safety_line(experiment: Experiment, summary: Mapping[str, Any]) -> str:
-    """Say what the safety layer did, where it is on."""
+    """Return a line on the safety layer, if it is on."""
     if experiment.mission.safety.kind == "none":
         return ""
     acted = summary["safety_acted"]

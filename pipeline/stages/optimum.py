@@ -26,7 +26,7 @@ CaseRow = dict[str, Any]
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Solve the cases that are not there yet, and write each as soon as it is solved."""
+    """Solve the missing cases, and write each as soon as it is solved."""
     scenarios = scenarios_of(experiment)
     rows = kept_rows(folder, scenarios)
     if rows:
@@ -51,19 +51,19 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def scenarios_of(experiment: Experiment) -> list[Scenario]:
-    """Return the starts to solve: those of the evaluation, or the one that the configuration gives."""
+    """Return the starts to solve: those of the evaluation, or the one given in the configuration."""
     if experiment.optimum.cases == "start":
         return [given_start(experiment.mission.deputy, experiment.sun, experiment.seed)]
     return evaluation_scenarios(experiment.monte_carlo, experiment.sun, experiment.seed)
 
 
 def plan_path(folder: Path, case: int) -> Path:
-    """Return where the plan of a case is."""
+    """Return the path of a case's plan."""
     return folder / artifacts.OPTIMUM_PLANS / f"case-{case:04d}.csv"
 
 
 def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
-    """Return the rows of cases solved before, whose plan is there and whose start is this run's."""
+    """Return the rows of cases solved before that have a plan and this run's start."""
     if not (folder / artifacts.OPTIMUM_CASES).exists():
         return {}
     columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
@@ -81,7 +81,7 @@ def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
 
 
 def _solve(experiment: Experiment, case: int, scenario: Scenario) -> CasePlan:
-    """Solve a case; what it draws depends on the seed, the case and the restart alone."""
+    """Solve a case; its random numbers depend only on the seed, the case and the restart."""
     seed = np.random.SeedSequence(experiment.seed, spawn_key=(EVALUATION, case))
     return solve(experiment.mission, scenario, experiment.optimum, seed)
 
@@ -104,7 +104,7 @@ def write_cases(folder: Path, rows: Mapping[int, CaseRow]) -> None:
 
 
 def _told(row: CaseRow) -> str:
-    """Say how solving a case ended."""
+    """Return how solving a case ended."""
     if not row["is_feasible"]:
         return (
             f"case {row['case']} has no plan: {row['inspected_count']} of {row['points_asked']} points, "

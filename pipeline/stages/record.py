@@ -1,4 +1,4 @@
-"""Fly the telling flights again, logged, and record each as a file: episodes/*.mcap."""
+"""Fly notable flights again, logged, and record each as a file: episodes/*.mcap."""
 
 import math
 import re
@@ -23,9 +23,9 @@ from telemetry import RecordingError
 
 Columns = Mapping[str, NDArray[Any]]
 
-#: of many random training scenarios only the first are recorded
+#: only the first of many random training scenarios are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
-#: the files that this stage writes, and no other
+#: the files that this stage writes
 OWN_FILES: Final = re.compile(r"(training-\d+|((worst|median|best)-)?case-\d+|start)\.mcap(\.partial)?")
 
 
@@ -40,7 +40,7 @@ class FlightToRecord:
     scenario_id : str
     scenario : Scenario
     expected : tuple of (int, float), optional
-        Inspected points and delta-v (m/s) that its evaluation gave.
+        Inspected points and delta-v (m/s) of its evaluation.
     """
 
     name: str
@@ -50,12 +50,12 @@ class FlightToRecord:
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Record what `telemetry.record_*` asks for; recordings of an earlier run of this stage go.
+    """Record what `telemetry.record_*` asks for; an earlier run's recordings are removed.
 
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If the evaluation is missing or of other flights, or a file cannot be written.
+        If the evaluation is missing or has other flights, or a file cannot be written.
     """
     flights = flights_of(experiment, folder)
     recordings = folder / artifacts.RECORDINGS
@@ -88,7 +88,7 @@ def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
 
 
 def _columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
-    # a flight from a given start does without tables
+    # a flight from a given start needs no tables
     from pipeline.run import tables  # noqa: PLC0415
 
     return tables.read_parquet(folder, name)
@@ -109,9 +109,9 @@ def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToR
 
 
 def _evaluated_flight(name: str, episodes: Columns, row: int, scenarios: list[Scenario]) -> FlightToRecord:
-    """Return the flight of a row of an evaluation, once it is sure that this run's case started there."""
+    """Return the flight of an evaluation's row, after checking that this run's case started there."""
     case = int(episodes["case"][row])
-    # earlier versions knew no elevation
+    # earlier versions had no elevation
     start = [float(episodes[column][row]) if column in episodes else 0.0 for column in _START]
     drawn = scenarios[case] if case < len(scenarios) else None
     if drawn is None or start != [
@@ -131,7 +131,7 @@ _START = ("position_x_m", "position_y_m", "position_z_m", "sun_angle_rad", "sun_
 
 
 def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:
-    """Fly and record, with a line a flight."""
+    """Fly and record, with one line per flight."""
     controller = controller_of_run(experiment, folder)
     recorder = FlightRecorder(
         experiment.mission,
@@ -152,17 +152,17 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
             f"  {path.relative_to(folder).as_posix()}: {points_in_words(log)}, "
             f"{log.delta_v_m_s[-1]:.3f} m/s\n"
         )
-    # the last: of an evaluation the best
+    # the last: the best of an evaluation
     sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")
 
 
 def _check_repeated(flight: FlightToRecord, log: FlightLog) -> None:
-    """Refuse to call a flight the worst, median or best of an evaluation that it does not repeat."""
+    """Raise ArtifactError unless a worst, median or best flight repeats its evaluation."""
     if flight.expected is None:
         return
     count, delta_v = flight.expected
     flown = int(log.is_inspected[-1].sum()), float(log.delta_v_m_s[-1])
-    # another processor may round the last digits another way
+    # another processor may round the last digits differently
     if flown[0] != count or not math.isclose(flown[1], delta_v, rel_tol=1e-9, abs_tol=1e-12):
         raise artifacts.ArtifactError(
             f"{flight.scenario_id} now inspects {flown[0]} points for {flown[1]:.6f} m/s, but "

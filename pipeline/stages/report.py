@@ -1,4 +1,4 @@
-"""Tell a run in pictures, tables and words: report.html and figures/*.png; its controller: review.html."""
+"""Write the report of a run: report.html and figures/*.png; the review of its controller: review.html."""
 
 import sys
 from pathlib import Path
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Write the report of what is there; pictures of an earlier report that are no longer made go.
+    """Write the report of what is there; pictures of an earlier report that are not made again are removed.
 
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
-        If a file of the run is there and cannot be read.
+        If a file of the run exists and cannot be read.
     """
     with second_process("pipeline.report.figures.side_by_side") as share:  # with all that figures load
         _write(experiment, folder, share)
@@ -49,7 +49,7 @@ def _write(experiment: Experiment, folder: Path, share: Share) -> None:
 
 
 def _write_review(contents: "Contents", folder: Path) -> None:
-    """Write the page that the run's fuzzy controller is reviewed on; that of an earlier one goes."""
+    """Write the review of the run's fuzzy controller; an earlier one is removed."""
     from fis_tools.formats.error import ControllerFileError  # noqa: PLC0415 - as above
     from fis_tools.review import page as review  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Write down where every flight of the experiment starts: scenarios.csv."""
+"""Write the starts of all flights of the experiment: scenarios.csv."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ from pipeline.settings.start_table import COLUMNS
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Draw the starts and write them, those of each round of training and those of the evaluation."""
+    """Draw and write the starts of each round of training and of the evaluation."""
     rounds = experiment.optimizer.rounds if experiment.starts.redraw else 1
     sets: dict[str, list[Scenario]] = {}
     if "train" in experiment.stages or experiment.telemetry.record_training:

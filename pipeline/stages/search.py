@@ -1,4 +1,4 @@
-"""Try settings of the experiment and keep the best: trials, what to type for the best, its champion."""
+"""Try settings of the experiment and keep the best: trials, the command for the best, its champion."""
 
 import csv
 import io
@@ -26,7 +26,7 @@ from pipeline.training.judging import choose, evolved
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Try as many settings as are asked for, each judged by the experiment's own prices."""
+    """Run the requested number of trials, each evaluated with the experiment's own prices."""
     try:
         from pipeline.evaluation.trials import trials  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
@@ -63,7 +63,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 def _judge(
     experiment: Experiment, config: Mapping[str, Any], made: dict[str, Controller], values: Mapping[str, Any]
 ) -> Iterator[float]:
-    """Fly a trial's controller, trained where that is asked for, block by block; yield mean costs, m/s."""
+    """Fly a trial's controller, trained if requested, block by block; yield mean costs, m/s."""
     search, mission = experiment.search, experiment.mission
     tried = experiment_from(with_values(config, values))
     controller = _trained(tried) if search.trains else source.load(tried.controller, tried.mission)
@@ -78,7 +78,7 @@ def _judge(
 
 
 def _trained(experiment: Experiment) -> Controller:
-    """Train from the configured controller, without a trace but the champion."""
+    """Train from the configured controller, keeping only the champion."""
     experiment = replace(experiment, engine=replace(experiment.engine, kind="local"))
     genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
     result = evolved(experiment, genome)
@@ -89,7 +89,7 @@ def _trained(experiment: Experiment) -> Controller:
 
 
 def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) -> None:
-    """Write the controller that was trained last; one of an earlier process is written already."""
+    """Write the controller that was trained last; one of an earlier process is already written."""
     if experiment.search.trains and "last" in made and made["last"].fuzzy is not None:
         artifacts.write_atomically(
             folder / artifacts.CHAMPION, serialize.dump_json(made["last"].fuzzy) + "\n"

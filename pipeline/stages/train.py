@@ -31,8 +31,8 @@ from pipeline.training.tracking.told import Sink, Told
 
 Floats = NDArray[np.float64]
 
-#: the history is written at most once in so many seconds, because each writing waits for the disk; the
-#: checkpoint, from which a training goes on, is written after every generation
+#: the history is written at most once in this many seconds, because each writing waits for the disk; the
+#: checkpoint, from which a training resumes, is written after every generation
 WRITE_EVERY_S = 1.0
 
 PARTS = ("delta_v_m_s", "points", "outside", "outside_m", "short")
@@ -63,13 +63,13 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _evolved(experiment: Experiment, folder: Path, genome: Genome, sink: Sink) -> Evolution:
-    """Evolve; everybody is told of each generation."""
+    """Evolve, and report each generation to all sinks."""
     kept: list[Generation] = []
     flights, due = ChampionFlights(experiment, genome), time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
 
         def write(history: Sequence[Generation]) -> None:
-            # before the history, so that whoever watches it grow finds the flight of each of its champions
+            # before the history, so that the flight of each of its champions exists when the history is read
             if flights.add(history):
                 tables.write_parquet(folder / artifacts.CHAMPION_TRAJECTORIES, flights.columns())
             write_history(folder, history)
@@ -107,13 +107,13 @@ def _stopped(
     genome: Genome,
     history: Sequence[Generation],
 ) -> artifacts.WriteError:
-    """Keep the champion of a training that the disk has stopped; say where it is and how to go on."""
+    """Keep the champion of a training stopped by a full disk; say where it is and how to go on."""
     place = artifacts.CHAMPION
     try:
         choice = choose(experiment, genome, history)
         write_champion(folder, experiment, genome, choice, _provenance(folder, experiment, history, True))
     except artifacts.WriteError:
-        # the checkpoint of the last generation that found room stands
+        # the last checkpoint that fitted is still there
         place = artifacts.CHECKPOINT
     return artifacts.WriteError(
         f"{error}. The training stopped after {len(history)} generations and its champion is kept in "
@@ -122,7 +122,7 @@ def _stopped(
 
 
 def _as_flown(experiment: Experiment) -> Experiment:
-    """Return an experiment whose generations fly on one thread where Dask's processes fly islands."""
+    """Return an experiment whose generations fly on one thread if Dask's processes fly islands."""
     optimizer, engine = experiment.optimizer, experiment.engine
     if optimizer.islands == 1 or engine.kind == "local":
         return experiment
@@ -137,7 +137,7 @@ def _keep_front(
     round_index: int,
     provenance: Mapping[str, str],
 ) -> Choice:
-    """Fly a front from the validation starts and write it; its best there is the champion."""
+    """Fly a front from the validation starts and write it; the best there is the champion."""
     num_cases = experiment.optimizer.validation_cases
     sys.stderr.write(f"  flying the front's {len(front.genomes)} controllers from {num_cases} more starts\n")
     scenarios = validation_scenarios(experiment.starts, experiment.sun, experiment.seed, num_cases)
@@ -157,7 +157,7 @@ def rows_of(history: Sequence[Generation]) -> list[dict[str, Any]]:
 
 
 def write_history(folder: Path, history: Sequence[Generation]) -> None:
-    """Write the logbook and, with the champions' genomes, the history; both anew, whole."""
+    """Write the logbook and, with the champions' genomes, the history; both are written whole."""
     rows = rows_of(history)
     tables.write_csv(folder / artifacts.LOGBOOK, list(rows[0]), [list(row.values()) for row in rows])
     columns = {name: [row[name] for row in rows] for name in rows[0]}
@@ -169,7 +169,7 @@ def write_history(folder: Path, history: Sequence[Generation]) -> None:
 def write_champion(
     folder: Path, experiment: Experiment, genome: Genome, choice: Choice, provenance: Mapping[str, str]
 ) -> None:
-    """Write the champion as a controller file that says where it comes from."""
+    """Write the champion as a controller file with its provenance."""
     told = {"training_fitness": repr(choice.fitness), **provenance}
     if choice.validation_fitness is not None:
         told["validation_fitness"] = repr(choice.validation_fitness)
@@ -190,7 +190,7 @@ def _name(experiment: Experiment, genome: Genome) -> str:
 def _provenance(
     folder: Path, experiment: Experiment, history: Sequence[Generation], interrupted: bool
 ) -> dict[str, str]:
-    """Say where the controllers of a training come from."""
+    """Return the provenance of a training's controllers."""
     return {
         **_origin(folder, experiment),
         "generations": str(len(history)),
@@ -199,7 +199,7 @@ def _provenance(
 
 
 def _origin(folder: Path, experiment: Experiment) -> dict[str, str]:
-    """Say which training it is."""
+    """Return which training it is."""
     return {
         "experiment": experiment.name,
         "seed": str(experiment.seed),

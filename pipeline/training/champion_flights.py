@@ -1,4 +1,4 @@
-"""Where the champions of a training fly, generation by generation, to watch it learn."""
+"""Flights of a training's champions, generation by generation, to watch it learn."""
 
 from collections.abc import Sequence
 
@@ -18,13 +18,13 @@ Floats = NDArray[np.float64]
 
 
 class ChampionFlights:
-    """The flight of each champion of a training, all from the start that the configuration gives.
+    """The flight of each champion of a training, all from the start in the configuration.
 
     Parameters
     ----------
     experiment : Experiment
     genome : Genome
-        What their genes are.
+        Meaning of their genes.
     """
 
     def __init__(self, experiment: Experiment, genome: Genome):
@@ -38,7 +38,7 @@ class ChampionFlights:
         self._tracks: list[NDArray[np.float32]] = []
 
     def add(self, history: Sequence[Generation]) -> bool:
-        """Fly the champions that are new since the last call; tell whether there was one."""
+        """Fly the champions that are new since the last call; return whether there was one."""
         num_flown = len(self._tracks)
         for generation in history[self._num_seen :]:
             if self._last is None or not np.array_equal(generation.champion, self._last):
@@ -56,7 +56,7 @@ class ChampionFlights:
         return track
 
     def columns(self) -> dict[str, NDArray[np.generic]]:
-        """Return a row for each sample of each champion, under the generation that brought it."""
+        """Return a row for each sample of each champion, with the generation that found it."""
         num_samples = self._world.num_controls + 1
         moments = np.repeat(np.array(self._moments, dtype=np.int32), num_samples, axis=0)
         positions = np.concatenate(self._tracks)

@@ -1,19 +1,19 @@
-"""What a flight is worth: the terms of the fitness.
+"""The fitness of flights, term by term.
 
 Pure functions of outcomes. The fitness of a controller is the mean over its flights of delta-v plus
 
 ``zeta = c_d [outside] (1 + metres outside) + c_95 max(0, needed - points) + c_99 (all - points)``
 
 with c_d, c_95 and c_99 the settings ``outside_m_s``, ``short_point_m_s`` and ``missed_point_m_s``, `all` the
-points that can be inspected, because they are lit at some sample of the flight, and `needed` those of them
-that make a success: 95 of 99 at a threshold of 95 %. Outside is what leaves the distance
-limits drawn in by the penalty's margins, so that a champion keeps clear of them; at most `outside_most_m` of
-its metres are paid for, so that a search for few exits is not led by how far the worst of them goes
+points that can be inspected, because they are lit at some sample of the flight, and `needed` the number
+for a success: 95 of 99 at a threshold of 95 %. The distance limits are tightened by the penalty's margins, so
+that a champion keeps clear of them; at most `outside_most_m` of
+the metres outside are priced, so that a search for few exits is not dominated by the largest one
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
 
-For a front the fitness falls into two objectives of which it is the sum, so that its champion is on the
-front: what is spent and what is missed. Faults, to leave the limits or to fall short of the points that make
-a success, are paid for half and half, so that no controller buys one objective with them.
+For a front the fitness is the sum of two objectives, so that its champion is on the
+front: fuel spent and points missed. Faults, i.e. leaving the limits or missing the threshold
+of success, are charged half to each, so that no controller improves one objective by them.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ def fitness_parts(
     limits_m: tuple[float, float],
     threshold_percent: float,
 ) -> dict[str, Floats]:
-    """Compute the fitness of a population, in parts.
+    """Return the fitness of a population, in parts.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def fitness_parts(
     Returns
     -------
     dict of (n,) arrays
-        ``fitness``, and what it is made of: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
+        ``fitness``, and its parts: ``delta_v_m_s`` and ``points`` (means), ``outside`` (flights that
         left the limits), ``outside_m`` (mean), ``short`` (flights short of the threshold).
     """
     points = outcomes.inspected_count
@@ -98,7 +98,7 @@ def _prices(
     limits_m: tuple[float, float],
     threshold_percent: float,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return what each flight pays for being outside, for falling short and for missing points, m/s."""
+    """Return the prices of each flight for being outside, falling short and missing points, m/s."""
     points = outcomes.inspected_count
     outside_m = outcomes.outside_m
     if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:

@@ -1,10 +1,10 @@
 """The front of a training: each of its controllers flown from the validation starts, as a table and as files.
 
-Columns, a row a controller, the cheapest on the validation starts first: ``controller``, the number of its
-file; ``champion``, the one of least fitness on the validation starts; ``stands``, whether none of the front
-dominates it there too; then what it comes to there (``validation_...``) and on the starts of the last round
-of training (``training_...``). Where rule consistency is an objective, ``rule_consistency`` is the mean
-of all its rules.
+Columns, one row per controller, the cheapest on the validation starts first: ``controller``, the number of
+its file; ``champion``, the one of least fitness on the validation starts; ``stands``, whether it is
+nondominated there too; then its results there (``validation_...``) and on the starts of the last round
+of training (``training_...``). If rule consistency is an objective, ``rule_consistency`` is the mean
+over all its rules.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from pipeline.training.readability import INCONSISTENCY
 Floats = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
-#: columns that the provenance of each controller tells
+#: columns in the provenance of each controller
 TOLD = (
     "training_fitness_m_s",
     "validation_fitness_m_s",
@@ -44,11 +44,11 @@ def judged_front(
     Parameters
     ----------
     front : Front
-        Its parts are those of `pipeline.training.fitness.fitness_parts` and the objectives.
+        With the parts of `pipeline.training.fitness.fitness_parts` and the objectives.
     validation : mapping of str to (n,) array
         The fitness and the same parts, on the validation starts.
     num_points, num_cases : int
-        All points; validation starts.
+        All points; number of validation starts.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def _columns(starts: str, parts: Mapping[str, Floats], num_points: int) -> Colum
 
 
 def _stands(objectives: Floats) -> NDArray[np.bool_]:
-    """Tell of each row which none dominates."""
+    """Return which rows are nondominated."""
     no_worse = np.all(objectives[:, None] <= objectives, axis=-1)
     better = np.any(objectives[:, None] < objectives, axis=-1)
     return np.asarray(~np.any(no_worse & better, axis=0))
@@ -97,7 +97,7 @@ def write_front(
     controllers: Sequence[FuzzyController],
     provenance: Mapping[str, str],
 ) -> None:
-    """Write the table, with and without genomes, and a controller file for each row; earlier ones go."""
+    """Write the table, with and without genomes, and a controller file per row; remove earlier ones."""
     names = [f"{index:02d}" for index in columns["controller"]]
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     tables.write_csv(folder / artifacts.FRONT, list(columns), list(rows))

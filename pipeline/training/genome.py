@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Genome:
-    """Which gene tunes what in a controller; every vector in [0, 1] is a controller.
+    """The mapping from genes to a controller; every vector in [0, 1] is a controller.
 
     First come the genes of the systems (`fis_tools.genes.parameters.SystemEncoding`, or fewer,
     `fis_tools.genes.reduction`, or `fis_tools.genes.stretches`), then one for each constant that is tuned,
@@ -33,14 +33,14 @@ class Genome:
     Parameters
     ----------
     template : Controller
-        Whose structure is tuned, with an attribute for each constant that is.
+        Has the structure to tune, with an attribute for each tuned constant.
     systems : SystemEncoding or Stretches
     reduction : Planes or KeptRules, optional
-        What the genes of the systems are where they are fewer than the encoding's.
+        The genes of the systems, if they are fewer than the encoding's.
     constants : tuple of (str, float, float)
         Those tuned, with their bounds.
     digits : int, optional
-        Significant digits to which they are rounded.
+        Significant digits to which numbers are rounded.
     """
 
     template: Controller
@@ -59,11 +59,11 @@ class Genome:
         return (self.reduction or self.systems).num_genes
 
     def gene_names(self) -> list[str]:
-        """Say for each gene what it tunes."""
+        """Return for each gene what it tunes."""
         return (self.reduction or self.systems).gene_names() + [name for name, _, _ in self.constants]
 
     def pack(self, genomes: Floats) -> Packed:
-        """Return what the compiled flight reads of a population of shape (n, num_genes)."""
+        """Return a population of shape (n, num_genes) in the form that the compiled flight reads."""
         genomes = np.asarray(genomes, dtype=np.float64)
         numbers = self.systems.pack(self._system_genes(genomes))
         if not has_constants(self.template):
@@ -87,7 +87,7 @@ class Genome:
     def encode(self, controller: FuzzyController | None = None) -> Floats:
         """Return the genome of a controller of this structure, or of the template itself.
 
-        What lies outside the bounds is clipped.
+        Values outside the bounds are clipped.
         """
         controller = controller or _fuzzy(self.template)
         genome = self.systems.encode(controller.systems)
@@ -105,7 +105,7 @@ class Genome:
 
 
 def genome_of(template: Controller, settings: Encoding) -> Genome:
-    """Return what the settings let evolution tune in a controller.
+    """Return the genome that the settings define for a controller.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
 
 
 def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
-    """Return the bounds of a constant; those of some are under one key."""
+    """Return the bounds of a constant; some share a key."""
     if name in TOUR_PLACES:
         return settings.tour_m
     key = "dead_band_n" if name.startswith("dead_band") else name
@@ -137,7 +137,7 @@ def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
 def _systems_of(
     fuzzy: FuzzyController, settings: Encoding
 ) -> tuple[SystemEncoding | Stretches, Planes | KeptRules | None]:
-    """Return what the genes of the systems are, and what they are where they are fewer."""
+    """Return the encoding of the systems, and its reduction if the genes are fewer."""
     if settings.stretch is not None:
         least, greatest = settings.stretch
         factors, has_planes = (least, greatest), settings.rules == "planes"

@@ -1,4 +1,4 @@
-"""What a training judges by: flights from a round's starts, and those that its champion is chosen by."""
+"""Evaluation in training: flights from a round's starts, and those by which the champion is chosen."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,17 +29,17 @@ Floats = NDArray[np.float64]
 def fitness_of_round(
     experiment: Experiment, genome: Genome, round_index: int, champion: Floats | None = None
 ) -> Evaluate:
-    """Return the function that flies genomes from a round's starts and judges them.
+    """Return the function that flies genomes from a round's starts and evaluates them.
 
     Parameters
     ----------
     experiment : Experiment
     genome : Genome
-        What the genes are.
+        Meaning of the genes.
     round_index : int
         From 0.
     champion : (num_genes,) array, optional
-        Of the round before: those of some more starts on which it does worst join the round's own.
+        Of the round before: the worst of some further starts for it are added to the round's own.
     """
     starts = experiment.starts
     scenarios = training_scenarios(starts, experiment.sun, experiment.seed, round_index)
@@ -53,7 +53,7 @@ def fitness_of_round(
 def fitness_from(
     experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int
 ) -> Evaluate:
-    """Return the function that flies genomes from some starts and judges them by the weights of a round."""
+    """Return the function that flies genomes from some starts and evaluates them with a round's prices."""
     mission, optimizer = experiment.mission, experiment.optimizer
     penalty = optimizer.penalty.of_round(round_index)
     fly = _flights_from(mission, genome, scenarios, optimizer.workers)
@@ -74,7 +74,7 @@ def fitness_from(
 def costs_of(
     experiment: Experiment, genome: Genome, champion: Floats, scenarios: list[Scenario], round_index: int
 ) -> Floats:
-    """Return what each flight of a champion costs by the weights of a round, shape (scenarios,)."""
+    """Return the cost of each flight of a champion with the prices of a round, shape (scenarios,)."""
     mission, optimizer = experiment.mission, experiment.optimizer
     outcomes = _flights_from(mission, genome, scenarios, optimizer.workers)(champion[np.newaxis])
     penalty = optimizer.penalty.of_round(round_index)
@@ -87,8 +87,8 @@ def _flights_from(
 ) -> Callable[[Floats], Outcomes]:
     """Return the function that flies genomes of shape (n, num_genes) from some starts; outcomes of (n, m).
 
-    Those that fly images of a tour ahead do so in training too, one genome after the other; first pushes are
-    left to the rules.
+    Controllers that rehearse images of a tour do so in training too, one genome after the other; first pushes
+    are left to the rules.
     """
     if tour_images(genome.template):
 
@@ -122,7 +122,7 @@ def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
 
 @dataclass(frozen=True)
 class Choice:
-    """The champion of a training, and what it was chosen by.
+    """The champion of a training, and the basis of the choice.
 
     Parameters
     ----------
@@ -130,10 +130,10 @@ class Choice:
     fitness : float
         In training.
     validation_fitness : float, optional
-        On the validation starts, by the weights of the last round; None where it was not chosen there.
+        On the validation starts, with the prices of the last round; None if it was not chosen there.
     rounds : tuple of (int, float, float)
-        Index of each round, and what its champion's fitness is, by the weights of the last round, on the
-        starts that it trained on and on the validation starts; empty where they were not compared.
+        Index of each round, and its champion's fitness, with the prices of the last round, on the
+        starts that it trained on and on the validation starts; empty if they were not compared.
     """
 
     champion: Floats
@@ -143,7 +143,7 @@ class Choice:
 
 
 def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]) -> Choice:
-    """Choose the best of the rounds' champions on starts that no training has flown."""
+    """Return the best of the rounds' champions on starts not used in training."""
     num_cases = experiment.optimizer.validation_cases
     if num_cases == 0:
         return Choice(history[-1].champion, history[-1].best)

@@ -1,4 +1,4 @@
-"""Shows how a training gets on: the best fitness and its parts."""
+"""Shows the progress of a training: the best fitness and its parts."""
 
 from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Optimizer

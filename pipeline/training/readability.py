@@ -1,4 +1,4 @@
-"""How far the rules of individuals are from meaning what they say, the third objective of a front."""
+"""Rule inconsistency of individuals, the third objective of a front."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,20 +9,20 @@ from pipeline.training.genome import Genome
 
 Floats = NDArray[np.float64]
 
-#: the objective that no flight decides
+#: the objective that needs no flight
 INCONSISTENCY = OBJECTIVE + "inconsistency"
 
 
 def inconsistency(genome: Genome, genomes: Floats) -> Floats:
-    """Return 1 less the mean rule consistency of each controller, shape (n,).
+    """Return 1 minus the mean rule consistency of each controller, shape (n,).
 
-    0 where every rule, where it holds most, has the answer that it alone would have
+    0 if every rule, where it holds most, gives the output that it would give alone
     (`fis_tools.analysis.measures.rule_consistency`).
 
     Parameters
     ----------
     genome : Genome
-        What the genes are.
+        Meaning of the genes.
     genomes : (n, num_genes) array
     """
     return np.array([1.0 - np.concatenate(_consistency(genome, genes)).mean() for genes in genomes])

@@ -1,4 +1,4 @@
-"""What a camera that looks at the chief's centre inspects along a path, told without a flight."""
+"""The points that a camera aimed at the chief's centre inspects along a path, computed without a flight."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +15,18 @@ Floats = NDArray[np.float64]
 
 
 def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:
-    """Count the points that are lit and in view at some sample of each path.
+    """Return the number of points that are lit and in view at some sample of each path.
 
     Parameters
     ----------
     world : World
         Of the mission.
     scenario : Scenario
-        Whose Sun shines.
+        Gives the Sun's direction.
     paths : (n, samples, 3)
         Positions, m, Hill axes.
     stride : int
-        Control periods between two of them.
+        Control periods between two positions.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def _count(
                 px, py, pz = points[sample, 0, j], points[sample, 1, j], points[sample, 2, j]
                 along = px * x + py * y + pz * z
                 dx, dy, dz = px - x, py - y, pz - z
-                # the boresight is -r, as long as the distance
+                # the boresight is -r, with the distance as its length
                 squared = (dx * dx + dy * dy + dz * dz) * squared_distance
                 is_seen = is_lit(sight, px, py, sun_cos[k], sun_sin[k]) & is_facing(sight, along)
                 is_seen &= is_in_cone(sight, squared_distance - along, squared)

@@ -1,4 +1,4 @@
-"""Free motion in its elements: an ellipse, twice as long along the track as it is high, and its centre.
+"""Elements of free motion: an ellipse, twice as long along the track as it is high, and its centre.
 
 Without force the deputy moves by ``x = x_c + X``, ``y = y_c + 2 Y`` with ``X = -3 x - 2 y'/n`` and
 ``Y = x'/n`` (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). The pairs ``(X, Y)`` and ``(z, z'/n)``
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: places of the elements
+#: indices of the elements
 CENTRE_RADIAL, CENTRE_ALONG_TRACK, RING_RADIAL, RING_ALONG_TRACK, HEIGHT, HEIGHT_RATE = range(6)
 
 

@@ -1,9 +1,9 @@
 """The linear-quadratic regulator that tracks the ring.
 
-The error between the deputy's state and the ring's moves by the same linear laws as the deputy, so that the
-force ``-K error`` is the one that minimises the sum over all control periods of ``error' Q error + f' R f``.
-Q and R are diagonal by Bryson's rule: each entry is one over the square of what is tolerated (Bryson and Ho,
-Applied Optimal Control, 1975). K follows from the discrete-time algebraic Riccati equation, solved by SciPy.
+The error between the deputy's state and the ring's follows the same linear dynamics as the deputy, so that
+the force ``-K error`` minimises the sum over all control periods of ``error' Q error + f' R f``. Q and R are
+diagonal by Bryson's rule: each entry is one over the square of the tolerance (Bryson and Ho, Applied Optimal
+Control, 1975). K follows from the discrete-time algebraic Riccati equation, solved by SciPy.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ UNSOLVED = (
 
 
 def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
-    """Return K of shape (3, 6), N/m and N s/m.
+    """Return the gain K, shape (3, 6), N/m and N s/m.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
     Raises
     ------
     SettingError
-        If the tolerances are so far apart that the Riccati equation cannot be solved.
+        If the tolerances are so different that the Riccati equation cannot be solved.
     """
     plane, height = settings.position_tolerance_m, settings.height_tolerance_m
     tolerated = np.array([plane, plane, height, *[settings.velocity_tolerance_m_s] * 3])
@@ -49,7 +49,7 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
     force_cost = np.eye(3) / settings.force_tolerance_n**2
     try:
         solution = solve_discrete_are(transition, control, state_cost, force_cost)
-    except ValueError as error:  # of which LinAlgError is one
+    except ValueError as error:  # includes LinAlgError
         raise SettingError(UNSOLVED.format(error)) from error
     weighted = control.T @ solution
     solved = np.linalg.solve(force_cost + weighted @ control, weighted @ transition)
@@ -59,7 +59,7 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
 
 
 class LqrRegulator:
-    """Brings the deputy of any start of a mission to its ring, or keeps it on its route."""
+    """Brings the deputy from any start of a mission to its ring, or keeps it on its route."""
 
     def __init__(self, settings: Lqr, mission: Mission) -> None:
         self.routes = Routes(mission) if settings.follows == "route" else None

@@ -1,11 +1,11 @@
-"""Natural-motion circumnavigation: one burn at the start; free motion does the rest.
+"""Natural-motion circumnavigation: one burn at the start, then free motion.
 
-The burn closes the ellipse: its component along j is the one that leaves the centre no height, ``x_c = 0``,
-so that nothing drifts (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). The component along i chooses
-the ellipse's size and its place along the track, the one along k how high it swings; both are searched: on a
-grid, then about its best burn with ever smaller steps. Wanted is the burn of least delta-v of those after
-which the deputy goes around the chief, keeps within the limits for a whole revolution, and is predicted to
-inspect a number of points; where there is none, the one that inspects most.
+The burn closes the ellipse: its component along j gives the centre zero height, ``x_c = 0``, so that nothing
+drifts (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). The component along i sets the ellipse's size and
+its place along the track, the one along k its cross-track amplitude; both are searched: on a grid, then
+around its best burn with decreasing steps. The result is the burn of least delta-v of those after which the
+deputy goes around the chief, stays within the limits for a whole revolution, and is predicted to inspect a
+number of points; if there is none, the one that inspects most.
 """
 
 import math
@@ -29,9 +29,9 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: on the grid only every third sample is looked from
+#: on the grid only every third sample is evaluated
 STRIDE = 3
-#: steps about the best burn are halved so often
+#: number of times that the steps around the best burn are halved
 HALVINGS = 5
 
 
@@ -49,7 +49,8 @@ class NaturalMotionPlanner:
         self.delta_v_per_force = mission.control_period_s / deputy.mass_kg
         revolution = 2.0 * math.pi / (self.world.mean_motion * mission.control_period_s)
         self.num_samples = max(self.world.num_controls, math.ceil(revolution)) + 1
-        # a path is linear in the burn: this is what 1 N along i and along k adds to that of the closing burn
+        # a path is linear in the burn: these are the effects of 1 N along i and along k, with the closing
+        # burn
         self.directions = np.stack([self._closed_direction(axis) for axis in (0, 2)])
         nothing = np.zeros(6)
         still = self._path(nothing, nothing)
@@ -74,12 +75,12 @@ class NaturalMotionPlanner:
         return force.reshape(1, 3)
 
     def _closing(self, start: Floats) -> Floats:
-        """Return the force along j that leaves the ellipse's centre no height."""
+        """Return the force along j that gives the ellipse's centre zero height."""
         row = elements_matrix(self.world.mean_motion)[CENTRE_RADIAL]
         return np.array([0.0, -(row @ start) / (row @ self.world.motion.control[0, :, 1]), 0.0])
 
     def _closed_direction(self, axis: int) -> Floats:
-        """Return 1 N along an axis, with what it takes along j to keep the ellipse closed."""
+        """Return 1 N along an axis, plus the force along j that keeps the ellipse closed."""
         direction = np.zeros(3)
         direction[axis] = 1.0
         row = elements_matrix(self.world.mean_motion)[CENTRE_RADIAL] @ self.world.motion.control[0]
@@ -87,7 +88,7 @@ class NaturalMotionPlanner:
         return direction
 
     def _path(self, first: Floats, second: Floats) -> Floats:
-        """Return the states from the start on, which free motion follows from the second on."""
+        """Return the states from the start on, in free motion after the first period."""
         rest = free_path(self.world.motion, second, self.num_samples - 1)
         return np.concatenate([first[np.newaxis], rest])
 
@@ -110,7 +111,7 @@ class NaturalMotionPlanner:
         return best
 
     def _outside(self, paths: Floats, states: Floats) -> Floats:
-        """Return by how many metres paths leave the limits, or the chief the ellipse of a state on each."""
+        """Return by how many metres paths leave the limits, or their states' ellipses miss the chief."""
         squares = paths * paths
         distances = squares[:, :, 0] + squares[:, :, 1] + squares[:, :, 2]
         nearest, farthest = np.sqrt(distances.min(axis=1)), np.sqrt(distances.max(axis=1))

@@ -1,6 +1,6 @@
-"""Which controller a kind that is computed, and not written out, has.
+"""Controllers of the planning kinds, which are computed and not written out.
 
-Planners and regulators are imported when they are asked for: two of them need scipy, which takes longer to
+Planners and regulators are imported on request: two of them need scipy, which takes longer to
 import than a flight takes.
 """
 
@@ -38,9 +38,9 @@ def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Contro
 
 
 def remembering(controller: Controller) -> Controller:
-    """Return the controller, whose planner, if it has one, plans once what it is asked for again.
+    """Return the controller with a planner, if any, that caches its plans.
 
-    Flights from the same start under several safety layers are the same up to where a layer steps in.
+    Flights from the same start with several safety layers are the same until a layer intervenes.
     """
     if controller.planner is None:
         return controller
@@ -48,7 +48,7 @@ def remembering(controller: Controller) -> Controller:
 
 
 class _Remembering:
-    """A planner that keeps the forces of every decision; the same question has the same answer."""
+    """A planner that caches the forces of every decision."""
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner

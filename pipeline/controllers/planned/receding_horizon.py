@@ -1,15 +1,15 @@
-"""The receding-horizon controller: solves repeatedly for the least fuel to a place on the ring.
+"""The receding-horizon controller: solves repeatedly for the minimum-fuel path to a place on the ring.
 
-Motion is linear, so is the sum of force magnitudes, and so are the distance limits by tangent planes, set
-where a solution would break them. What is solved is a linear program (`pipeline.optimum.linear_program`)
-over the forces of the horizon,
+Motion is linear, so is the sum of force magnitudes, and so are the distance limits after replacing them by
+tangent planes where a solution would violate them. The problem is a linear program
+(`pipeline.optimum.linear_program`) over the forces of the horizon,
 
 ``min sum |f| T/m  +  price of what is missed``, with ``|f| <= f_max``,
 
 with the elements of free motion at the horizon's end within a tolerance of the ring's, and every sample
-before inside the limits. The first horizon is long enough for a cheap way there; later ones end with it, as
-long as a shorter one does not reach further. Only the forces before the next solution are flown. Where free
-motion alone meets all that is asked, no force is the solution.
+before inside the limits. The first horizon is long enough for a cheap transfer; later ones have the same end,
+unless a shorter horizon would reach further. Only the forces before the next solution are flown. If free
+motion alone meets all requirements, the solution is zero force.
 """
 
 from dataclasses import dataclass
@@ -32,20 +32,20 @@ Floats = NDArray[np.float64]
 
 #: tangent planes are set where a solution comes nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 30.0, 40.0
-#: how often planes are set about a solution that leaves the limits, at most
+#: most times that planes are set around a solution that leaves the limits
 ROUNDS = 3
-#: by which a path may miss its margin before planes are set, m
+#: violation of its margin from which a path gets planes, m
 ROUGHNESS = 0.5
 
 
 @dataclass(frozen=True)
 class Horizon:
-    """What the forces of a horizon of H periods do.
+    """Effect of the forces of a horizon of H periods.
 
     Parameters
     ----------
     periods : (F,) int
-        In which a force may be fired.
+        Periods in which a force may be fired.
     free_end : Reading
         Of the elements at the end, shape (6,).
     end : (6, 3F)
@@ -83,7 +83,7 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
 
 
 class RecedingHorizonPlanner:
-    """Solves for the forces of a flight again and again."""
+    """Solves repeatedly for the forces of a flight."""
 
     def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
         self.settings, self.world, deputy = settings, pack_world(mission), mission.deputy
@@ -137,7 +137,7 @@ class RecedingHorizonPlanner:
         ----------
         horizon : Horizon
         state : (6,)
-            Now.
+            Present state.
         wanted : (6,)
             Elements at the horizon's end.
         """
@@ -163,7 +163,7 @@ class RecedingHorizonPlanner:
         )
 
     def _planes(self, horizon: Horizon, path: Floats, free: Floats) -> tuple[Floats, Floats]:
-        """Return the limits as rows, ``rows forces <= bounds``, by tangent planes where a path comes near."""
+        """Return the limits as rows, ``rows forces <= bounds``: tangent planes where a path is close."""
         distances = np.linalg.norm(path, axis=1)
         normals = path / np.maximum(distances, 1e-9)[:, np.newaxis]
         near = distances < self.limits[0] + NEAR_REACH
@@ -176,6 +176,6 @@ class RecedingHorizonPlanner:
         )
 
     def _least(self, rows: Floats, most: Floats) -> Floats:
-        """Return the forces of least fuel, flat, with ``rows forces <= most`` as far as can be."""
+        """Return the forces of least fuel, flat, with ``rows forces <= most`` as far as possible."""
         solved = least_forces(rows, most, self.delta_v_per_force, self.max_force, presolves=True)
         return np.zeros(rows.shape[1]) if solved is None else solved.forces

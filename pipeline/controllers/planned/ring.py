@@ -1,8 +1,8 @@
-"""The ring that tracking controllers keep to: an ellipse of free motion that follows the Sun.
+"""The ring that tracking controllers follow: an ellipse of free motion that follows the Sun.
 
-Free motion and the Sun turn alike, so that a deputy on the ring stays in phase with the Sun without force.
-In height the deputy keeps its own swing, cut to a greatest amplitude, for from high above one pole the other
-is out of sight for long; a lead brings it there sooner.
+Free motion and the Sun turn at the same rate, so that a deputy on the ring stays in phase with the Sun
+without force. Across the orbit plane the deputy keeps its own oscillation, limited in amplitude, because from
+high above one pole the other is out of sight for long; a lead brings it to the other side sooner.
 """
 
 import math
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 def check_within_limits(ring: Ring, mission: Mission) -> None:
-    """Refuse a ring that leaves the distance limits.
+    """Raise SettingError for a ring that leaves the distance limits.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def ring_elements(ring: Ring, scenario: Scenario, angles: Floats) -> Floats:
     ----------
     ring : Ring
     scenario : Scenario
-        Whose Sun the ring follows, and whose oscillation it keeps.
+        Gives the Sun that the ring follows, and the oscillation that it keeps.
     angles : (n,)
         By which the Sun has turned, mean motion times time, rad.
 

@@ -1,8 +1,8 @@
-"""The route that tracking controllers keep to where the ring shows too little: a few burns that see enough.
+"""The route that tracking controllers follow where the ring shows too little: a few burns that see enough.
 
-The ring knows nothing of shadow, incidence and range. The route is planned for them, once, at the start: by
-the search for plans of least fuel (`pipeline.optimum`), as a few burns after which, by Clohessy and
-Wiltshire's equations and the world's law of sight, free motion shows what makes a success.
+The ring ignores shadow, incidence and range. The route takes them into account; it is planned once, at the
+start, by the search for minimum-fuel plans (`pipeline.optimum`), as a few burns after which, by Clohessy and
+Wiltshire's equations and the world's law of sight, free motion shows enough for a success.
 """
 
 from dataclasses import replace
@@ -22,10 +22,10 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: burns of the searches, of which the cheapest is taken
+#: numbers of burns to search with; the cheapest plan is taken
 BURNS = (2, 3)
-#: no controller follows a route exactly: points asked for beyond those that make a success, and by how much
-#: the incidence of a point is to be below what the camera allows, degrees
+#: margins, as no controller follows a route exactly: extra points beyond those of a success, and degrees by
+#: which the incidence of a point must be below the camera's limit
 SPARE_POINTS, SPARE_DEG = 2, 4.0
 
 
@@ -51,12 +51,12 @@ class Routes:
     ----------
     mission : Mission
     beyond : int
-        Control periods for which a route goes on by free motion after the flight's end.
+        Control periods of free motion appended after the flight's end.
 
     Raises
     ------
     SettingError
-        If routes of least fuel are not planned in its light.
+        If minimum-fuel routes are not available for its light.
     """
 
     def __init__(self, mission: Mission, beyond: int = 0) -> None:

@@ -1,1 +1,1 @@
-"""Assurance: requirements as formulas, judged over many flights, attacked by search, backed by proofs."""
+"""Assurance: requirements as formulas, evaluated over many flights, tested by search, backed by proofs."""

@@ -1,4 +1,4 @@
-"""Many flights and their margins: each requirement's formula, by how much every case fulfils it."""
+"""Many flights and their margins: by how much every case satisfies each requirement's formula."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: flights whose tracks are in memory together, 22 kB each an hour
+#: flights whose tracks are in memory at once, 22 kB per hour of flight
 PART = 1000
-#: flights that are not worth sharing out
+#: flights too few to be worth sharing out
 FEW = 64
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How some cases fulfil a formula: the margin of each, (n,), and whether it holds, (n,)."""
+    """Results of some cases for a formula: the margin of each, (n,), and whether it holds, (n,)."""
 
     margins: Floats
     is_met: NDArray[np.bool_]
 
 
 class Flights:
-    """Flights of one controller in one mission, judged by formulas; each part of them is flown once.
+    """Flights of one controller in one mission, evaluated by formulas; each part of them is flown once.
 
     Parameters
     ----------
     mission : Mission
     controller : Controller
     workers : int, optional
-        Threads; one for each processor unless given.
+        Worker threads; one per processor unless given.
     """
 
     def __init__(self, mission: Mission, controller: Controller, workers: int | None = None) -> None:
@@ -54,7 +54,7 @@ class Flights:
         Raises
         ------
         RequirementError
-            If a flight of this mission says nothing about a formula.
+            If flights of this mission do not determine a formula.
         """
         formulas = {one.id: one.formula for one in requirements if one.formula is not None}
         parts: list[dict[str, Outcome]] = []
@@ -67,7 +67,7 @@ class Flights:
         """Return the tracks of some flights, (n, K+1, 15), see `pipeline.evaluation.assurance.quantities`."""
         shape = (len(scenarios), self._mission.num_controls + 1, NUM_TRACKED)
         tracks = np.empty(shape, dtype=np.float32)
-        # a few fly side by side in one thread: shared out, they would leave its vectors half empty
+        # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
         fly_all(self._mission, self._controller, scenarios, workers, tracks)
         return tracks
@@ -93,7 +93,7 @@ def judged(
 
 
 def joined(parts: Sequence[Outcome]) -> Outcome:
-    """Put outcomes of one formula under one another."""
+    """Concatenate outcomes of one formula."""
     return Outcome(
         np.concatenate([part.margins for part in parts]), np.concatenate([part.is_met for part in parts])
     )

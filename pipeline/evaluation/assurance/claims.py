@@ -1,8 +1,8 @@
-"""What numbers of flights show: binomial bounds and order statistics.
+"""What a number of flights demonstrates: binomial bounds and order statistics.
 
 A requirement claims that, with some confidence, at least a share of all cases meets it. Hanson and Beard,
 "Applying Monte Carlo Simulation to Launch Vehicle Design and Requirements Analysis", NASA/TP-2010-216447,
-2010, tell how many cases such a claim needs for each failure that is allowed; their consumer's risk is one
+2010, give the number of cases that such a claim needs for each allowed failure; their consumer's risk is one
 minus the confidence. The bounds are those of Clopper and Pearson, Biometrika 26, 1934, one-sided.
 """
 
@@ -18,20 +18,20 @@ Verdict = Literal["shown", "refuted", "open"]
 
 @dataclass(frozen=True)
 class Judgement:
-    """What n cases say about a claim.
+    """The result of n cases for a claim.
 
     Parameters
     ----------
     verdict : str
-        ``shown``: the least share of cases that meets it is at least the one claimed; ``refuted``: the
-        greatest is below; else ``open``.
+        ``shown``: the lower bound of the share that meets it is at least the claimed one; ``refuted``: the
+        upper bound is below; else ``open``.
     num_cases, num_failed, num_allowed : int
-        Flown; not met; and with how many failures the claim would still be shown (-1: more cases are needed).
+        Flown; not met; and most failures for which the claim would still be shown (-1: too few cases).
     low, high : float
         One-sided bounds of the share that meets it, each with the claim's confidence.
     margin : float, optional
-        With the claim's confidence, at least the claimed share of cases has this margin or more; None where
-        there are too few cases for any.
+        With the claim's confidence, at least the claimed share of cases has this margin or more; None if
+        there are too few cases.
     worst_margin, median_margin : float
     """
 
@@ -48,7 +48,7 @@ class Judgement:
 
 def share_bounds(num_met: int, num_cases: int, confidence: float) -> tuple[float, float]:
     """Return the lower and the upper bound of a share, each one-sided, by Clopper and Pearson."""
-    from scipy.special import betaincinv  # noqa: PLC0415 - takes longer to import than a thousand flights take
+    from scipy.special import betaincinv  # noqa: PLC0415 - slower to import than a thousand flights
 
     num_failed = num_cases - num_met
     low = betaincinv(num_met, num_failed + 1, 1.0 - confidence) if num_met else 0.0
@@ -57,7 +57,7 @@ def share_bounds(num_met: int, num_cases: int, confidence: float) -> tuple[float
 
 
 def cases_needed(probability: float, confidence: float, num_failed: int = 0) -> int:
-    """Return the least number of cases that shows a claim with so many failures.
+    """Return the least number of cases that shows a claim with a number of failures.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def cases_needed(probability: float, confidence: float, num_failed: int = 0) -> 
 
 
 def failures_allowed(num_cases: int, probability: float, confidence: float) -> int:
-    """Return with how many failures so many cases show a claim; -1 where not even none is enough."""
+    """Return the most failures with which a number of cases shows a claim; -1 if even zero are too many."""
     low, high = -1, num_cases
     while high - low > 1:
         middle = (low + high) // 2
@@ -90,7 +90,7 @@ def failures_allowed(num_cases: int, probability: float, confidence: float) -> i
 
 
 def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confidence: float) -> Judgement:
-    """Judge a claim by the margins of its cases, (n,), and whether each meets it, (n,)."""
+    """Evaluate a claim from the margins of its cases, (n,), and whether each meets it, (n,)."""
     num_cases, num_failed = len(margins), int(np.count_nonzero(~is_met))
     allowed = failures_allowed(num_cases, probability, confidence)
     low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
@@ -109,7 +109,7 @@ def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confid
 
 
 def _shows(num_cases: int, num_failed: int, probability: float, confidence: float) -> bool:
-    """Tell whether so few failures are unlikely enough if the share were just below the one claimed."""
+    """Return whether so few failures would be unlikely if the share were just below the claimed one."""
     from scipy.special import bdtr  # noqa: PLC0415 - as above
 
     return bool(num_failed < num_cases and bdtr(num_failed, num_cases, 1.0 - probability) <= 1.0 - confidence)

@@ -1,4 +1,4 @@
-"""The tables of evidence: a row a case, a row a flight of a search, a row a side of a box."""
+"""The tables of evidence: one row per case, per flight of a search, or per side of a box."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,7 +19,7 @@ Columns = dict[str, NDArray[Any]]
 def of_cases(mission: Mission, scenarios: Sequence[Scenario], outcomes: Mapping[str, Outcome]) -> Columns:
     """Return the columns of `assure/cases.parquet`: starts, each requirement's margin, whether it is met.
 
-    Settings that are dispersed have a column each, named after their keys.
+    Each dispersed setting has a column, named after its key.
     """
     judged = {
         f"{name}_{what}": values
@@ -48,7 +48,7 @@ def of_searches(mission: Mission, found: Sequence[Found]) -> Columns:
 
 
 def of_boxes(found: Sequence[Found]) -> Columns:
-    """Return the columns of `assure/boxes.parquet`: for each box of each certificate an input a row."""
+    """Return the columns of `assure/boxes.parquet`: a row for each input of each box of each certificate."""
     rows = [
         (one.requirement.id, proof.system, proof.question.ask, box, name, low[place], high[place])
         for one in found

@@ -1,4 +1,4 @@
-"""The operational domain that some flights meet, and how often other flights leave it."""
+"""The operational domain of some flights, and how often other flights leave it."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,16 +20,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Domain:
-    """The inputs that some flights met, and what other flights, which did not make it, say about it.
+    """The inputs that some flights met, and how other flights compare.
 
     Parameters
     ----------
     boxes : tuple of Box
         One for each system that decided anything.
     num_made_from, num_tried, num_left : int
-        Flights that made it; others that tried it; and how many of these left it.
+        Flights that define it; others that test it; and how many of these left it.
     high : float
-        With `confidence` no more than this share of such flights leaves it.
+        Upper bound, with `confidence`, of the share of such flights that leave it.
     confidence : float
     """
 
@@ -48,7 +48,7 @@ def domain_of(
     confidence: float,
     workers: int | None = None,
 ) -> Domain:
-    """Fly scenarios, logged: the first half makes the domain, the second tries it.
+    """Fly scenarios, logged: the first half defines the domain, the second tests it.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def domain_of(
 
 
 def sensed(log: FlightLog, controller: Controller) -> list[Floats]:
-    """Return what each system sensed where inference decided, (n, num_inputs)."""
+    """Return the inputs of each system where inference decided, (n, num_inputs)."""
     return [
         log.fis_input[log.is_decided, place, : len(system.inputs)].copy()
         for place, system in enumerate(controller.systems)
@@ -89,7 +89,7 @@ def sensed(log: FlightLog, controller: Controller) -> list[Floats]:
 
 
 def left_on(domain: Domain, log: FlightLog, controller: Controller, period_s: float) -> tuple[Departure, ...]:
-    """Tell when a flight left a domain."""
+    """Return when a flight left a domain."""
     times = np.flatnonzero(log.is_decided).astype(np.float64) * period_s
     inputs = dict(zip((one.name for one in controller.systems), sensed(log, controller), strict=True))
     found = [one for box in domain.boxes for one in departures(box, times, inputs[box.system])]

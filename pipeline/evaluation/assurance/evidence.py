@@ -1,4 +1,4 @@
-"""Evidence as plain data: what was required, what was done, what was found, and what it comes to."""
+"""Evidence as plain data: requirements, methods, findings and verdicts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -20,7 +20,7 @@ from pipeline.evaluation.assurance.verdicts import WORDS, Found, outcomes, verdi
 Floats = NDArray[np.float64]
 
 SCHEMA, SCHEMA_VERSION = "evidence", 1
-#: of the margins of many cases, about
+#: number of bins for the margins of many cases, approximately
 NUM_BINS = 60
 
 
@@ -31,9 +31,9 @@ def of_requirement(found: Found, random: Outcome | None, worst: Mapping[str, Any
     ----------
     found : Found
     random : Outcome, optional
-        Of the cases flown at random.
+        Of the random cases.
     worst : mapping, optional
-        The worst case that was found and recorded, see `of_worst`.
+        The worst case found and recorded, see `of_worst`.
     """
     requirement = found.requirement
     judged = verdict(found)
@@ -88,7 +88,7 @@ def _claim(requirement: Requirement) -> dict[str, Any]:
 
 
 def histogram(margins: Floats) -> dict[str, Any]:
-    """Count margins in bins of equal width; zero is an edge wherever margins lie on both sides of it."""
+    """Count margins in bins of equal width; zero is an edge if margins lie on both sides of it."""
     low, high = float(margins.min()), float(margins.max())
     width = (high - low) / NUM_BINS or 1.0
     first, last, origin = 0, NUM_BINS, low
@@ -101,7 +101,7 @@ def histogram(margins: Floats) -> dict[str, Any]:
 
 
 def of_searches(searches: Sequence[Search], random: Outcome) -> dict[str, Any]:
-    """Return what searches found, beside flights at random."""
+    """Return the results of searches, with those of random flights."""
     compared = speed(searches, random)
     return {
         **asdict(compared),
@@ -127,11 +127,11 @@ def of_worst(
     Parameters
     ----------
     source : str
-        What found it.
+        The method that found it.
     start : mapping
-        Where it starts.
+        Its start.
     margin, recorded : float
-        As it was found, and computed again from the recording.
+        When found, and computed again from the recording.
     path : str
         Of the recording, in the run's folder.
     left : sequence of Departure
@@ -148,7 +148,7 @@ def of_worst(
 
 
 def of_domain(domain: Domain) -> dict[str, Any]:
-    """Return an operational domain and how often flights that did not make it leave it."""
+    """Return an operational domain and how often flights that did not define it leave it."""
     told = asdict(domain)
     del told["boxes"]
     return {**domain_mapping(domain.boxes), **told}

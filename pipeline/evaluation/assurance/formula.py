@@ -1,7 +1,7 @@
-"""Formulas of signal temporal logic: what they are made of.
+"""The elements of signal temporal logic formulas.
 
-Maler and Nickovic, "Monitoring temporal properties of continuous signals", FORMATS 2004. How they are
-written: `pipeline.evaluation.assurance.parser`.
+Maler and Nickovic, "Monitoring temporal properties of continuous signals", FORMATS 2004. Their
+notation: `pipeline.evaluation.assurance.parser`.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from math import inf
 
 @dataclass(frozen=True)
 class Window:
-    """From how many seconds ahead until how many, both included; without an end, the rest of the flight."""
+    """First and last second ahead, both included; without a last, the rest of the flight."""
 
     first_s: float = 0.0
     last_s: float = inf
@@ -68,7 +68,7 @@ class Eventually:
 
 @dataclass(frozen=True)
 class Until:
-    """The right at some sample of a window, and the left from now to the sample before that."""
+    """The right operand at some sample of a window, and the left from now to the sample before that."""
 
     window: Window
     left: "Formula"
@@ -91,11 +91,11 @@ def comparisons(formula: Formula) -> Iterator[Comparison]:
 
 
 def quantities_of(formula: Formula) -> tuple[str, ...]:
-    """Name the quantities of a formula, each once."""
+    """Return the quantities of a formula, each once."""
     return tuple(dict.fromkeys(name for one in comparisons(formula) for name, _ in one.factors))
 
 
 def unit_of(formula: Formula) -> str | None:
-    """Return the unit of a formula's margin; None where it compares quantities of several units."""
+    """Return the unit of a formula's margin; None if it compares quantities of several units."""
     units = {one.unit for one in comparisons(formula)}
     return units.pop() if len(units) == 1 else None

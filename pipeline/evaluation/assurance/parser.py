@@ -1,6 +1,6 @@
-"""Formulas as a person writes them, read word by word; mistakes are pointed at.
+"""Parser of formulas in text form; error messages point at the mistake.
 
-A formula compares sums of recorded quantities and numbers, these with or without their units, and joins
+A formula compares sums of recorded quantities and numbers, these with or without units, and joins
 comparisons::
 
     always (distance >= 15 m)
@@ -38,22 +38,22 @@ _END: Final = "the end"
 
 
 class FormulaError(ValueError):
-    """A formula that cannot be read; the text shows the place."""
+    """A formula that cannot be parsed; the text shows the place."""
 
 
 def parse(text: str, units: Mapping[str, str]) -> Formula:
-    """Read a formula.
+    """Parse a formula.
 
     Parameters
     ----------
     text : str
     units : mapping of str to str
-        The quantities that may stand in it, and their units; empty for a pure number.
+        The quantities that may be used, and their units; empty if dimensionless.
 
     Raises
     ------
     FormulaError
-        If it is none, a quantity is unknown or units do not agree.
+        If the text is not a formula, a quantity is unknown or units do not agree.
     """
     reader = _Reader(text, units)
     try:
@@ -66,7 +66,7 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
 
 
 class _Reader:
-    """A formula read word by word, from left to right."""
+    """Parser of a formula, word by word from left to right."""
 
     def __init__(self, text: str, units: Mapping[str, str]) -> None:
         self._text, self._units = text, units
@@ -150,7 +150,7 @@ class _Reader:
         return Comparison(tuple(factors.items()), constant, relation in (">", "<"), unit or "")
 
     def _sum(self) -> tuple[dict[str, float], float, str | None]:
-        """Read a sum: factors of quantities, constant, and the unit, None where only bare numbers stand."""
+        """Read a sum: factors of quantities, constant, and the unit, None for numbers without units."""
         factors: dict[str, float] = {}
         constant, unit, sign = 0.0, None, -1.0 if self._takes("-") else 1.0
         while True:
@@ -187,7 +187,7 @@ class _Reader:
         return name, self._units[name]
 
     def _number(self) -> tuple[float, str, int]:
-        """Read a number, its unit (empty without one) and where the unit stands."""
+        """Read a number, its unit (empty without one) and the unit's position."""
         if self.kind != "number":
             self.refuse("expected a number")
         value = float(self.word)

@@ -1,4 +1,4 @@
-"""Proofs that requirements refer to: boxes of inputs that bound a system, and the safety layer's own."""
+"""Proofs for requirements: boxes of inputs that bound a system, and the safety layer's own."""
 
 import re
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Certificate:
-    """The answer to a question about a system's outputs, with the boxes that prove a no.
+    """The answer to a question about a system's outputs, with the boxes that prove a negative one.
 
     Parameters
     ----------
     question : Question
     system : str
     verdict : str
-        ``no`` where it is proved that the outputs cannot, ``yes`` where an example shows that they can,
+        ``no`` if it is proved that the outputs cannot, ``yes`` if an example shows that they can,
         ``undecided``, or ``unbounded`` for systems that cannot be bounded.
     sentence : str
         The answer in words.
@@ -85,19 +85,19 @@ def _certificate(question: Question, system: FuzzySystem, name: str) -> Certific
 
 @dataclass(frozen=True)
 class SafetyProof:
-    """What must be true for the proof of the safety layer to hold of some flights, and whether it is.
+    """The premises of the safety layer's proof for some flights, and whether they hold.
 
     Parameters
     ----------
     is_on : bool
-        Whether the layer flies.
+        Whether the layer is active.
     is_exact : bool
-        Whether place, forces, motion and settings are as the layer takes them to be: no errors of
+        Whether state, forces, motion and settings are those that the layer assumes: no errors of
         navigation or thrusters, Clohessy and Wiltshire's equations, nothing dispersed.
     keep_out_m, keep_in_m : float
-        The spheres that it keeps the samples between.
+        Radii of the spheres between which it keeps the samples.
     num_starts, num_safe : int
-        Starts, and how many of them are safe states, from which the induction begins.
+        Starts, and how many of them are safe states, the base case of the induction.
     """
 
     is_on: bool
@@ -108,7 +108,7 @@ class SafetyProof:
     num_safe: int
 
     def proves(self, formula: Formula) -> bool:
-        """Return whether the layer's proof is one of a formula, for these flights at their samples."""
+        """Return whether the layer's proof implies a formula, for these flights at their samples."""
         return (
             self.is_on
             and self.is_exact
@@ -118,12 +118,12 @@ class SafetyProof:
 
 
 def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
-    """Tell whether a formula holds wherever the distance stays between two; False where that is not seen."""
+    """Return whether a formula holds wherever the distance is between two values; False if unclear."""
     match formula:
         case And(left, right):
             return _follows(left, distances_m) and _follows(right, distances_m)
         case Always(_, Comparison((("distance", factor),), constant)):
-            # linear: what is above zero at both ends is above zero between them
+            # linear: positive at both ends means positive between them
             return all(factor * distance + constant > 0.0 for distance in distances_m)
     return False
 

@@ -1,4 +1,4 @@
-"""What formulas may speak of: quantities of a flight, from compiled tracks and from recordings alike.
+"""The quantities of formulas, from compiled tracks and from recordings alike.
 
 A track holds, sample by sample, position (m) and velocity (m/s) in Hill axes, the delta-v spent (m/s), the
 number of points not yet inspected, and so on, see `pipeline.flight.population.fly_population`. A force
@@ -31,14 +31,14 @@ OfTracks = Callable[[Floats, int], Floats]
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that is recorded at every sample of a flight.
+    """A quantity recorded at every sample of a flight.
 
     Parameters
     ----------
     unit : str
-        Empty for a pure number.
+        Empty if dimensionless.
     topic : str
-        Where recordings hold it, or what it is made of.
+        Its topic in recordings, or that of its inputs.
     description : str
     of_tracks : callable
     """
@@ -58,7 +58,7 @@ def _length(first: int) -> OfTracks:
 
 
 def _degrees_between(one: Floats, other: Floats) -> Floats:
-    """Return the angles between vectors, deg: by their tangents, which small angles do not lose."""
+    """Return the angles between vectors, deg: by their tangents, which are accurate for small angles."""
     sines = np.linalg.norm(np.cross(one, other), axis=-1)
     angles: Floats = np.degrees(np.arctan2(sines, np.sum(one * other, axis=-1)))
     return angles

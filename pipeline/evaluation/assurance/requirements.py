@@ -1,4 +1,4 @@
-"""Requirements as a file tells them: who they are, how each is verified, and with what confidence."""
+"""Requirements from a file: their identity, methods of verification and confidence."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from pipeline.run.artifacts import parse_config
 from pipeline.settings.nearest import choices_of, did_you_mean
 
 SCHEMA: Final = ("requirements", 1)
-#: ways to verify a requirement: many flights, a search for the worst of them, boxes of inputs that prove what
-#: the systems ask for, and the proof of the safety layer
+#: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the
+#: systems' outputs, and the proof of the safety layer
 CASES, SEARCH, BOUNDS, SAFETY_LAYER = "cases", "search", "bounds", "safety_layer"
 METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER)
 KEYS: Final = ("id", "title", "text", "verified_by", "formula", "probability", "confidence", "bounds")
@@ -24,7 +24,7 @@ class RequirementError(ValueError):
 
 @dataclass(frozen=True)
 class Question:
-    """What a system must answer nowhere in a region of its inputs, see `fis_tools.analysis.bounds.ask`."""
+    """Outputs that a system must not have in a region of its inputs, see `fis_tools.analysis.bounds.ask`."""
 
     ask: str
     where: str = ""
@@ -32,7 +32,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Requirement:
-    """What must be true of flights, or of a controller's systems.
+    """A condition on flights, or on a controller's systems.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ class Requirement:
     verified_by : tuple of str
         Of `METHODS`.
     formula_text : str
-        Empty for what is asked of systems alone.
+        Empty for conditions on systems alone.
     formula : Formula, optional
     probability : float
         Share of the cases that must meet the formula.
     confidence : float
-        With which that is to be shown.
+        Required confidence of the demonstration.
     questions : tuple of Question
-        Each to be answered with a proved no.
+        Each must be answered with a proved no.
     """
 
     id: str
@@ -62,7 +62,7 @@ class Requirement:
 
     @property
     def unit(self) -> str:
-        """The unit of its margin: ``mixed`` where several units meet, empty for pure numbers."""
+        """The unit of its margin: ``mixed`` for several units, empty if dimensionless."""
         found = unit_of(self.formula) if self.formula else ""
         return "mixed" if found is None else found
 
@@ -82,7 +82,7 @@ def read(text: str, source: str) -> Requirements:
     ----------
     text : str
     source : str
-        What the file is called in messages.
+        Name of the file in messages.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _requirement(told: Mapping[str, Any], where: str) -> Requirement:
 
 
 def _flown(told: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return what is asked of flights."""
+    """Return the part of a requirement about flights."""
     text = _text(told, "formula", where)
     try:
         formula = parse(text, UNITS)
@@ -167,5 +167,5 @@ def _text(told: Mapping[str, Any], key: str, where: str) -> str:
 
 
 def needs(requirements: Sequence[Requirement], method: str) -> tuple[Requirement, ...]:
-    """Return the requirements that are verified by a method, among others."""
+    """Return the requirements that are verified by a method, possibly among others."""
     return tuple(one for one in requirements if method in one.verified_by)

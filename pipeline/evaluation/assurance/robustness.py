@@ -1,11 +1,11 @@
-"""By how much recorded flights fulfil a formula: discrete-time robustness, for many flights at once.
+"""Discrete-time robustness: by how much recorded flights satisfy a formula, for many flights at once.
 
 Robustness: Fainekos and Pappas, "Robustness of temporal logic specifications for continuous-time signals",
 Theoretical Computer Science 410, 2009; Donze and Maler, FORMATS 2010. A comparison's is its margin, ``and``
-and ``always`` take the least, ``or`` and ``eventually`` the greatest. Above zero a formula holds, below it
-does not, and no quantity need move by more than its amount, in the sense of the comparisons, to change that.
+and ``always`` take the minimum, ``or`` and ``eventually`` the maximum. A formula holds above zero and fails
+below, and this remains so while no comparison's value changes by as much as the margin.
 
-Windows are cut at the end of a flight, as rtamt cuts them: beyond it ``always`` asks for nothing, and
+Windows are cut at the end of a flight, as in rtamt: beyond it ``always`` requires nothing, and
 ``eventually`` finds nothing.
 """
 
@@ -31,31 +31,31 @@ Floats = NDArray[np.float64]
 Quantities = Mapping[str, Floats]
 Atom = Callable[[Comparison, Quantities], Floats]
 
-#: of a sample period: where a window's end counts as on a sample
+#: tolerance for a window's end on a sample, as a fraction of the sample period
 NEAR_A_SAMPLE = 1e-9
 
 
 def robustness(formula: Formula, quantities: Quantities, period_s: float) -> Floats:
-    """Return the margin by which each flight fulfils a formula at its first sample.
+    """Return the margin by which each flight satisfies a formula at its first sample.
 
     Parameters
     ----------
     formula : Formula
     quantities : mapping of str to (n, S) array
-        Samples of each quantity, one row a flight.
+        Samples of each quantity, one row per flight.
     period_s : float
         Between two samples.
 
     Returns
     -------
     (n,) array
-        In the formula's unit; infinite where the flight says nothing about it.
+        In the formula's unit; infinite if the flight does not determine it.
     """
     return _over(formula, quantities, period_s, _margin)[:, 0]
 
 
 def holds(formula: Formula, quantities: Quantities, period_s: float) -> NDArray[np.bool_]:
-    """Return whether each flight fulfils a formula, (n,); unlike a margin of zero, this tells > from >=."""
+    """Return whether each flight satisfies a formula, (n,); unlike a zero margin, this tells > from >=."""
     return _over(formula, quantities, period_s, _truth)[:, 0] > 0.0
 
 
@@ -101,20 +101,20 @@ def _over(  # noqa: PLR0911 - one for each kind of formula
 
 
 def _in_samples(window: Window, period_s: float) -> tuple[int, int | None]:
-    """Return the first and the last sample of a window, counted from now; no last one is the flight's."""
+    """Return the first and the last sample of a window, counted from now; None for the flight's last."""
     first = ceil(window.first_s / period_s - NEAR_A_SAMPLE)
     return first, None if isinf(window.last_s) else floor(window.last_s / period_s + NEAR_A_SAMPLE)
 
 
 def _least_ahead(values: Floats, first: int, last: int | None) -> Floats:
-    """Return at each sample the least value from `first` to `last` samples ahead; infinity of none."""
+    """Return at each sample the minimum from `first` to `last` samples ahead; infinity without any."""
     num_samples = values.shape[1]
     ahead = _ahead(values, first, np.inf)
     if last is not None and last < first:
         return np.full_like(values, np.inf)
     if last is None or last - first >= num_samples - 1:
         return np.minimum.accumulate(ahead[:, ::-1], axis=1)[:, ::-1]
-    # the least of 1, 2, 4 ... samples; the window is two of the longest that fit
+    # minima over 1, 2, 4 ... samples; the window is covered by two of the longest that fit
     width, covered = last - first + 1, 1
     while 2 * covered <= width:
         ahead = np.minimum(ahead, _ahead(ahead, covered, np.inf))
@@ -136,7 +136,7 @@ def _until(left: Floats, right: Floats, first: int, last: int | None) -> Floats:
 
 
 def _ahead(values: Floats, count: int, beyond: float) -> Floats:
-    """Return the values `count` samples later, and what stands beyond the last."""
+    """Return the values `count` samples later, with `beyond` after the last."""
     if count == 0:
         return values
     later = np.full_like(values, beyond)

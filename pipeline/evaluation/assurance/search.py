@@ -1,8 +1,8 @@
-"""The search for the worst case: CMA-ES over what a case is drawn from, on a requirement's margin.
+"""The search for the worst case: CMA-ES over a case's random variables, minimising a requirement's margin.
 
 Falsification by robustness: Abbas and others, "Probabilistic temporal logic falsification of cyber-physical
-systems", ACM Transactions on Embedded Computing Systems 12, 2013. A search begins with random cases and goes
-on from the worst of them. Every flight counts.
+systems", ACM Transactions on Embedded Computing Systems 12, 2013. A search begins with random cases and
+continues from the worst of them. Every flight counts.
 """
 
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ from pipeline.training.evolution import evolve_rounds
 
 Floats = NDArray[np.float64]
 
-#: keeps the draws of searches apart from all others made from the same seed
+#: separates the random numbers of searches from all others with the same seed
 SPAWN_KEY = 0x5EA
-#: share of a dispersed setting's values at either end that a search leaves out: three standard deviations
+#: share of a dispersed setting's values at either end that a search excludes: three standard deviations
 TAIL = 0.00135
 
 
 @dataclass(frozen=True)
 class CaseSpace:
-    """What a case is drawn from: direction, distance, the Sun unless that is fixed, and dispersed settings.
+    """The random variables of a case: direction, distance, the Sun unless fixed, and dispersed settings.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ class CaseSpace:
         Least and greatest distance of a start, m.
     sun : Sun
     dispersed : tuple of Distribution
-        Of settings, sorted by their keys. Of each the values from `TAIL` to one minus that can be chosen.
+        Of settings, sorted by their keys. The quantiles from `TAIL` to one minus that can be chosen.
     turned : (float, float)
-        By which share of a turn the azimuth and the Sun's angle are turned from their genes.
+        Shifts of the azimuth and the Sun's angle from their genes, as shares of a turn.
     """
 
     shell_m: tuple[float, float]
@@ -48,16 +48,16 @@ class CaseSpace:
 
     @property
     def genes(self) -> tuple[str, ...]:
-        """What the genes of a case are called, in their order; each is from 0 to 1."""
+        """Names of a case's genes, in order; each is from 0 to 1."""
         angle = () if self.sun.mode == "fixed" else ("sun_angle",)
         ranges = self.sun.mode != "fixed" and self.sun.elevation_range_deg is not None
         elevation = ("sun_elevation",) if ranges else ()
         return ("height", "azimuth", "distance", *angle, *elevation, *(one.key for one in self.dispersed))
 
     def centred_on(self, genes: Floats) -> tuple["CaseSpace", Floats]:
-        """Return the same space with the angles of some genes in the middle, and these genes there.
+        """Return the same space shifted so that the angles of some genes are central, and these genes there.
 
-        A search that begins there meets no end of an angle, which has none.
+        A search that begins there does not run into the ends of an angle's range.
         """
         moved, turned = genes.copy(), list(self.turned)
         for place, name in enumerate(("azimuth", "sun_angle")):
@@ -68,7 +68,7 @@ class CaseSpace:
         return replace(self, turned=(turned[0], turned[1])), moved
 
     def scenario(self, genes: Floats) -> Scenario:
-        """Return the case of some genes, (num_genes,); even ones are isotropic and uniform in distance."""
+        """Return the case of some genes, (num_genes,); uniform ones are isotropic and uniform in distance."""
         told = dict(zip(self.genes, genes.tolist(), strict=True))
         height, azimuth = 2.0 * told["height"] - 1.0, 2.0 * np.pi * (told["azimuth"] + self.turned[0])
         across = np.sqrt(max(0.0, 1.0 - height * height))
@@ -91,7 +91,7 @@ class CaseSpace:
 
 
 def case_space(monte_carlo: MonteCarlo, sun: Sun, mission: Mission) -> CaseSpace:
-    """Return what the cases of an evaluation are drawn from."""
+    """Return the random variables of an evaluation's cases."""
     shell_m = (monte_carlo.min_distance_m, monte_carlo.max_distance_m)
     return CaseSpace(shell_m, sun, distributions(mission.dispersions))
 
@@ -103,9 +103,9 @@ class Search:
     Parameters
     ----------
     scenarios : tuple of Scenario
-        All that were flown, in order.
+        All flown scenarios, in order.
     outcome : Outcome
-        Of these.
+        Their results.
     """
 
     scenarios: tuple[Scenario, ...]
@@ -113,12 +113,12 @@ class Search:
 
     @property
     def worst(self) -> int:
-        """Which flight has the least margin."""
+        """Index of the flight with the least margin."""
         return int(np.argmin(self.outcome.margins))
 
     @property
     def first_failed(self) -> int | None:
-        """How many flights it took to find one that fails; None where none did."""
+        """Number of flights until the first failure; None without any."""
         failed = np.flatnonzero(~self.outcome.is_met)
         return int(failed[0]) + 1 if failed.size else None
 
@@ -132,7 +132,7 @@ def search(
     seed: int,
     number: int,
 ) -> Search:
-    """Search for the case that fulfils a requirement least.
+    """Search for the case with the least margin of a requirement.
 
     Parameters
     ----------
@@ -141,11 +141,11 @@ def search(
     flights : Flights
     space : CaseSpace
     settings : Assurance
-        How many flights, and the first spread.
+        Number of flights, and the initial spread.
     optimizer : Optimizer
-        Of which nothing but the shape is used.
+        Copied, with the search's own algorithm, sizes and step.
     seed, number : int
-        The run's seed and the number of the search: together they say what is drawn.
+        The run's seed and the number of the search: together they determine the random numbers.
     """
     flown: list[Scenario] = []
     outcomes: list[Outcome] = []
@@ -184,16 +184,16 @@ def _strategy(settings: Assurance, optimizer: Optimizer) -> Optimizer:
 
 @dataclass(frozen=True)
 class Speed:
-    """How fast searches find failures, beside flights at random.
+    """How fast searches find failures, compared with random flights.
 
     Parameters
     ----------
     num_found, num_searches : int
-        How many searches found a failure.
+        Number of searches that found a failure, and of all.
     flights_per_find : float, optional
-        Flights of all searches, each counted to its first failure or its end, for each failure found.
+        Flights of all searches, each counted to its first failure or its end, per failure found.
     random_flights_per_find : float, optional
-        Flights at random for each failure among them.
+        Random flights per failure among them.
     """
 
     num_found: int
@@ -203,7 +203,7 @@ class Speed:
 
     @property
     def ratio(self) -> float | None:
-        """How many times fewer flights the searches needed."""
+        """Factor by which the searches needed fewer flights."""
         if self.flights_per_find is None or self.random_flights_per_find is None:
             return None
         return self.random_flights_per_find / self.flights_per_find
@@ -221,7 +221,7 @@ class Speed:
 
 
 def speed(searches: Sequence[Search], random: Outcome) -> Speed:
-    """Compare searches with flights at random."""
+    """Compare searches with random flights."""
     needed = sum(one.first_failed or len(one.scenarios) for one in searches)
     num_found = sum(one.first_failed is not None for one in searches)
     num_random = int(np.count_nonzero(~random.is_met))

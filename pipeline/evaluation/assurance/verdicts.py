@@ -1,4 +1,4 @@
-"""What all evidence for a requirement comes to: shown, not shown or refuted, and why, in a sentence."""
+"""The verdict of all evidence for a requirement: shown, not shown or refuted, and why, in a sentence."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,16 +15,16 @@ ORDER = list(WORDS)
 
 
 class Outcome(NamedTuple):
-    """What a way of verification says.
+    """The result of one method of verification.
 
     Attributes
     ----------
     verdict : str
-        Of the requirement, were there nothing else.
+        Of the requirement, from this method alone.
     word : str
-        What was found, in a word or two.
+        The finding, in a word or two.
     why : str
-        In a sentence without its full stop.
+        The reason, in a sentence without its full stop.
     """
 
     verdict: Verdict
@@ -34,7 +34,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Found:
-    """All evidence that was found for a requirement.
+    """All evidence found for a requirement.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Found:
 
 
 def outcomes(found: Found) -> dict[str, Outcome]:
-    """Return what each way of verification says, by its name."""
+    """Return the result of each method of verification, by its name."""
     judged: dict[str, Outcome] = {}
     if found.judgement is not None:
         judged[CASES] = _of_cases(found.requirement, found.judgement)
@@ -68,10 +68,10 @@ def outcomes(found: Found) -> dict[str, Outcome]:
 
 
 def verdict(found: Found) -> Outcome:
-    """Return what all say together.
+    """Return the combined verdict.
 
-    A claim about a share of the cases stands or falls with the cases: single failures that a search finds do
-    not refute it. A proof shows a requirement whatever the share, unless a flight contradicts it.
+    For a claim about a share of the cases the cases are decisive: single failures found by a search do
+    not refute it. A proof shows a requirement for any share, unless a flight contradicts it.
     """
     judged = outcomes(found)
     failed = any(one.first_failed is not None for one in found.searches)
@@ -141,5 +141,5 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
 
 
 def percent(share: float) -> str:
-    """Write a share in per cent with the digits that it has, at most five significant ones."""
+    """Return a share in per cent with its digits, at most five significant ones."""
     return f"{100.0 * share:.5g} %"

@@ -1,1 +1,1 @@
-"""The compiled flight, many deputies at once; twin of `pipeline.flight.reference`."""
+"""The compiled flight, many deputies side by side; twin of `pipeline.flight.reference`."""

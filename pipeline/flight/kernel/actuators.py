@@ -1,4 +1,4 @@
-"""Thrusters with errors on lanes, by the law of `pipeline.flight.actuators`."""
+"""Thrusters with errors, in lanes; the model is in `pipeline.flight.actuators`."""
 
 from typing import Any, NamedTuple
 
@@ -16,17 +16,17 @@ from pipeline.flight.log import FlightLog
 Floats = NDArray[np.float64]
 
 
-#: What thrusters are off by and what is left, a lane for each flight.
+#: Errors of the thrusters and remaining mass, a lane for each flight.
 THRUSTING: Rows = {
-    "errors": (9,),  # of the flights that are flown, by rows
-    "mass": (),  # of that at the start
+    "errors": (9,),  # of the flights being flown, by rows
+    "mass": (),  # as a fraction of that at the start
 }
 
 
 class Firing(NamedTuple):
     """Thrusters of some flights: see `pipeline.flight.actuators.Thrusters` and `thrust_errors`."""
 
-    is_on: bool  # False where they fire what they are told
+    is_on: bool  # False for ideal thrusters
     delay: int
     step: float
     least: float
@@ -38,19 +38,19 @@ class Firing(NamedTuple):
     arms: Floats
     commands: Floats  # (K, 3, L) so far
     lanes: Any  # a record of `THRUSTING`
-    thrust: Floats  # (N, L) of each thruster, where these are a layout
+    thrust: Floats  # (N, L) of each thruster of a layout
 
 
 @compiled(error_model="numpy", forceinline=True)
 def in_impulses(force: Vector, step: float, least: float) -> Vector:
-    """Round a force to multiples of a step, and leave out what is less than the least."""
+    """Round a force to multiples of a step; zero below the least."""
     rounded = np.rint(force / step) * step if step > 0.0 else force
     return select(abs(rounded) >= least, rounded, 0.0)
 
 
 @compiled(error_model="numpy")
 def note_errors(firing: Firing, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Note of all lanes, which are flights from `first` on, what their thrusters are off by from now on."""
+    """Store the thruster errors from now on of all lanes, which are flights from `first` on."""
     width = width_of(work.lanes)
     for lane in range(width if k < firing.matrices.shape[1] else 0):
         case = first + min(lane, num_lanes - 1)
@@ -67,7 +67,7 @@ def note_errors(firing: Firing, work: Workspace, first: int, num_lanes: int, k: 
 def fire(
     world: World, firing: Firing, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:
-    """Turn the commands of all lanes into what they fire."""
+    """Turn the commands of all lanes into the forces fired."""
     width = width_of(work.lanes)
     force = work.lanes.force
     note_errors(firing, work, first, num_lanes, k)
@@ -96,7 +96,7 @@ def fire(
 
 @compiled(error_model="numpy")
 def divide(firing: Firing, work: Workspace) -> None:
-    """Divide forces among the thrusters of a layout, and let these fire."""
+    """Allocate forces to the thrusters of a layout, and let these fire."""
     width = width_of(work.lanes)
     lanes, layout, table, nothing = work.lanes, firing.layout, firing.table, splat(0.0, width)
     q = four(lanes.attitude)
@@ -119,9 +119,9 @@ def divide(firing: Firing, work: Workspace) -> None:
 
 @compiled(error_model="numpy")
 def burn(world: World, firing: Firing, work: Workspace, k: int, log: FlightLog) -> None:
-    """Use up propellant, and scale forces to what they would be with the mass at the start.
+    """Consume propellant, and scale forces to their equivalent with the mass at the start.
 
-    Thrusters of a layout spend what they fire, which `spend` does not know of.
+    Thrusters of a layout spend what they fire, which `spend` does not cover.
     """
     width = width_of(work.lanes)
     if firing.exhaust_speed == np.inf and len(firing.table) == 0:

@@ -1,4 +1,4 @@
-"""Where the deputies of all lanes should look at the instants of a control period.
+"""The desired attitudes of all lanes at the instants of a control period.
 
 Positions at the instants of the attitude clock come from the closed form. With azimuth a and elevation e of a
 position, ``q* = (sin a/2 sin e/2, -cos a/2 sin e/2, sin a/2 cos e/2, cos a/2 cos e/2)``, half angles from
@@ -20,7 +20,7 @@ from pipeline.physics.quaternion import from_dcm
 def aim(world: World, work: Workspace, last: int) -> None:
     """Write the desired attitudes of all lanes at the instants of a control period before `last`.
 
-    Marks the lanes that come so near a pole that the position does not define y*.
+    Marks the lanes that come too close to a pole for the position to define y*.
     """
     width = width_of(work.lanes)
     rx, ry, rz = three(work.lanes.position)
@@ -33,8 +33,8 @@ def aim(world: World, work: Workspace, last: int) -> None:
         square = flat_square + z * z
         is_near |= flat_square < POLE * POLE * square
         flat, distance = np.sqrt(most(flat_square, 1e-200)), np.sqrt(most(square, 1e-200))
-        # by tangents, tan(a/2) = y/(flat + x) and tan(e/2) = z/(distance + flat); where x is negative that of
-        # the complement of a/2, so that nothing cancels
+        # by tangents, tan(a/2) = y/(flat + x) and tan(e/2) = z/(distance + flat); for negative x that of
+        # the complement of a/2, to avoid cancellation
         side, up = flat + abs(x), distance + flat
         scale = 1.0 / np.sqrt(4.0 * (flat * distance) * (side * up))
         cos_a, sin_a = select(x >= 0.0, side, y) * scale, select(x >= 0.0, y, side) * scale
@@ -44,9 +44,9 @@ def aim(world: World, work: Workspace, last: int) -> None:
 
 @compiled(error_model="numpy")
 def aim_plainly(world: World, work: Workspace, lane: int, last: int, is_start: bool) -> None:
-    """Write one lane's desired attitudes of the instants before `last` in turn, by the rules for poles.
+    """Write one lane's desired attitudes at the instants before `last` in turn, with the rules for poles.
 
-    Slower than `aim`, for where that does not hold; `y_before` is carried along.
+    Slower than `aim`, for the cases that it does not cover; `y_before` is carried along.
     """
     r, v, f = work.lanes.position, work.lanes.velocity, work.lanes.force
     y = np.empty(3)
@@ -82,10 +82,10 @@ def aim_plainly(world: World, work: Workspace, lane: int, last: int, is_start: b
 
 @compiled(error_model="numpy", forceinline=True)
 def aim_by_rules(world: World, work: Workspace, num_lanes: int, last: int, is_start: bool) -> None:
-    """Aim those lanes anew that the rules for poles are for, and note y* of all at the last instant."""
+    """Aim lanes near a pole again by the rules for poles, and store y* of all at the last instant."""
     width = width_of(work.lanes)
     lanes = work.lanes
-    # of attitudes that follow from the position, y* is (k x r)/|k x r|
+    # where the position defines the attitude, y* is (k x r)/|k x r|
     a1, a2, a3, a4 = four(work.aims[last - 1].attitude)
     last_x, last_y = 2.0 * (a1 * a2 - a3 * a4), -a1 * a1 + a2 * a2 - a3 * a3 + a4 * a4
     follows = one(lanes.is_near_pole) > 0.0
@@ -104,16 +104,16 @@ def aim_by_rules(world: World, work: Workspace, num_lanes: int, last: int, is_st
 
 @compiled(error_model="numpy", forceinline=True)
 def aim_deputies(world: World, work: Workspace, num_lanes: int, k: int) -> None:
-    """Write where all lanes should look over the control period that follows sample k."""
+    """Write the desired attitudes of all lanes over the control period that follows sample k."""
     aim(world, work, world.num_attitude_steps)
     aim_by_rules(world, work, num_lanes, world.num_attitude_steps, k == 0)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def aim_at_once(world: World, work: Workspace, num_lanes: int, k: int) -> None:
-    """Turn all lanes to where they should look at sample k, as ideal attitudes do.
+    """Set the attitudes of all lanes to the desired ones at sample k, for ideal pointing.
 
-    `aim_deputies` begins at the sample again, from where they believe to be: y* stays that of before.
+    `aim_deputies` starts at this sample again, from the estimated positions: y* keeps its earlier value.
     """
     before = three(work.lanes.y_before)
     aim(world, work, 1)

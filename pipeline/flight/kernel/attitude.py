@@ -1,10 +1,10 @@
-"""How the deputies of all lanes turn over a control period.
+"""Rotation of the deputies of all lanes over a control period.
 
 Between two instants the torque m is held. With w the deputy's *inertial* rate in body axes,
-``J w' = m - w x J w``; for a spherical inertia w is linear in time. The turn over a step h is the exponential
-of a fourth-order Magnus expansion, ``theta = h (w0 + 4 wm + w1)/6 + h^2 (w0 x w1)/12``,
+``J w' = m - w x J w``; for a spherical inertia w is linear in time. The rotation over a step h is the
+exponential of a fourth-order Magnus expansion, ``theta = h (w0 + 4 wm + w1)/6 + h^2 (w0 x w1)/12``,
 ``wm = (w0 + w1)/2 + h (w0' - w1')/8`` (Blanes, Casas, Oteo and Ros, "The Magnus expansion and some of its
-applications", Physics Reports 470, 2009), and the Hill frame turns by ``n h`` about k meanwhile:
+applications", Physics Reports 470, 2009), while the Hill frame turns by ``n h`` about k:
 ``q <- exp(-n h k/2) q exp(theta/2)``.
 """
 
@@ -27,7 +27,7 @@ LONGEST_STEP_S = 1.0
 #: a body that turns faster takes half steps, unless its inertia is spherical, rad/s
 FAST_RATE = 0.25
 
-#: square of the largest turn in one step that the series of half angles is for
+#: square of the largest rotation per step for which the series of half angles is accurate
 LARGEST_SQUARE = 0.25
 
 
@@ -59,7 +59,7 @@ def turn(
     """Turn an attitude by a rotation vector a in body axes while the Hill frame turns about k.
 
     s and c are ``sin(|a|/2)/|a|`` and ``cos(|a|/2)``. Written so that the products do not wait for them: this
-    is the longest chain of operations that depend on one another in a flight.
+    is the longest dependency chain of operations in a flight.
     """
     p1 = hill_cos * q1 + hill_sin * q2
     p2 = hill_cos * q2 - hill_sin * q1
@@ -128,7 +128,7 @@ def spin(
 
 @compiled(error_model="numpy", forceinline=True)
 def clip(x: Vector, limit: float) -> Vector:
-    """Return x, brought within ± the limit."""
+    """Return x, limited to ± the limit."""
     return most(least(x, limit), -limit)
 
 
@@ -220,7 +220,7 @@ def error_and_rate(
 
 @compiled(error_model="numpy", forceinline=True)
 def turn_balls(world: World, work: Workspace) -> None:
-    """Turn all lanes over a control period, for bodies of spherical inertia that turn slowly."""
+    """Turn all lanes over a control period, for spherical inertias and slow rotation."""
     lanes, n, h = work.lanes, world.mean_motion, world.attitude_period
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
     kp, kd, inverse_inertia = (
@@ -273,7 +273,7 @@ def turn_any(world: World, work: Workspace, lane: int) -> None:
 
 @compiled(error_model="numpy")
 def thrust_torque(work: Workspace, lane: int, attitude: Floats) -> tuple[float, float, float]:
-    """Return by what a lane's thrust turns it at an attitude, N m, body axes: ``arm x C f`` and the twist."""
+    """Return the torque of a lane's thrust at an attitude, N m, body axes: ``arm x C f`` and the twist."""
     arm, twist, force = work.lanes.arm, work.lanes.twist, work.lanes.force
     fx, fy, fz = times3(dcm_b_from_h(attitude[:4]), force[0, lane], force[1, lane], force[2, lane])
     x, y, z = arm[0, lane], arm[1, lane], arm[2, lane]
@@ -288,7 +288,7 @@ def thrust_torque(work: Workspace, lane: int, attitude: Floats) -> tuple[float, 
 def torque_at(
     world: World, work: Workspace, lane: int, instant: int
 ) -> tuple[float, float, float, float, float, float]:
-    """Return one lane's torque at an instant that it passed, N m, and its rate relative to Hill, rad/s."""
+    """Return one lane's torque at an instant already passed, N m, and its rate relative to Hill, rad/s."""
     q, aim, w = work.passed[instant].attitude, work.aims[instant].attitude, work.passed[instant].rate
     e1, e2, e3, ux, uy, uz = error_and_rate(
         q[0, lane],
@@ -331,7 +331,7 @@ def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
     """Turn all lanes over the control period that they are aimed for."""
     lanes, h = work.lanes, world.attitude_period
     wx, wy, wz = three(lanes.rate)
-    # what might turn too far for the series within this period goes the general way
+    # lanes that might turn too far for the series within this period take the general method
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
     is_one_step_of_a_ball = world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)
     is_one_step_of_a_ball = is_one_step_of_a_ball and not world.turns_by_thrust
@@ -348,7 +348,7 @@ def turn_deputies(world: World, work: Workspace, num_lanes: int) -> None:
         for lane in range(num_lanes):
             if lanes.turns_fast[lane] > 0.0:
                 turn_any(world, work, lane)
-    # exponentials keep the norm but for rounding
+    # exponentials keep the norm except for rounding
     q1, q2, q3, q4 = four(lanes.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
     write_four(lanes.attitude, q1 * scale, q2 * scale, q3 * scale, q4 * scale)

@@ -1,6 +1,6 @@
-"""Functions of mathematics for vectors: the exponential, and the angle of a point.
+"""Elementary functions for vectors: the exponential and the two-argument arctangent.
 
-Right to rounding. The approximations are those of S. L. Moshier, "Methods and Programs for Mathematical
+Accurate to rounding. The approximations are those of S. L. Moshier, "Methods and Programs for Mathematical
 Functions" (Cephes library), 1989.
 """
 
@@ -11,9 +11,9 @@ import numpy as np
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import Vector, least, most, power_of_two, select
 
-#: where the exponential is nothing but zero
+#: below this the exponential is zero
 LEAST_EXPONENT = -700.0
-#: ln 2 as the sum of two floats, of which the first has few digits
+#: ln 2 as the sum of two floats, the first with few digits
 LN2_HIGH, LN2_LOW = 6.93145751953125e-1, 1.42860682030941723212e-6
 LOG2_E = 1.4426950408889634074
 TAN_PI_8 = 0.4142135623730950
@@ -21,7 +21,7 @@ TAN_PI_8 = 0.4142135623730950
 
 @compiled(error_model="numpy", forceinline=True)
 def exponential(x: Vector) -> Vector:
-    """Return e to the power of numbers up to 700; 0 below -700."""
+    """Return e to the power of x, for x up to 700; 0 below -700."""
     bounded = most(x, LEAST_EXPONENT)
     whole = np.rint(bounded * LOG2_E)
     rest = (bounded - whole * LN2_HIGH) - whole * LN2_LOW
@@ -34,7 +34,7 @@ def exponential(x: Vector) -> Vector:
 
 @compiled(error_model="numpy", forceinline=True)
 def arctangent(y: Vector, x: Vector) -> Vector:
-    """Return the angle of a point from the x axis, rad, in (-pi, pi]; x and y are not both zero."""
+    """Return the angle of a point from the x axis, rad, in (-pi, pi]; x and y must not both be zero."""
     across, along = abs(y), abs(x)
     small, large = least(across, along), most(across, along)
     is_steep = small > TAN_PI_8 * large

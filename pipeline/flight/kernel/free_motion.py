@@ -1,7 +1,7 @@
-"""What the deputies of all lanes know of their free motion: its ellipse, its centre, phase, closest approach.
+"""Signals of the free motion of all lanes: ellipse, centre, phase and closest approach.
 
 Free motion is an ellipse, twice as long along the track as it is high, about a centre that drifts along the
-track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). Written out plainly in
+track (Clohessy and Wiltshire, J. Aerospace Sci. 27, 1960). Plain version in
 `pipeline.flight.reference.channels`.
 """
 
@@ -31,7 +31,7 @@ PREDICTION_TIME = constant("prediction_time_s")
 
 @compiled(error_model="numpy")
 def sense_orbit(world: World, law: Law, values: Floats, work: Workspace) -> None:
-    """Write the signals of natural motion of every lane."""
+    """Write the signals of free motion of every lane."""
     n = world.mean_motion
     size = values[law.constants + RING_SIZE] if law.constants >= 0 else 0.0
     lead = values[law.constants + RING_LEAD] if law.constants >= 0 else 0.0
@@ -59,9 +59,9 @@ def sense_orbit(world: World, law: Law, values: Floats, work: Workspace) -> None
 
 @compiled(error_model="numpy")
 def sense_approach(world: World, work: Workspace) -> None:
-    """Write how near every lane comes to the chief within an orbit of free drift.
+    """Write every lane's closest approach to the chief within an orbit of free drift.
 
-    Chords between places on the way, as in `pipeline.physics.motion.closest_approach`.
+    Uses chords between places on the path, as in `pipeline.physics.motion.closest_approach`.
     """
     rx, ry, rz = three(work.lanes.position)
     vx, vy, vz = three(work.lanes.velocity)

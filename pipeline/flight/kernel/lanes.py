@@ -1,4 +1,4 @@
-"""Vectors with a lane for each flight: how they are read from rows of numbers, and written to them."""
+"""Vectors with a lane for each flight: reading them from rows of numbers, and writing them there."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +38,14 @@ def four(rows: Floats) -> tuple[Vector, Vector, Vector, Vector]:
 
 @compiled(forceinline=True)
 def write_two(rows: Floats, first: int, x: Vector, y: Vector) -> None:
-    """Write two rows, from one on."""
+    """Write two rows, from `first` on."""
     store(rows, first, x)
     store(rows, first + 1, y)
 
 
 @compiled(forceinline=True)
 def write_three(rows: Floats, first: int, x: Vector, y: Vector, z: Vector) -> None:
-    """Write three rows, from one on."""
+    """Write three rows, from `first` on."""
     store(rows, first, x)
     store(rows, first + 1, y)
     store(rows, first + 2, z)

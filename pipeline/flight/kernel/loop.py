@@ -1,10 +1,10 @@
 """Flights, compiled: the closed loop of dynamics, sight, guidance, inference and attitude control.
 
-What is computed is what `pipeline.flight.reference.loop` writes out plainly; the two are tested to agree. Up
+The plain version, which this is tested against, is `pipeline.flight.reference.loop`. Up
 to L flights of one controller run side by side (`pipeline.flight.kernel.arrays`), so that vector units
-work on all of them; every flight comes out the same in any company.
+work on all of them; a flight's result does not depend on the others.
 
-A state moves exactly, by `pipeline.physics.motion`, or about the Earth, by `pipeline.physics.two_body`.
+States move exactly, by `pipeline.physics.motion`, or about the Earth, by `pipeline.physics.two_body`.
 Single letters follow the equations: r, v position and velocity (Hill), q attitude, w rate, f force, m torque.
 """
 
@@ -98,7 +98,7 @@ def move(world: World, work: Workspace) -> None:
 def open_with(
     world: World, work: Workspace, openings: Floats, first: int, num_lanes: int, log: FlightLog
 ) -> None:
-    """Replace what was inferred at the start by forces given for each start, Hill axes."""
+    """Replace the inferred forces at the start by forces given for each start, Hill axes."""
     limit = world.max_force
     for lane in range(num_lanes):
         for axis in range(3):
@@ -117,7 +117,7 @@ def open_with(
 def write_sample(
     world: World, work: Workspace, counts: Bytes, log: FlightLog, k: int, sun_angle: float
 ) -> None:
-    """Log what is known at a sample before the force is, of lane 0."""
+    """Log lane 0 at a sample, before its force is known."""
     lanes, n = work.lanes, world.mean_motion
     for component in range(3):
         log.position_m[k, component] = lanes.position[component, 0]
@@ -184,9 +184,9 @@ def start_lanes(
 
 @compiled(error_model="numpy")
 def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, outcomes: Floats) -> None:
-    """Write how the flights ended, from row `flight` on; delta-v is NaN where the attitude is.
+    """Write the outcomes of flights, from row `flight` on; delta-v is NaN where the attitude is.
 
-    A force that is not a number is clipped to one that is, but an attitude stays what it has become.
+    A NaN force is clipped to a finite one, whereas an attitude stays NaN.
     """
     lanes = work.lanes
     for lane in range(num_lanes):
@@ -206,7 +206,7 @@ def write_outcomes(world: World, work: Workspace, num_lanes: int, flight: int, o
 
 @compiled(error_model="numpy", inline="always")
 def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
-    """Write where a lane is; where the row has room, also all else that is known before the next force."""
+    """Write the position of a lane and, if the row has room, everything else known before the next force."""
     for component in range(3):
         row[component] = lanes.position[component, lane]
     if len(row) == NUM_TRACKED:
@@ -221,7 +221,7 @@ def write_track(world: World, lanes: Any, lane: int, row: NDArray[np.float32]) -
 
 @compiled(error_model="numpy")
 def turn_rate(world: World, lanes: Any, lane: int) -> float:
-    """Return how fast a lane turns relative to Hill, rad/s: its inertial rate less the orbit's."""
+    """Return a lane's angular rate relative to Hill, rad/s: its inertial rate less the orbit's."""
     q1, q2 = lanes.attitude[0, lane], lanes.attitude[1, lane]
     q3, q4 = lanes.attitude[2, lane], lanes.attitude[3, lane]
     n = world.mean_motion
@@ -233,7 +233,7 @@ def turn_rate(world: World, lanes: Any, lane: int) -> float:
 
 @compiled(error_model="numpy", inline="always")
 def write_fired(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
-    """Write what a lane fires, where the row has room."""
+    """Write what a lane fires, if the row has room."""
     if len(row) == NUM_TRACKED:
         for component in range(3):
             row[TRACK_FORCE + component] = lanes.force[component, lane]
@@ -241,7 +241,7 @@ def write_fired(lanes: Any, lane: int, row: NDArray[np.float32]) -> None:
 
 # Inlined: as a function of its own it would be optimised twice, alone and within `fly_many`.
 @compiled(error_model="numpy", inline="always")
-def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or logged
+def fly(  # noqa: PLR0912, PLR0915 - a branch for each signal and each logged quantity
     world: World,
     optics: Beyond | None,
     guard: Guard | None,
@@ -270,7 +270,7 @@ def fly(  # noqa: PLR0912, PLR0915 - one for each thing that may be sensed or lo
     optics, guard, clusters, pushes, departures : as in `fly_many`
     values, rules : rows of `fis_tools.engines.packing.Packed`
     cases : (m,) starts, of `CASE`
-    counted : (m or 1, P padded) 1 for the points that a flight is about, 0 for those never lit in it
+    counted : (m or 1, P padded) 1 for the points that a flight counts, 0 for those never lit in it
     openings : (m, 3) forces of the first control period, N, Hill axes; no rows where the rules decide it
     first, num_lanes : which starts, at most L
     work : Workspace
@@ -373,15 +373,15 @@ def fly_many(
     last: int,
     outcomes: Floats,
 ) -> None:
-    """Fly flights `first` to `last - 1` of every controller from every start, starts fastest.
+    """Fly flights `first` to `last - 1` of every controller from every start, starts varying fastest.
 
-    Where light and camera are the paper's `optics` is None, without the safety layer `guard`, without
-    guidance by clusters `clusters`, where no controller senses a push that shows what sets `pushes`, and
-    where all is as the deputy takes it to be `departures`: numba leaves out what depends on them, and nobody
-    waits for the compilation of what is not flown. Beside `optics` or `departures`, `guard` and `pushes` may
-    be given and yet be off: fewer kinds of flight are compiled so.
+    `optics` is None where light and camera are the paper's, `guard` without the safety layer, `clusters`
+    without guidance by clusters, `pushes` where no controller senses a push that shows setting points, and
+    `departures` where the deputy's model is exact: numba leaves out the code that depends on them, which
+    saves compiling what is not flown. With `optics` or `departures`, `guard` and `pushes` may be present
+    but off, so that fewer variants are compiled.
     """
-    # not what may be None: what is left out then hangs on the argument itself
+    # not those that may be None: they must stay arguments for numba to leave code out
     width = width_of(work.lanes)
     world, law, values, rules, cases, counted = borrowed((world, law, values, rules, cases, counted))
     work, log, tracks, outcomes = borrowed((work, log, tracks, outcomes))

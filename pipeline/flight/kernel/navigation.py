@@ -1,7 +1,7 @@
-"""Navigation by fixes on lanes: what the deputies believe takes the place of the truth while they decide.
+"""Navigation by fixes, in lanes: the estimates replace the true states while the deputies decide.
 
-`pipeline.flight.navigation` has the filter's law. While a deputy senses, decides and aims, `lanes.position`
-and `lanes.velocity` are its estimate; while it is seen, judged and moved, they are the truth.
+`pipeline.flight.navigation` describes the filter. While a deputy senses, decides and aims, `lanes.position`
+and `lanes.velocity` are its estimate; during inspection, evaluation and motion they are the truth.
 """
 
 from math import sqrt
@@ -27,22 +27,22 @@ Floats = NDArray[np.float64]
 
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {
-    "filtered": (6,),  # what the filter made of the fixes up to `delay` periods ago
-    "covariance": (6, 6),  # of that
-    "known": (6,),  # that, brought to now
+    "filtered": (6,),  # estimate from the fixes up to `delay` periods ago
+    "covariance": (6, 6),  # its covariance
+    "known": (6,),  # the same estimate, propagated to now
     "now": (6, 6),  # its covariance, where a flight is logged
     "half": (6, 6),  # scratch
     "truth": (6,),  # while the estimate stands in its place
-    "turn": (4,),  # from the true attitude to the one that is sensed
+    "turn": (4,),  # from the true attitude to the sensed one
     "tilt": (3,),  # the same as an angle about each axis, Hill axes
-    "attitude": (4,),  # the true one while the one sensed stands in its place
+    "attitude": (4,),  # the true one while the sensed one stands in its place
 }
 
 
 class Fixes(NamedTuple):
     """Navigation of some flights: see `pipeline.flight.navigation.Filter` and `Errors`."""
 
-    is_on: bool  # False where the deputy knows its place
+    is_on: bool  # False where the deputy knows its state
     stride: int
     delay: int
     start_covariance: Floats
@@ -62,11 +62,11 @@ class Fixes(NamedTuple):
 
 
 class Departures(NamedTuple):
-    """In what flights depart from what the deputies take them to be; each part may be off."""
+    """Differences between flights and the deputies' model of them; each part may be off."""
 
     fixes: Fixes
     firing: Firing
-    course: Course  # about the Earth; motion is linear where it is off
+    course: Course  # about the Earth; off where motion is linear
 
 
 @compiled(error_model="numpy")
@@ -77,7 +77,7 @@ def entry(matrix: Floats, row: int, column: int) -> Vector:
 
 @compiled(error_model="numpy")
 def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> None:
-    """Move covariances through a control period: ``P <- Phi P Phi' + Q``."""
+    """Propagate covariances through a control period: ``P <- Phi P Phi' + Q``."""
     width = width_of(fixes.lanes)
     phi, half = world.motion.transition, fixes.lanes.half
     f = load(fixes.acting, (period, 0, 0), width)
@@ -101,7 +101,7 @@ def spread_out(world: World, fixes: Fixes, covariance: Floats, period: int) -> N
 
 @compiled(error_model="numpy")
 def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
-    """Move an estimate through a control period under what was commanded."""
+    """Propagate an estimate through a control period under the commanded forces."""
     width = width_of(fixes.lanes)
     step = step_of(world.motion, 0)
     x, y, z = three(state)
@@ -117,15 +117,15 @@ def advance(world: World, fixes: Fixes, state: Floats, period: int) -> None:
 
 @compiled(error_model="numpy")
 def correct(fixes: Fixes, which: int) -> None:
-    """Correct the filtered state by a fix, unless it lies beyond the gate: ``K = P H' S^-1``."""
+    """Correct the filtered state by a fix, unless the fix is beyond the gate: ``K = P H' S^-1``."""
     width = width_of(fixes.lanes)
     state, p, gain = fixes.lanes.filtered, fixes.lanes.covariance, fixes.lanes.half
     x, y, z = three(state)
     dx = load(fixes.fixes, (which, 0, 0), width) - x
     dy = load(fixes.fixes, (which, 1, 0), width) - y
     dz = load(fixes.fixes, (which, 2, 0), width) - z
-    # the inverse of S, which is symmetric, by cofactors; its fix varies across the line of sight, and more or
-    # less along it
+    # the inverse of S, which is symmetric, by cofactors; a fix has one variance across the line of sight and
+    # another along it
     square = x * x + y * y + z * z
     across = fixes.fix + fixes.bearing * square
     more = (fixes.range - fixes.bearing * square) / square
@@ -151,7 +151,7 @@ def correct(fixes: Fixes, which: int) -> None:
         store(gain, (row, 0, 0), (px * aa + py * ab + pz * ac) * scale)
         store(gain, (row, 1, 0), (px * ab + py * bb + pz * bc) * scale)
         store(gain, (row, 2, 0), (px * ac + py * bc + pz * cc) * scale)
-    # P <- P - K H P, below the diagonal from what is above it
+    # P <- P - K H P, below the diagonal by symmetry
     for row in range(5, -1, -1):
         kx, ky, kz = entry(gain, row, 0), entry(gain, row, 1), entry(gain, row, 2)
         for column in range(row + 1):
@@ -168,7 +168,7 @@ def correct(fixes: Fixes, which: int) -> None:
 def measured(
     fixes: Fixes, which: int, case: int, lane: int, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """Return the place of a lane by range and bearing, as `pipeline.flight.navigation.measured` has it."""
+    """Return the fix of a lane from range and bearing, as `pipeline.flight.navigation.measured`."""
     tilt, errors = fixes.lanes.tilt, fixes.of_sight[case, which]
     wx, wy, wz = errors[1] + tilt[0, lane], errors[2] + tilt[1, lane], errors[3] + tilt[2, lane]
     tx, ty, tz = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
@@ -180,7 +180,7 @@ def measured(
 def times_turn(
     q: tuple[Vector, Vector, Vector, Vector], turn: tuple[Vector, Vector, Vector, Vector], way: float
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return attitudes turned about their body axes, or with a way of -1 turned back."""
+    """Return attitudes turned about their body axes, or turned back if way is -1."""
     q1, q2, q3, q4 = q
     a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
     return (
@@ -193,7 +193,7 @@ def times_turn(
 
 @compiled(error_model="numpy")
 def note_turn(fixes: Fixes, first: int, num_lanes: int, k: int) -> None:
-    """Note by how much the attitudes that are sensed from sample k on are turned from the true ones."""
+    """Store the rotation from the true attitudes to the sensed ones from sample k on."""
     width = width_of(fixes.lanes)
     for lane in range(width):
         error = fixes.of_attitude[first + min(lane, num_lanes - 1), k]
@@ -205,7 +205,7 @@ def note_turn(fixes: Fixes, first: int, num_lanes: int, k: int) -> None:
 
 @compiled(error_model="numpy")
 def point_beside(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Turn deputies that point ideally to where they only sense that they do."""
+    """Set the attitudes of ideally pointing deputies, with the sensing error."""
     if fixes.of_attitude.shape[1] > 0:
         note_turn(fixes, first, num_lanes, k)
         turned = times_turn(four(work.lanes.attitude), four(fixes.lanes.turn), -1.0)
@@ -214,7 +214,7 @@ def point_beside(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: i
 
 @compiled(error_model="numpy")
 def sense_attitude(world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Put the true attitude aside, and what is sensed in its place."""
+    """Set the true attitude aside and put the sensed one in its place."""
     width = width_of(work.lanes)
     note_turn(fixes, first, num_lanes, k)
     q = four(work.lanes.attitude)
@@ -225,13 +225,13 @@ def sense_attitude(world: World, fixes: Fixes, work: Workspace, first: int, num_
     boresight = splat(b1, width), splat(b2, width), splat(b3, width)
     write_three(work.lanes.boresight, 0, *to_hill(sensed, boresight))
     a, b, c, d = four(fixes.lanes.turn)
-    # angles are twice the quotient of the turn's parts
+    # angles are twice the ratio of the quaternion's components
     write_three(fixes.lanes.tilt, 0, *to_hill(q, (2.0 * a / d, 2.0 * b / d, 2.0 * c / d)))
 
 
 @compiled(error_model="numpy")
 def turn_out_so(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
-    """Put the true attitude back, aim as it will be taken for the desired one, and turn what is fired."""
+    """Restore the true attitude, shift the aim by the sensing error, and rotate the thrust."""
     lanes, turn = work.lanes, four(fixes.lanes.turn)
     true, meant = four(fixes.lanes.attitude), to_body(four(lanes.attitude), three(lanes.force))
     fx, fy, fz = to_hill(true, meant)
@@ -247,7 +247,7 @@ def turn_out_so(world: World, fixes: Fixes, work: Workspace, k: int, log: Flight
 
 @compiled(error_model="numpy")
 def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Put the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
+    """Set the truth aside, and measure it where a fix is due; at the start, make the first estimates."""
     width = width_of(work.lanes)
     lanes = work.lanes
     for lane in range(width):
@@ -280,7 +280,7 @@ def measure(fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int) -
 
 @compiled(error_model="numpy")
 def write_estimate(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
-    """Log what lane 0 knows, and how well."""
+    """Log lane 0's estimate and its covariance."""
     for row in range(6):
         for column in range(6):
             store(fixes.lanes.now, (row, column, 0), entry(fixes.lanes.covariance, row, column))
@@ -298,7 +298,7 @@ def write_estimate(world: World, fixes: Fixes, work: Workspace, k: int, log: Fli
 def believe(
     world: World, fixes: Fixes, work: Workspace, first: int, num_lanes: int, k: int, log: FlightLog
 ) -> None:
-    """Measure, filter, and put what is known in the place of the truth, until `recover_truth`."""
+    """Measure, filter, and put the estimate in the place of the truth, until `recover_truth`."""
     width = width_of(work.lanes)
     if fixes.of_attitude.shape[1] > 0:
         sense_attitude(world, fixes, work, first, num_lanes, k)
@@ -322,7 +322,7 @@ def believe(
 
 @compiled(error_model="numpy")
 def recover_truth(world: World, fixes: Fixes, work: Workspace, k: int, log: FlightLog) -> None:
-    """Put the truth back, once the deputy is aimed and what it commands is noted."""
+    """Restore the truth, once the deputy is aimed and its command is stored."""
     width = width_of(work.lanes)
     for row in range(3):
         store(work.lanes.position, row, load(fixes.lanes.truth, row, width))
@@ -333,7 +333,7 @@ def recover_truth(world: World, fixes: Fixes, work: Workspace, k: int, log: Flig
 
 @compiled(error_model="numpy")
 def note_command(fixes: Fixes, firing: Firing, work: Workspace, k: int, num_controls: int) -> None:
-    """Note when the command of a sample acts, and as what force but for errors of the thrusters."""
+    """Store the command of a sample for the period in which it acts, as the force of ideal thrusters."""
     width = width_of(work.lanes)
     delay = firing.delay
     for axis in range(3):

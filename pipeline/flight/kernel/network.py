@@ -1,6 +1,6 @@
-"""Networks of layers, compiled: what a learned policy answers to what it sees.
+"""Compiled feed-forward networks: the actions of a learned policy from its observations.
 
-Every flight's numbers are added up in the same order in any company, so that a flight repeats itself.
+Every flight's sums are taken in the same order whatever flies with it, so that flights are reproducible.
 """
 
 from math import tanh
@@ -14,7 +14,7 @@ from fis_tools.engines.compiled import compiled
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: what becomes of the sums of a layer: nothing, their hyperbolic tangent, nothing below `low` or above `high`
+#: activation of a layer: none, hyperbolic tangent, or clipping to `low` and `high`
 LINEAR, TANH, CLIPPED = range(3)
 
 
@@ -24,13 +24,13 @@ class Network(NamedTuple):
     Attributes
     ----------
     widths : (L+1,) int
-        Numbers that go into each layer, and that come out of the last.
+        Inputs of each layer, and outputs of the last.
     numbers : (n,)
-        Of each layer the weights, a row for each number that goes in, and then what is added.
+        For each layer the weights, a row per input, followed by the biases.
     kinds : (L,) int
         `LINEAR`, `TANH` or `CLIPPED`.
     low, high : (L,)
-        Limits of those that are clipped.
+        Limits of the clipped layers.
     """
 
     widths: Integers
@@ -42,7 +42,7 @@ class Network(NamedTuple):
 
 @compiled(nogil=True, error_model="numpy")
 def answer(network: Network, seen: Floats, work: Floats, found: Floats) -> None:
-    """Write the answers to what some flights see.
+    """Write the network's outputs for the observations of some flights.
 
     Parameters
     ----------

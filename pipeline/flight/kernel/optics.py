@@ -1,8 +1,8 @@
-"""What is lit and what is seen where light or camera are not the paper's: shadow, incidence, range, a mesh.
+"""Lit and visible points where light or camera are not the paper's: shadow, incidence, range, a mesh.
 
-Where they are the paper's, `pipeline.physics.sight` says it in a line, and nothing of this is compiled.
-`closely` is None where no part of the chief hides another and it does not matter how bright a point is, as in
-most worlds: asking that at run time slows flights by a sixth. Written out plainly in
+For the paper's, `pipeline.physics.sight` is one line, and nothing here is compiled.
+`closely` is None where no part of the chief hides another and brightness does not matter, as in
+most worlds: a run-time check would slow flights by a sixth. Plain version in
 `pipeline.flight.reference.sight`.
 """
 
@@ -23,12 +23,12 @@ from pipeline.physics.sight import HEIGHT, NORMAL, SQUARE, is_lit, is_resolved, 
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-#: spacings of samples at which points not yet found lit are looked for: coarse first, for most are soon found
+#: strides of samples in the search for points not yet found lit: coarse first, as most are soon found
 SPACINGS = (32, 8, 1)
 
 
 class Beam(NamedTuple):
-    """Sunlight at a sample: where it comes from, Hill axes, and as a cell of the chief's occlusion."""
+    """Sunlight at a sample: its direction in Hill axes, and the matching cell of the chief's occlusion."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class Beam(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """A camera: its place (m), unit vectors along which it looks and to the Sun, whether it is blind."""
+    """A camera: its place (m), unit vectors along its boresight and to the Sun, and whether it is blinded."""
 
     x: float
     y: float
@@ -93,14 +93,14 @@ def beam_at(
 
 @compiled(error_model="numpy", forceinline=True)
 def eye_at(world: World, beam: Beam, x: float, y: float, z: float, bx: float, by: float, bz: float) -> Eye:
-    """Return the camera at a place that looks along a unit vector."""
+    """Return the camera at a place, with a unit vector as boresight."""
     is_blind = bx * beam.x + by * beam.y + bz * beam.z > world.optics.most_sunward
     return Eye(x, y, z, bx, by, bz, beam.x, beam.y, beam.z, is_blind)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def eye_on_chief(world: World, beam: Beam, x: float, y: float, z: float) -> Eye:
-    """Return the camera at a place that looks at the chief's centre."""
+    """Return the camera at a place, aimed at the chief's centre."""
     per_distance = -1.0 / sqrt(x * x + y * y + z * z)
     return eye_at(world, beam, x, y, z, per_distance * x, per_distance * y, per_distance * z)
 
@@ -109,7 +109,7 @@ def eye_on_chief(world: World, beam: Beam, x: float, y: float, z: float) -> Eye:
 def lit_through(
     world: World, closely: bool | None, work: Workspace, sample: int, j: int, wanted: Mask, beam: Beam
 ) -> Mask:
-    """Tell which of the wanted points from j on are lit."""
+    """Return which of the wanted points from j on are lit."""
     surface = world.surface
     along = beam.x * load(surface, (sample, NORMAL, j), POINTS)
     along += beam.y * load(surface, (sample, NORMAL + 1, j), POINTS)
@@ -126,7 +126,7 @@ def lit_through(
 
 @compiled(error_model="numpy")
 def leave_out_hidden(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
-    """Strike out of `work.seen`, from j on, what the chief hides from a camera."""
+    """Remove from `work.seen`, from j on, the points that the chief hides from a camera."""
     points = world.points
     for i in range(j, min(j + POINTS, world.num_points)):
         if work.seen[i] > 0.0:
@@ -136,7 +136,7 @@ def leave_out_hidden(world: World, work: Workspace, sample: int, j: int, eye: Ey
 
 @compiled(error_model="numpy")
 def leave_out_dim(world: World, work: Workspace, sample: int, j: int, eye: Eye) -> None:
-    """Strike out of `work.seen`, from j on, what reflects too little or too much towards a camera."""
+    """Remove from `work.seen`, from j on, the points that are too dim or too bright for a camera."""
     surface, points = world.surface, world.points
     for i in range(j, min(j + POINTS, world.num_points)):
         if work.seen[i] > 0.0 and not is_bright(
@@ -164,7 +164,7 @@ def seen_through(
     lit: Mask,
     eye: Eye,
 ) -> Mask:
-    """Tell which of the lit points from j on a camera sees."""
+    """Return which of the lit points from j on a camera sees."""
     optics, points = world.optics, world.points
     surface, x, y, z = world.surface, eye.x, eye.y, eye.z
     px, py = load(points, (sample, 0, j), POINTS), load(points, (sample, 1, j), POINTS)
@@ -191,7 +191,7 @@ def seen_through(
 def strike_out_seen(
     world: World, optics: Beyond, work: Workspace, k: int, beam: Beam, x: float, y: float, z: float
 ) -> int:
-    """Strike what is lit and seen by a camera on the chief's centre out of `work.ahead`; return how many."""
+    """Remove lit points that a camera aimed at the chief's centre sees from `work.ahead`; return how many."""
     sample, num_seen, eye = (k if len(world.points) > 1 else 0), 0, eye_on_chief(world, beam, x, y, z)
     if beam.shines and not eye.is_blind:
         for j in range(0, len(work.ahead), POINTS):
@@ -220,7 +220,7 @@ def lit_points(
     sun_y: float,
     beam: Beam,
 ) -> Mask:
-    """Tell which of the wanted points from j on are lit, in the paper's world or in another."""
+    """Return which of the wanted points from j on are lit, in the paper's world or in another."""
     if optics is None:
         return wanted & is_lit(world.sight, px, py, sun_x, sun_y)
     return lit_through(world, optics.closely, work, sample, j, wanted, beam)
@@ -230,7 +230,7 @@ def lit_points(
 def any_beam(
     world: World, optics: Beyond | None, work: Workspace, lane: int, k: int, sun_x: float, sun_y: float
 ) -> Beam:
-    """Return the sunlight as `lit_points` asks for it; in the paper's world it takes nothing of it."""
+    """Return the sunlight in the form that `lit_points` takes; in the paper's world it is not used."""
     if optics is None:
         return Beam(0.0, 0.0, 0.0, 0, True)
     return beam_at(world, optics.closely, work, lane, k, sun_x, sun_y)
@@ -255,9 +255,9 @@ def want_all(world: World, work: Workspace) -> None:
 def note_lit(
     world: World, optics: Beyond | None, work: Workspace, case: Any, start_x: float, start_y: float, k: int
 ) -> int:
-    """Mark in `work.lit` what of `work.ahead` is lit at a sample of a case, and strike it out there.
+    """Mark in `work.lit` the points of `work.ahead` lit at a sample of a case, and remove them there.
 
-    Returns how many vectors of points have some left.
+    Returns the number of vectors of points with some left.
     """
     points = world.points
     sample, num_left = (k if len(points) > 1 else 0), 0
@@ -319,7 +319,7 @@ def note_seen_along(
     stride: int,
     counts: NDArray[np.int64],
 ) -> None:
-    """Write how many points a camera on the chief's centre inspects along each path, (n, samples, 3), m.
+    """Write the number of points that a camera aimed at the chief inspects along paths, (n, samples, 3), m.
 
     Places are `stride` control periods apart, from the first case's start on.
     """

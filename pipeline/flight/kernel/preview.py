@@ -1,7 +1,7 @@
-"""What the deputies of all lanes would see if they fired no more: free motion followed to the flight's end.
+"""Preview for all lanes: the points that coasting to the flight's end would show.
 
-Places are foreseen every `pipeline.flight.preview.PREVIEW_PERIOD_S`, with the camera on the chief's centre.
-Written out plainly in `pipeline.flight.reference.preview`.
+Places are previewed every `pipeline.flight.preview.PREVIEW_PERIOD_S`, with the camera aimed at the chief's
+centre. Plain version in `pipeline.flight.reference.preview`.
 """
 
 from math import cos, sin, sqrt
@@ -36,12 +36,12 @@ def strike_out(
     sun_y: float,
     is_near: bool,
 ) -> int:
-    """Strike out the points that are lit and in view of a place; return how many are left.
+    """Remove the points that are lit and in view of a place; return how many are left.
 
-    They lie in the order of `world.patches`: neighbours are seen soon one after the other, and
-    vectors in which none is left are passed over.
+    They are in the order of `world.patches`: neighbours are seen shortly after one another, and
+    vectors with none left are skipped.
 
-    `is_near` where the chief does not fit into the camera's view, whose axis meets its centre.
+    `is_near` where the chief does not fit into the field of view of a camera aimed at its centre.
     """
     sight, points = world.sight, world.patches
     squared_range = rx * rx + ry * ry + rz * rz
@@ -55,7 +55,7 @@ def strike_out(
         along = px * rx + py * ry + load(points, (sample, 2, j), POINTS) * rz
         seen = is_left & is_lit(sight, px, py, sun_x, sun_y) & is_facing(sight, along)
         if is_near:
-            # the boresight is -r; of points on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
+            # the boresight is -r; on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
             squared = (sight.horizon + squared_range - 2.0 * along) * squared_range
             seen &= is_in_cone(sight, squared_range - along, squared)
         store(ahead, j, select(seen, 0.0, before))
@@ -65,10 +65,10 @@ def strike_out(
 
 @compiled(error_model="numpy")
 def preview(world: World, optics: Beyond | None, work: Workspace, num_lanes: int, k: int) -> None:
-    """Write how many points every lane would miss by coasting, and between which distances it would be."""
+    """Write for every lane the points missed by coasting, and the least and greatest distance on the way."""
     lanes, signals, ahead = work.lanes, work.signals, work.ahead
     stride = world.preview_stride
-    # the places lie on the same instants whenever they are foreseen, counted back from the end
+    # the places fall on the same instants at every preview, counted back from the end
     first = (world.num_controls - k - 1) % stride + 1
     turn = world.mean_motion * world.control_period
     first_cos, first_sin = cos(turn * first), sin(turn * first)

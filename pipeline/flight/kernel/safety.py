@@ -1,16 +1,16 @@
-"""Run-time assurance, compiled: the least change of force after which the deputies stay safe.
+"""Run-time assurance, compiled: the smallest change of force that keeps the deputies safe.
 
 A force f held over the control period T leads to the next state ``s = Phi s(k) + Gamma f``. It is safe when
 
 - *keep-out, keep-in*: the deputy is between the two spheres at s, and also where it comes to rest when it is
-  stopped from s within one period: ``f_stop = K s``, ``K = -Gamma_v^-1 Phi_v``, leads to ``r_stop = P s``,
+    stopped from s within one period: ``f_stop = K s``, ``K = -Gamma_v^-1 Phi_v``, leads to ``r_stop = P s``,
   ``P = Phi_r + Gamma_r K``, with no speed;
-- *braking*: no axis of f_stop needs more than the force that is set aside for it;
+- *braking*: no axis of f_stop needs more than the force that is reserved for it;
 - *speed*: ``|v| <= v0 + v1 (|r| - d0)``.
 
-A deputy at rest can stand still by a constant force: ``f_stop`` of ``(r_stop, 0)`` leads to itself. So
+A deputy at rest can hold its place with a constant force: ``f_stop`` of ``(r_stop, 0)`` leads to itself. So
 from a safe state the stop is a safe force, and the next state is safe again: samples never leave the
-spheres, whatever force is asked for. The safe set is that of the explicit backup "stop" (Gurriet, Mote,
+spheres, whatever force is commanded. The safe set is that of the explicit backup "stop" (Gurriet, Mote,
 Singletary, Nilsson, Feron and Ames, "A scalable safety critical control framework for nonlinear systems",
 IEEE Access 8, 2020), and the filter a control barrier function's in discrete time (Agrawal and Sreenath,
 "Discrete control barrier functions for safety-critical control of discrete systems", RSS 2017; Ames, Coogan,
@@ -18,13 +18,13 @@ Egerstedt, Notomista, Sreenath and Tabuada, "Control barrier functions: theory a
 The limits are those of Dunlap, van Wijk and Hobbs, "Run time assurance for autonomous spacecraft inspection"
 (2023).
 
-Two more limits act early, while little force is enough. They give way to those above:
+Two more limits act early, while a small force is enough. They yield to those above:
 
 - *passive safety*: free drift from s stays outside the keep-out sphere at all samples of a horizon
   (Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft", J. Guidance 31, 2008);
 - free drift from s stays inside the keep-in sphere at all samples of another.
 
-Written out plainly in `pipeline.flight.reference.safety`.
+Plain version in `pipeline.flight.reference.safety`.
 """
 
 from math import ceil, sqrt
@@ -64,21 +64,21 @@ Floats = NDArray[np.float64]
 
 #: rows of `Guard.places` whose limits are never given up: at the next sample, and stopped from there
 STANDING = 2
-#: by how much corrections stay clear of a limit, m, and of one that acts early, lest the next has to follow
+#: margin of corrections to a limit, m, and to one that acts early, so that the next sample needs none
 SLACK, EARLY_SLACK = 1e-4, 0.1
-#: what rounding may exceed a limit by, m
+#: tolerance for rounding, m
 TOLERANCE = 1e-6
-#: most half-spaces that the exceeded limits are replaced by, one after the other
+#: largest number of half-spaces that replace the exceeded limits
 MOST_CUTS = 12
-#: most rounds of the projection onto them, and the change of force that ends them, N
+#: most sweeps of the projection onto them, and the change of force that ends them, N
 MOST_SWEEPS, LEAST_CHANGE = 200, 1e-12
-#: halvings between the stop and a force that is not safe
+#: bisection steps between the stop and an unsafe force
 HALVINGS = 30
 
 
 @compiled(error_model="numpy")
 def look_ahead(world: World, work: Workspace) -> bool:
-    """Mark the lanes that their forces may lead out of what is safe; tell whether there are any."""
+    """Mark the lanes whose forces may lead to an unsafe state; return whether there are any."""
     width = width_of(work.lanes)
     guard, lanes, step = world.guard, work.lanes, step_of(world.motion, 0)
     rx, ry, rz = three(lanes.position)
@@ -106,14 +106,14 @@ def look_ahead(world: World, work: Workspace) -> bool:
 
 @compiled(error_model="numpy")
 def position(places: Motion, row: int, state: Floats) -> tuple[float, float, float]:
-    """Return where a state leads by a row of places."""
+    """Return the position that a state leads to by a row of places."""
     place = place_of(places, row)
     return drifted_place(place, state[0], state[1], state[2], state[3], state[4], state[5])
 
 
 @compiled(error_model="numpy")
 def lead(world: World, free: Floats, force: Floats, ahead: Floats) -> None:
-    """Write the next state under a force from the one without."""
+    """Write the next state under a force, from the next state without it."""
     push(world.motion, free, force, ahead)
 
 
@@ -125,9 +125,9 @@ def length(a: float, b: float, c: float) -> float:
 
 @compiled(error_model="numpy")
 def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, int, float]:
-    """Return which limit a next state exceeds most among the first places, where, and by how many metres.
+    """Return the most exceeded limit of a next state among the first places, where, and by how many metres.
 
-    Speeds count by what they cover in a period, braking forces by what they move the deputy in one.
+    Speeds count by the distance covered in a period, braking forces by the displacement in one.
     """
     guard = world.guard
     limit, place, excess = SAFE, 0, 0.0
@@ -156,13 +156,13 @@ def most_exceeded(world: World, ahead: Floats, num_places: int) -> tuple[int, in
 
 @compiled(error_model="numpy")
 def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_space: Floats) -> None:
-    """Replace a limit by the half-space ``g . f >= b`` that touches it in the direction of a next state.
+    """Write the half-space ``g . f >= b`` that is tangent to a limit in the direction of a next state.
 
-    Outside a sphere all of the half-space satisfies the limit; inside one, it holds all that do.
+    Outside a sphere, the half-space lies in the safe set; inside one, it contains the safe set.
     """
     guard = world.guard
     l = np.zeros(6)  # noqa: E741 - the limit, linear: l . s >= level
-    nothing = np.zeros(6)  # where this leads is what a limit has besides its slopes
+    nothing = np.zeros(6)  # leads to the constant part of a limit
     if limit == SPEED and place > 0:
         sign = -1.0 if stopping_force(guard.stop, place - 1, ahead) > 0.0 else 1.0
         for i in range(6):
@@ -196,12 +196,12 @@ def cut(world: World, free: Floats, ahead: Floats, limit: int, place: int, half_
 
 @compiled(error_model="numpy")
 def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force: Floats) -> None:
-    """Write the point nearest to a force in half-spaces ``g . f >= b`` and the box of the thruster.
+    """Project a force onto half-spaces ``g . f >= b`` and the box of the thruster.
 
     Dykstra's alternating projections, which for half-spaces are Hildreth's method for quadratic programmes
     (Boyle and Dykstra, "A method for finding projections onto the intersection of convex sets in Hilbert
     spaces", 1986; Hildreth, "A quadratic programming procedure", Naval Research Logistics Quarterly 4, 1957).
-    Where the sets have no point in common, it ends in the box.
+    If the sets do not intersect, the result is in the box.
     """
     multipliers = np.zeros(num_cuts)
     beyond = np.zeros(3)
@@ -231,7 +231,7 @@ def project(asked: Floats, cuts: Floats, num_cuts: int, max_force: float, force:
 
 @compiled(error_model="numpy")
 def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Floats, force: Floats) -> None:
-    """Write the force nearest to the one asked for that keeps the limits of the first places, if it is found.
+    """Write the force nearest to the commanded one that keeps the limits of the first places, if found.
 
     The most exceeded limit is replaced by a half-space, the force projected, and so on (Kelley, "The
     cutting-plane method for solving convex programs", J. SIAM 8, 1960).
@@ -249,7 +249,7 @@ def search(world: World, free: Floats, asked: Floats, num_places: int, cuts: Flo
 
 @compiled(error_model="numpy")
 def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool:
-    """Tell whether a force keeps the limits that are never given up, but for rounding."""
+    """Return whether a force keeps the limits that are never given up, except for rounding."""
     ahead = np.zeros(6)
     lead(world, free, force, ahead)
     return most_exceeded(world, ahead, STANDING)[2] <= tolerance
@@ -257,9 +257,9 @@ def is_safe(world: World, free: Floats, force: Floats, tolerance: float) -> bool
 
 @compiled(error_model="numpy")
 def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
-    """Bring a force that is not safe as far towards the stop as it takes, by bisection.
+    """Move an unsafe force as far towards the stop as necessary, by bisection.
 
-    Outside the safe states, from where the stop is none, the force stays: it was found to exceed least.
+    Outside the safe set, where the stop is not safe either, the force stays: it was found to exceed least.
     """
     stop, trial = np.zeros(3), np.zeros(3)
     for j in range(3):
@@ -282,10 +282,9 @@ def retreat(world: World, state: Floats, free: Floats, force: Floats) -> None:
 
 @compiled(error_model="numpy")
 def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Floats) -> int:
-    """Write the force that is applied instead of one that is not safe; return the limit it is for.
+    """Write the force that replaces an unsafe one; return the limit that caused the change.
 
-    In this order: one that keeps all limits; those alone that are never given up; as far from the stop as
-    is safe.
+    Tried in this order: all limits; only those that are never given up; as far from the stop as is safe.
     """
     free, ahead = np.zeros(6), np.zeros(6)
     drift(world.motion, state, free)
@@ -305,7 +304,7 @@ def correct(world: World, state: Floats, asked: Floats, cuts: Floats, force: Flo
 
 @compiled(error_model="numpy")
 def assure(world: World, work: Workspace, num_lanes: int, log: FlightLog, k: int) -> None:
-    """Correct the forces of all lanes that are not safe; the others stay as they are to the last bit."""
+    """Correct the forces of all lanes that are not safe; the others stay bit-identical."""
     lanes = work.lanes
     if not look_ahead(world, work):
         return

@@ -1,7 +1,7 @@
-"""The push that would still show the deputies of all lanes what coasting misses and is soon dark for good.
+"""For all lanes, the push that would show points that coasting misses and that soon go dark for good.
 
-Of every such point the cheapest look on the coasting path is sought; one regularised least-squares push
-serves them all. The page on signals derives it. Written out plainly in `pipeline.flight.reference.see_push`.
+For each such point the cheapest look from the coasting path is found; one regularised least-squares push
+serves them all. The page on signals derives it. Plain version in `pipeline.flight.reference.see_push`.
 """
 
 from math import cos, sin, sqrt
@@ -60,7 +60,7 @@ def look_from(
     sun_x: float,
     sun_y: float,
 ) -> None:
-    """Strike out the points that a place of the path shows; of the others keep the cheapest look so far."""
+    """Remove the points visible from a place of the path; for the others keep the cheapest look so far."""
     points, ahead, looks, sight = world.points, work.ahead, work.looks, world.sight
     radius = sqrt(sight.horizon)
     per_radius = 1.0 / radius
@@ -105,8 +105,8 @@ def look_through_from(
 ) -> None:
     """Do what `look_from` does where light or camera are not the paper's.
 
-    What a look falls short by is what it lacks most: height over the least that the incidence asks for at
-    its distance, or nearness. It is linear in the place about the one foreseen.
+    A look's shortfall is its largest deficit: of the height that the incidence limit needs at its distance,
+    or of nearness. It is linearised about the previewed place.
     """
     points, surface, ahead, looks, optics = (
         world.points,
@@ -165,7 +165,7 @@ def look_through_from(
 def fitted_push(
     work: Workspace, lane: int, now: float, rate: float, damping: float
 ) -> tuple[float, float, float]:
-    """Return the push, m/s, that brings all looks sought nearest to showing their points, damped.
+    """Return the damped push, m/s, that brings all looks closest to showing their points.
 
     Solves ``(damping I + sum w g g^T) dv = sum w g short`` by Cramer's rule.
     """
@@ -211,7 +211,7 @@ def sense_push(
     k: int,
     is_logged: bool,
 ) -> None:
-    """Write the push that shows what sets, and the aim, of lanes that may fire; of all where it is logged."""
+    """Write the push that shows setting points, and the aim, of lanes that may fire; of all if logged."""
     lanes, signals, now = work.lanes, work.signals, world.control_period * k
     look_turn = world.mean_motion * world.control_period * world.look_stride
     look_cos, look_sin = cos(look_turn), sin(look_turn)

@@ -1,6 +1,6 @@
-"""What the deputies of all lanes see and sense: points inspected, targets chosen, signals for controllers.
+"""Sight and sensing of all lanes: points inspected, targets chosen, signals for controllers.
 
-Points are looked at eight at a time. Written out plainly in `pipeline.flight.reference.loop`.
+Points are processed eight at a time. Plain version in `pipeline.flight.reference.loop`.
 """
 
 from math import cos, sin
@@ -29,10 +29,10 @@ VELOCITY_HILL = slot("velocity_radial", "velocity_along_track", "velocity_cross_
 
 @compiled(error_model="numpy", forceinline=True)
 def turn_suns(world: World, work: Workspace, k: int) -> None:
-    """Write where the Sun is at a sample in every lane."""
+    """Write the Sun's direction at a sample in every lane."""
     turned = world.mean_motion * world.control_period * k
     turned_cos, turned_sin = cos(turned), sin(turned)
-    # by the addition theorem, so that no lane calls the library's functions
+    # by the addition theorem, so that no lane calls library functions
     sun_cos, sun_sin = two(work.lanes.sun_at_start)
     sun_x = sun_cos * turned_cos + sun_sin * turned_sin
     write_two(work.lanes.sun, 0, sun_x, sun_sin * turned_cos - sun_cos * turned_sin)
@@ -40,12 +40,12 @@ def turn_suns(world: World, work: Workspace, k: int) -> None:
 
 @compiled(error_model="numpy", forceinline=True)
 def look(world: World, work: Workspace, lane: int, sample: int) -> None:
-    """Inspect what is lit and in view of a lane's camera; the target is the mean of what else is lit."""
+    """Inspect what is lit and in view of a lane's camera; the target is the mean of the other lit points."""
     lanes, sight, points = work.lanes, world.sight, world.points
     rx, ry, rz = lanes.position[0, lane], lanes.position[1, lane], lanes.position[2, lane]
     bx, by, bz = lanes.boresight[0, lane], lanes.boresight[1, lane], lanes.boresight[2, lane]
     sun_x, sun_y = lanes.sun[0, lane], lanes.sun[1, lane]
-    # of points on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
+    # for points on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
     squares = sight.horizon + (rx * rx + ry * ry + rz * rz)
     along_boresight = rx * bx + ry * by + rz * bz
     num_seen, num_left = 0, 0
@@ -140,7 +140,7 @@ def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, posit
 
 @compiled(error_model="numpy", forceinline=True)
 def are_new(work: Workspace, lane: int) -> bool:
-    """Tell whether the candidates differ from those clustered last, and note them as clustered."""
+    """Return whether the candidates differ from those clustered last, and store them as clustered."""
     num_different = 0
     for j in range(0, len(work.candidate), POINTS):
         now = load(work.candidate, j, POINTS)
@@ -153,19 +153,19 @@ def are_new(work: Workspace, lane: int) -> bool:
 def choose_cluster(world: World, work: Workspace, lane: int, sample: int) -> None:
     """Cluster the candidates of a lane, and make the centre nearest to the deputy its target.
 
-    Candidates that are not new leave the centres as they are.
+    Centres stay unchanged if the candidates are not new.
     """
     lanes, position, centres = work.lanes, np.empty(3), work.centres[lane]
     num_candidates = int(lanes.num_candidates[lane])
     if num_candidates == 0:
         work.num_centres[lane] = 0
-        work.clustered[lane, 0] = -1.0  # whatever comes next is new
+        work.clustered[lane, 0] = -1.0  # so that the next candidates are new
         return
     for axis in range(3):
         position[axis] = lanes.position[axis, lane]
     if are_new(work, lane) or len(world.points) > 1:
         filled = 0
-        for j in range(world.num_points):  # without a branch, which no processor could foresee
+        for j in range(world.num_points):  # without a branch, which processors cannot predict
             for axis in range(3):
                 work.candidates[axis, filled] = world.points[sample, axis, j]
             filled += int(work.candidate[j])
@@ -252,7 +252,7 @@ def write_signals(
 
 @compiled(error_model="numpy")
 def sense_again(work: Workspace, needs_angles: bool) -> None:
-    """Write the signals of position and velocity anew, of what stands in the place of the truth."""
+    """Recompute the signals of position and velocity from the estimates in place of the truth."""
     place, velocity = three(work.lanes.position), three(work.lanes.velocity)
     rx, ry, rz = place
     q1, q2, q3, q4 = four(work.lanes.attitude)

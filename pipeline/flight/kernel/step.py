@@ -1,8 +1,8 @@
-"""Flights, a control period at a time, under forces that come from outside.
+"""Flights stepped one control period at a time, under external forces.
 
-A period is made of the same parts, in the same order, as in `pipeline.flight.kernel.loop`, which decides on
-forces itself and flies to the end. Every flight has the vectors to itself, in lane 0, for each is at a sample
-of its own.
+A period has the same parts, in the same order, as in `pipeline.flight.kernel.loop`, which decides on
+forces itself and flies to the end. Every flight has the vectors to itself, in lane 0, since each is at
+its own sample.
 """
 
 from typing import Any, NamedTuple
@@ -35,12 +35,12 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: columns of what is observed: vectors in Hill axes
+#: columns of an observation: vectors in Hill axes
 POSITION, VELOCITY, TARGET, SUN, BORESIGHT = 0, 3, 6, 9, 12
 NUM_INSPECTED, NUM_CANDIDATES, SPENT, LEFT = 15, 16, 17, 18
-#: what only the truth tells: points that count and are not inspected, how far outside, and the safety layer's
+#: known to the truth only: points that count and are not inspected, how far outside, and the safety layer's
 NUM_UNSEEN, OUTSIDE, NUM_ACTED, CORRECTED, NUM_OBSERVED = 19, 20, 21, 22, 23
-#: the sample of a flight that is to be started
+#: the sample of a flight that is about to start
 NOT_STARTED = -1
 
 
@@ -57,7 +57,7 @@ class Carried(NamedTuple):
 # These are inlined: a compiled function cannot return a tuple with a record in it.
 @compiled(error_model="numpy", inline="always")
 def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
-    """Return a workspace with what one flight carries in its place."""
+    """Return a workspace with the carried state of one flight in its place."""
     return Workspace(
         carried.lanes[flight],
         work.aims,
@@ -84,7 +84,7 @@ def workspace_of(work: Workspace, carried: Carried, flight: int) -> Workspace:
 
 @compiled(error_model="numpy", inline="always")
 def fixes_of(fixes: Fixes, flight: int) -> Fixes:
-    """Return the navigation of one flight, of arrays with a row each."""
+    """Return the navigation of one flight, from arrays with a row each."""
     return Fixes(
         fixes.is_on,
         fixes.stride,
@@ -108,7 +108,7 @@ def fixes_of(fixes: Fixes, flight: int) -> Fixes:
 
 @compiled(error_model="numpy", inline="always")
 def firing_of(firing: Firing, flight: int) -> Firing:
-    """Return the thrusters of one flight, of arrays with a row each."""
+    """Return the thrusters of one flight, from arrays with a row each."""
     return Firing(
         firing.is_on,
         firing.delay,
@@ -175,7 +175,7 @@ def look_about(
     k: int,
     silent: FlightLog,
 ) -> None:
-    """Inspect and navigate at sample k; what the deputy knows then takes the place of the truth."""
+    """Inspect and navigate at sample k; the deputy's estimate then takes the place of the truth."""
     width = width_of(work.lanes)
     lanes = work.lanes
     if world.is_attitude_ideal:
@@ -190,7 +190,7 @@ def look_about(
 
 @compiled(error_model="numpy", forceinline=True)
 def write_observed(world: World, work: Workspace, k: int, row: Floats) -> None:
-    """Write what is observed of a flight at sample k."""
+    """Write the observation of a flight at sample k."""
     lanes = work.lanes
     for axis in range(3):
         row[POSITION + axis] = lanes.position[axis, 0]
@@ -235,7 +235,7 @@ def step_many(
     ----------
     cases : (n,) starts, of `CASE`
     counted : (n, P padded) 1 for the points that a flight is about
-    samples : (n,) where the flights are, `NOT_STARTED` for those that are started; raised by one
+    samples : (n,) sample of each flight, `NOT_STARTED` for those to be started; incremented
     forces : (n, 3) N, Hill axes
     observed : (n, NUM_OBSERVED), filled
     """

@@ -1,6 +1,6 @@
-"""The thrust logic on lanes: from what is sensed to the force before the safety layer, and why.
+"""The thrust logic in lanes: from signals to the force before the safety layer, and the reasons.
 
-`fis_tools.model.thrust` says what it is, `pipeline.flight.reference.thrust` is the readable twin.
+`fis_tools.model.thrust` describes it; `pipeline.flight.reference.thrust` is the readable twin.
 """
 
 from typing import Any
@@ -39,19 +39,19 @@ COAST_BELOW, COAST_MARGIN = constant("coast_below_points"), constant("coast_marg
 
 @compiled(error_model="numpy")
 def is_decision(law: Law, k: int) -> bool:
-    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
+    """Return whether a force is decided on at a sample; between two such samples nothing is fired."""
     return k % law.decision_stride == 0
 
 
 @compiled(error_model="numpy")
 def may_coast(law: Law, values: Floats) -> bool:
-    """Tell whether a controller coasts where that shows enough."""
+    """Return whether a controller coasts when coasting shows enough."""
     return law.constants >= 0 and values[law.constants + COAST_BELOW] > 0.0
 
 
 @compiled(error_model="numpy", forceinline=True)
 def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> None:
-    """Tell which lanes fire nothing: all is seen, or coasting will show enough inside the limits."""
+    """Mark the lanes that fire nothing: all is seen, or coasting will show enough inside the limits."""
     width = width_of(work.lanes)
     lanes, signals = work.lanes, work.signals
     coasts = one(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
@@ -66,14 +66,14 @@ def decide_to_coast(world: World, law: Law, values: Floats, work: Workspace) -> 
 
 @compiled(error_model="numpy")
 def follow_plans(plans: Plans, work: Workspace, first: int, num_lanes: int, k: int) -> None:
-    """Ask for what is planned, and for the answer to being off the path as far as the deputies know."""
+    """Command the planned forces, plus the feedback on the known deviation from the path."""
     width = width_of(work.lanes)
     lanes, state = work.lanes, np.empty(6)
     for lane in range(width):
         flight = first + min(lane, num_lanes - 1)
         for axis in range(3):
             state[axis], state[3 + axis] = lanes.position[axis, lane], lanes.velocity[axis, lane]
-        # element by element: an array as a whole takes a second and a half longer to compile
+        # element by element: whole arrays take a second and a half longer to compile
         for place in range(6 if len(plans.known) > 0 else 0):
             plans.known[flight, k, place] = state[place]
         for axis in range(3):
@@ -164,7 +164,7 @@ def write_thrust(
 def write_reasons(
     world: World, law: Law, lanes: Any, is_complete: bool, log: FlightLog, k: int, dcm: Floats
 ) -> None:
-    """Log for each component why what lane 0 fires is, or is not, what was asked for."""
+    """Log for each component of lane 0 why the force asked for was, or was not, fired."""
     is_clipped, is_changed = np.empty(3, dtype=np.bool_), np.empty(3, dtype=np.bool_)
     for row in range(3):
         wanted = lanes.asked[row, 0]

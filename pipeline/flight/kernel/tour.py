@@ -1,6 +1,6 @@
-"""The push that leads the deputies of all lanes onto the tour: a closed path keyed to the Sun's angle.
+"""For all lanes, the push that leads onto the tour: a closed path as a function of the Sun's angle.
 
-Written out plainly in `pipeline.flight.reference.tour`.
+Plain version in `pipeline.flight.reference.tour`.
 """
 
 from math import atan2, cos, pi, sin, sqrt
@@ -26,7 +26,7 @@ CROSS_TRACK, LIFT = constant("tour_cross_track_mean_m"), constant("tour_lift_mea
 
 @compiled(error_model="numpy", forceinline=True)
 def waves(values: Floats, first: int, c: float, s: float) -> float:
-    """Return a component of the tour from its constants, where cosine and sine of the Sun's angle are."""
+    """Return a component of the tour from its constants and the cosine and sine of the Sun's angle."""
     once: float = values[first] + values[first + 1] * c + values[first + 2] * s
     # cosine and sine of twice the angle
     twice: float = values[first + 3] * (c * c - s * s) + values[first + 4] * (2.0 * c * s)
@@ -37,23 +37,23 @@ def waves(values: Floats, first: int, c: float, s: float) -> float:
 def time_ahead(
     least_height: float, mean_motion: float, time: float, wait: float, x: float, y: float, level: float
 ) -> float:
-    """Return after what time a lane is to be on the tour, s; zero where it asks for nothing yet.
+    """Return the time until a lane is to be on the tour, s; zero if it need not move yet.
 
-    Where it would be dark after `time`, that is when the shadow ends, unless that is farther off than `wait`.
+    If it would be dark after `time`, the arrival is when the shadow ends, unless that is later than `wait`.
 
     Parameters
     ----------
     least_height : float
-        Component of the Sun's direction along i, below which it is dark.
+        Component of the Sun's direction along i below which it is dark.
     mean_motion, time, wait : float
-        rad/s, s, s; with a `wait` of zero it does not matter what is dark.
+        rad/s, s, s; with a `wait` of zero darkness is ignored.
     x, y, level : float
         Cosine and sine of the Sun's angle, and cosine of its elevation.
     """
     turned_cos, turned_sin = cos(mean_motion * time), sin(mean_motion * time)
     if wait == 0.0 or (x * turned_cos + y * turned_sin) * level >= least_height:
         return time
-    # where the shadow ends
+    # end of the shadow
     end_cos = least_height / level
     end_sin = sqrt(1.0 - end_cos * end_cos)
     turn = atan2(y * end_cos - x * end_sin, x * end_cos + y * end_sin)

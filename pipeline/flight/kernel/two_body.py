@@ -1,4 +1,4 @@
-"""Motion about the Earth on lanes, by `pipeline.physics.two_body`."""
+"""Motion about the Earth, in lanes, by `pipeline.physics.two_body`."""
 
 from fis_tools.engines.compiled import compiled
 from fis_tools.engines.vectors import splat, store, width_of
@@ -20,7 +20,7 @@ def suns(work: Workspace) -> Three:
 
 @compiled(error_model="numpy")
 def note_sunshine(course: Course, work: Workspace, row: int) -> None:
-    """Write what share of the Sun's disc is visible in each lane at the three rows of a step."""
+    """Write the visible share of the Sun's disc in each lane at the three rows of a step."""
     width = width_of(work.lanes)
     shines = work.lanes.shine
     if course.radiation == 0.0 or not course.has_shadow:

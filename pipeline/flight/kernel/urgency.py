@@ -1,6 +1,6 @@
-"""Where the deputies of all lanes should look before it is too late: what is lit goes dark, some for good.
+"""For all lanes, the direction to the points that will soon go dark, some for good.
 
-A point's deadline is the last sample of the flight at which it is lit. Written out plainly in
+A point's deadline is the last sample of the flight at which it is lit. Plain version in
 `pipeline.flight.reference.urgency`.
 """
 
@@ -27,7 +27,7 @@ URGENCY_TIME, SKIRT_DISTANCE = constant("urgency_time_s"), constant("skirt_dista
 def note_deadlines(world: World, optics: Beyond | None, work: Workspace, num_lanes: int) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
-    At the start, when nothing is inspected.
+    Called at the start, when nothing is inspected.
     """
     lanes, points, deadlines = work.lanes, world.points, work.deadlines
     for lane in range(num_lanes):
@@ -68,7 +68,7 @@ def sense_urgency(
     k: int,
     is_logged: bool,
 ) -> None:
-    """Write the urgent direction of every lane that may fire; of all where it is logged."""
+    """Write the urgent direction of every lane that may fire; of all if logged."""
     lanes, signals, points, now = work.lanes, work.signals, world.points, world.control_period * k
     rate = 1.0 / values[law.constants + URGENCY_TIME]
     skirt = values[law.constants + SKIRT_DISTANCE]

@@ -11,12 +11,12 @@ Floats = NDArray[np.float64]
 
 
 class PlainThrusters:
-    """What one deputy's thrusters make of its commands.
+    """One deputy's thrusters, from commands to forces.
 
     Parameters
     ----------
     mission : Mission
-        With real thrusters.
+        With the real thruster model.
     scenario : Scenario
         The flight's start.
     """
@@ -37,9 +37,9 @@ class PlainThrusters:
         return self._law.delay
 
     def fired(self, command: Floats, dcm: Floats) -> Floats:
-        """Return what is fired in the control period of a command, N, Hill axes, shape (3,).
+        """Return the force fired in the control period of a command, N, Hill axes, shape (3,).
 
-        The matrix `dcm` turns Hill axes to the body's. `twist` becomes the torque of a layout, N m, body.
+        The matrix `dcm` turns Hill axes to the body's. `twist` is set to the torque of a layout, N m, body.
         """
         self._commands.append(command)
         if len(self._commands) <= self._law.delay or self._mass <= self._law.dry * self._full:
@@ -53,7 +53,7 @@ class PlainThrusters:
         return np.asarray(np.clip(force, -self._max_force, self._max_force))
 
     def _divided(self, wanted: Floats, dcm: Floats) -> Floats:
-        """Return what the thrusters of a layout fire, Hill axes."""
+        """Return the force of a layout of thrusters, Hill axes."""
         layout, body = self._law.layout, dcm @ wanted
         asked = self._law.table @ np.concatenate((np.maximum(body, 0.0), np.maximum(-body, 0.0)))
         self._thrusts = self.in_impulses(asked * min(1.0, *(layout[:, 6] / np.maximum(asked, 1e-300))))
@@ -61,7 +61,7 @@ class PlainThrusters:
         return np.asarray(dcm.T @ (self._thrusts @ layout[:, :3]))
 
     def burnt(self, force: Floats) -> tuple[float, float, float]:
-        """Use up the propellant of a control period for what was fired last, Hill axes.
+        """Consume a control period's propellant for the force fired last, Hill axes.
 
         Returns the sum of all thrusters' forces, N, the mean mass in the period, and that after it, kg.
         """
@@ -71,11 +71,11 @@ class PlainThrusters:
         return total, 0.5 * (before + self._mass), self._mass
 
     def known(self, force: Floats) -> Floats:
-        """Return what the deputy takes a command for; of a layout it does not know each thruster's part."""
+        """Return the force that the deputy expects of a command; it does not know a layout's thrusters."""
         return force if len(self._law.layout) else self.in_impulses(force)
 
     def in_impulses(self, force: Floats) -> Floats:
-        """Return a force in whole impulses, none where it is less than the least."""
+        """Return a force in whole impulses, zero below the least."""
         if self._law.step > 0.0:
             force = np.rint(force / self._law.step) * self._law.step
         return np.where(np.abs(force) >= self._law.least, force, 0.0)

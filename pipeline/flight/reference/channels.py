@@ -1,4 +1,4 @@
-"""What the fuzzy systems of the readable reference flight sense and drive."""
+"""The signals that the readable reference senses and the axes that it drives."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -50,16 +50,16 @@ MAX_INPUTS = 3
 
 
 class Plan(NamedTuple):
-    """Forces made beforehand for one flight, and the answer to being off the path that they are for.
+    """Planned forces for one flight, and the feedback on deviations from the planned path.
 
     Parameters
     ----------
     forces_h : array, shape (K, 3)
         N, Hill axes.
     path_h : array, shape (K, 6), or None
-        Wanted states, m and m/s, Hill axes; None where nothing is answered.
+        Wanted states, m and m/s, Hill axes; None without feedback.
     gain : array, shape (3, 6)
-        From a deviation to the force against it, N/m and N s/m.
+        From a deviation to the corrective force, N/m and N s/m.
     least_answer : float
         A component smaller than this is not fired, N.
     """
@@ -71,29 +71,29 @@ class Plan(NamedTuple):
 
 
 def forced(forces_h: Floats) -> Plan:
-    """Return the plan of forces, shape (K, 3), that are played whatever happens."""
+    """Return the plan of forces, shape (K, 3), played open loop."""
     return Plan(np.ascontiguousarray(forces_h, dtype=np.float64), None, np.zeros((3, 6)), 0.0)
 
 
 def plan_of(plans: Plans) -> Plan | None:
-    """Return the first of some plans; None where there is none."""
+    """Return the first of some plans; None if there is none."""
     path = plans.paths[0] if len(plans.paths) else None
     return Plan(plans.forces[0], path, plans.gain, plans.least_answer) if len(plans.forces) else None
 
 
 class Channels(NamedTuple):
-    """Which axis each of F fuzzy systems drives and what it senses, or a plan of forces made beforehand.
+    """Which axis each of F fuzzy systems drives and what it senses, or a plan of forces.
 
     Parameters
     ----------
     axes : array of int, shape (F,)
-        0, 1 or 2; systems on one axis add up.
+        0, 1 or 2; systems on the same axis add up.
     signals : array of int, shape (F, 3)
-        Slots of `pipeline.flight.signals`, -1 where there is no further input.
+        Slots of `pipeline.flight.signals`, -1 for unused inputs.
     is_force_hill : bool
         Whether the systems command Hill axes instead of body axes.
     plan : Plan or None
-        Flown instead of any inference.
+        Flown instead of inference.
     constants : array
         In the order of `pipeline.flight.signals.CONSTANTS`.
     needs : int
@@ -123,7 +123,7 @@ def channels_of(
     force_axes : str
         ``body`` or ``hill``.
     plan : Plan, optional
-        To fly instead of any inference.
+        To fly instead of inference.
     constants : array, optional
         In the order of `pipeline.flight.signals.CONSTANTS`; zero unless given.
     """
@@ -211,16 +211,16 @@ def measure(
     sun_angle : float
         rad.
     foreseen : array, shape (3,)
-        What `pipeline.flight.reference.preview.preview` gives; zeros where it is not sensed.
+        Of `pipeline.flight.reference.preview.preview`; zeros if not sensed.
     urgent : array, shape (3,)
-        What `pipeline.flight.reference.urgency.around_the_chief` gives; zeros where it is not sensed.
+        Of `pipeline.flight.reference.urgency.around_the_chief`; zeros if not sensed.
     push : array, shape (3,)
-        What `pipeline.flight.reference.see_push.push_of` gives, turned aside near the chief, m/s; zeros where
-        it is not sensed.
+        Of `pipeline.flight.reference.see_push.push_of`, turned aside near the chief, m/s; zeros if
+        not sensed.
     tour_push : array, shape (3,)
-        The push onto the tour, turned aside likewise, m/s; zeros where it is not sensed.
+        The push onto the tour, turned aside likewise, m/s; zeros if not sensed.
     channels : Channels
-        The controller's constants, and whether it senses the closest approach; zero where it does not.
+        The controller's constants, and whether it senses the closest approach; zero if it does not.
     """
     signals, mean_motion = np.zeros(NUM_SIGNALS), world.mean_motion
     signals[DISTANCE] = norm(position_h)

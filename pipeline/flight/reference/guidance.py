@@ -1,6 +1,6 @@
-"""Which direction the readable flight looks in next: a function for each kind of guidance.
+"""Guidance of the readable flight: a function for each kind.
 
-`pipeline.flight.guidance` says how clusters are found.
+`pipeline.flight.guidance` describes the clustering.
 """
 
 from collections.abc import Callable
@@ -28,20 +28,20 @@ Integers = NDArray[np.int64]
 
 
 class ClusterMemory(NamedTuple):
-    """Arrays that clustering works in; `centres` and `num_centres` carry over from step to step.
+    """Working arrays of clustering; `centres` and `num_centres` carry over from step to step.
 
     Attributes
     ----------
     centres : array, shape (C, 3)
         Of the last step, m, Hill axes; the first ``num_centres[0]`` rows count.
     num_centres : array of int, shape (1,)
-        Zero where the last step had no candidates.
+        Zero if the last step had no candidates.
     labels : array, shape (2, P)
         Cluster of each candidate, in two consecutive passes.
     distances : array, shape (P,)
         Squared, from each candidate to its centre, m^2.
     sums : array, shape (C, 4)
-        Coordinates summed over each cluster, m, and their number.
+        Coordinates summed over each cluster, m, and the number of its members.
     """
 
     centres: Floats
@@ -52,7 +52,7 @@ class ClusterMemory(NamedTuple):
 
 
 def cluster_memory(num_points: int) -> ClusterMemory:
-    """Return the memory of a flight around `num_points` points that has not chosen yet."""
+    """Return the memory of a flight around `num_points` points before the first choice."""
     most, width = num_clusters(num_points), padded(num_points, POINTS)
     return ClusterMemory(
         centres=np.zeros((most, 3)),
@@ -71,7 +71,7 @@ ChooseTarget = Callable[[Floats, int, Floats, ClusterMemory], Floats]
 def choose_centroid(
     candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
 ) -> Floats:
-    """Return the mean of the candidates, of which there is at least one, shape (3,); the rest is not used."""
+    """Return the mean of the candidates, at least one, shape (3,); the other arguments are not used."""
     target = np.zeros(3)
     for axis in range(3):
         for i in range(num_candidates):
@@ -117,7 +117,7 @@ def choose_cluster(
 
 @cache
 def _kmeans() -> tuple[Any, Any]:
-    """Return scikit-learn's KMeans and what keeps it to one thread; a second to import, and only here."""
+    """Return scikit-learn's KMeans and a thread limiter; imported only here, as that takes a second."""
     from sklearn.cluster import KMeans  # noqa: PLC0415
     from threadpoolctl import ThreadpoolController  # noqa: PLC0415
 
@@ -127,7 +127,7 @@ def _kmeans() -> tuple[Any, Any]:
 def choose_cluster_sklearn(
     candidates: Floats, num_candidates: int, position_h: Floats, memory: ClusterMemory
 ) -> Floats:
-    """Return what `choose_cluster` does, by scikit-learn's KMeans; plain Python."""
+    """Return the same as `choose_cluster`, by scikit-learn's KMeans; plain Python."""
     kmeans, threads = _kmeans()
     wanted = start_centres(
         candidates,
@@ -138,7 +138,7 @@ def choose_cluster_sklearn(
         memory.labels[0],
         memory.distances,
     )
-    # So few points are clustered by one thread; others would only wait for each other.
+    # With so few points one thread is fastest.
     with threads.limit(limits=1, user_api="openmp"):
         fitted = kmeans(
             n_clusters=wanted,

@@ -1,7 +1,7 @@
-"""One flight in plain order: the readable truth that the fast kernel is tested against.
+"""One flight in plain order: the readable reference that the fast kernel is tested against.
 
 At each sample k the deputy inspects, chooses a target among the candidates and infers a force, which is held
-for a control period while the attitude clock ticks. The order of things is plain Python; the equations are
+for a control period while the attitude clock ticks. The sequence is plain Python; the equations are
 those of `pipeline.physics`, called one by one on small arrays.
 """
 
@@ -55,7 +55,7 @@ SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2"
 NOTHING = np.zeros(3)
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
-#: place of a system in the channels, inputs of shape (3,) -> output, N
+#: index of a system in the channels, inputs of shape (3,) -> output, N
 Infer = Callable[[int, Floats], float]
 
 
@@ -79,7 +79,7 @@ def gather_candidates(points_h: Floats, is_lit: Booleans, is_inspected: Booleans
 
 @compiled
 def next_y(world: PlainWorld, position_h: Floats, y_h: Floats) -> Floats:
-    """Return the desired second body axis at an attitude instant from the one before, shape (3,)."""
+    """Return the desired second body axis at an attitude instant from the previous one, shape (3,)."""
     if world.has_pole_blending:
         return blended_y(position_h, y_h, world.attitude_period)
     return desired_y(position_h, y_h)
@@ -117,7 +117,7 @@ def turn_deputy(
     rate_log: Floats,
     torque_log: Floats,
 ) -> tuple[Floats, Floats, Floats]:
-    """Turn the deputy for a control period, steered at every tick towards the chief.
+    """Turn the deputy over a control period, steered at every tick towards the chief.
 
     Parameters
     ----------
@@ -130,11 +130,11 @@ def turn_deputy(
         Quaternion (4,), relative rate (3,) in body axes, and y* (3,) in Hill axes, at the sample.
     played : tuple of arrays
         The desired attitude, shape (4,), and the torque, N m, shape (3,), of `pipeline.flight.turns`; each of
-        shape (0,) where there is none.
+        shape (0,) if not played.
     turn : array, shape (4,)
-        From the desired attitude to that which the deputy takes for it.
+        From the desired attitude to the one that the deputy takes for it.
     thrust : tuple of arrays
-        What is fired, N, Hill axes, where it acts, m, body axes, and the torque of single thrusters, N m,
+        The force, N, Hill axes, where it acts, m, body axes, and the torque of single thrusters, N m,
         body axes; each of shape (3,).
     quaternion_log, rate_log, torque_log : array, shape (S, 4), (S, 3), (S, 3)
         Written.
@@ -142,7 +142,7 @@ def turn_deputy(
     Returns
     -------
     tuple of arrays
-        `attitude` at the next sample but for y*, which is of the last tick.
+        `attitude` at the next sample, except y*, which is that of the last tick.
     """
     quaternion, rate, y = attitude
     wanted, given = played
@@ -176,7 +176,7 @@ def clipped(force_h: Floats, max_force: float) -> Floats:
 
 
 def inference_of(systems: Sequence[FuzzySystem]) -> Infer:
-    """Return the inference of some systems, of one output each, by the interpreter of any system."""
+    """Return the inference function of single-output systems, by the general interpreter."""
     programs = [assemble(system) for system in systems]
 
     def infer(system: int, inputs: Floats) -> float:
@@ -187,7 +187,7 @@ def inference_of(systems: Sequence[FuzzySystem]) -> Infer:
 
 
 def guidance_of(mission: Mission) -> ChooseTarget:
-    """Return what chooses the targets of a mission."""
+    """Return the function that chooses the targets of a mission."""
     if mission.guidance.kind == "centroid":
         return choose_centroid
     return choose_cluster_sklearn if mission.guidance.engine == "sklearn" else choose_cluster
@@ -202,7 +202,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     opening_h: Floats | None = None,
     turns: Turns = AIMED,
 ) -> FlightLog:
-    """Fly once.
+    """Fly one flight.
 
     Parameters
     ----------
@@ -211,16 +211,16 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
     scenario : Scenario
         The start.
     channels : Channels
-        How the controller is wired.
+        Mapping of the controller's variables to signals and axes.
     infer : callable
-        Returns the output of a system, N, from its place in `channels` and three inputs, of which the last
+        Returns the output of a system, N, from its index in `channels` and three inputs, of which the last
         may be unused: `inference_of` its systems, or any other engine.
     choose_target : callable, optional
-        By default the one of the mission, `guidance_of`.
+        By default that of the mission, `guidance_of`.
     opening_h : array, shape (3,), optional
-        Fired in the first control period in place of what the rules decide, N, Hill axes.
+        Fired in the first control period instead of what the rules decide, N, Hill axes.
     turns : Turns, optional
-        Played in place of aiming the camera at the chief.
+        Played instead of aiming the camera at the chief.
     """
     world, safety = world_of(mission), safety_world_of(mission)
     num_points = len(world.points_c)
@@ -276,7 +276,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
         log.position_m[k] = position
         log.velocity_m_s[k] = velocity
         truth = state
-        if navigator is not None:  # from here to the thrusters the estimate is what counts
+        if navigator is not None:  # from here to the thrusters the estimate counts
             state, log.estimate_covariance[k] = navigator.estimate(k, position, quaternion)
             log.estimate[k] = state
             position, velocity = state[:3].copy(), state[3:].copy()
@@ -383,7 +383,7 @@ def fly(  # noqa: PLR0912, PLR0915  (the plain order of a flight, in one piece)
             told = (0, force_h) if thrusters is None else (thrusters.delay, thrusters.known(force_h))
             navigator.note(k, *told)
         fired_h = force_h
-        if navigator is not None:  # thrusters turn with the body, which is not turned as it seems
+        if navigator is not None:  # thrusters turn with the true body
             fired_h = transposed_times(dcm_b_from_h(quaternion), times(dcm, force_h))
             fired_h = clipped(fired_h, world.max_force)
         fired_h = fired_h if thrusters is None else thrusters.fired(fired_h, dcm_b_from_h(quaternion))

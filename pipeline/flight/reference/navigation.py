@@ -11,17 +11,17 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: a fix tells the position
+#: a fix measures the position
 SEEN = np.eye(3, 6)
 
 
 class Navigator:
-    """What one deputy knows of its state.
+    """One deputy's estimate of its state.
 
     Parameters
     ----------
     mission : Mission
-        In which it navigates by fixes.
+        Whose deputy navigates by fixes.
     scenario : Scenario
         Its start.
     """
@@ -41,7 +41,7 @@ class Navigator:
         self._acting = np.zeros((mission.num_controls, 3))
 
     def estimate(self, k: int, position: Floats, quaternion: Floats) -> tuple[Floats, Floats]:
-        """Return state and covariance as they are known at a sample, once its fix is measured."""
+        """Return estimate and covariance at a sample, once its fix is measured."""
         law = self._law
         if k % law.stride == 0:
             which = k // law.stride
@@ -66,7 +66,7 @@ class Navigator:
         return np.asarray(self._of_attitude[k]) if len(self._of_attitude) else np.zeros(3)
 
     def note(self, k: int, delay: int, force: Floats) -> None:
-        """Note that the command of a sample acts so many control periods later."""
+        """Store the command of a sample for the control period in which it acts."""
         if k + delay < len(self._acting):
             self._acting[k + delay] = force
 

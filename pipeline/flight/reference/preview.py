@@ -1,4 +1,4 @@
-"""What a deputy of the readable reference would see if it fired no more."""
+"""Preview of the readable reference: what a deputy would see by coasting."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +36,12 @@ def preview(
     quaternion_c_from_h, chief_rate_c : array, shape (4,), (3,)
         Of the chief at sample k.
     is_inspected : array of bool, shape (P,)
-        By then, or of no interest.
+        Inspected by then, or not counted.
 
     Returns
     -------
     array, shape (3,)
-        How many points are left with the camera on the chief's centre, and the least and the greatest
+        Number of points left with the camera aimed at the chief's centre, and the least and the greatest
         distance on the way, m.
     """
     is_seen, no_force = is_inspected.copy(), np.zeros(3)

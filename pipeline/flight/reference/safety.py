@@ -1,6 +1,6 @@
 """Run-time assurance, written plainly: the twin that `pipeline.flight.kernel.safety` is tested against.
 
-Here all limits are looked at alike, by how many metres a state exceeds them.
+Here all limits are treated alike, by how many metres a state exceeds them.
 """
 
 from math import ceil
@@ -30,11 +30,11 @@ from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
 
-#: places that the limits are never given up for: at the next sample, and stopped from there
+#: places where the limits are never given up: at the next sample, and stopped from there
 NUM_STANDING = 2
-#: by how much corrections stay clear of a limit, of one on free drift, and what rounding may exceed, m
+#: margin of corrections to a limit, to one on free drift, and tolerance for rounding, m
 SLACK_M, DRIFT_SLACK_M, TOLERANCE_M = 1e-4, 0.1, 1e-6
-#: most half-spaces, most sweeps of the projection, the change that ends them (N), halvings towards the stop
+#: most half-spaces, most sweeps of the projection, the change that ends them (N), bisections towards the stop
 MOST_HALF_SPACES, MOST_SWEEPS, LEAST_CHANGE_N, HALVINGS = 12, 200, 1e-12, 30
 
 
@@ -44,9 +44,9 @@ class SafetyWorld(NamedTuple):
     is_on: bool
     keep_out: float
     keep_in: float
-    #: over 2 + J durations: none, a period that is used to stop, free drift for 1 ... J periods
+    #: over 2 + J durations: zero, a period used to stop, free drift for 1 ... J periods
     places: Motion
-    #: (2 + J,) the spheres' radii where they count for a place, else 0 and infinity
+    #: (2 + J,) the spheres' radii where they apply to a place, else 0 and infinity
     least: Floats
     greatest: Floats
     stop: Stop
@@ -54,7 +54,7 @@ class SafetyWorld(NamedTuple):
     speed_limit: float
     speed_slope: float
     speed_distance: float
-    #: what a period makes of a speed and of a force, m per m/s and m per N: they put limits on one scale
+    #: effect of a speed and of a force over a period, m per m/s and m per N: they put limits on one scale
     metres_per_speed: float
     metres_per_force: float
     #: over a control period
@@ -63,7 +63,7 @@ class SafetyWorld(NamedTuple):
 
 
 def safety_world_of(mission: Mission) -> SafetyWorld:
-    """Turn a mission's safety settings into numbers."""
+    """Return a mission's safety settings as numbers."""
     safety, period = mission.safety, mission.control_period_s
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     stop = stop_of(motion)
@@ -97,7 +97,7 @@ def safety_world_of(mission: Mission) -> SafetyWorld:
 
 @compiled
 def position(world: SafetyWorld, place: int, state: Floats) -> Floats:
-    """Return where a state leads, m, Hill axes, shape (3,)."""
+    """Return the position that a state leads to, m, Hill axes, shape (3,)."""
     x, y, z, u, v, w = state[0], state[1], state[2], state[3], state[4], state[5]
     return np.array(drifted_place(place_of(world.places, place), x, y, z, u, v, w))
 
@@ -110,7 +110,7 @@ def stop_force(world: SafetyWorld, state: Floats) -> Floats:
 
 @compiled
 def pushed(world: SafetyWorld, free: Floats, force: Floats) -> Floats:
-    """Return what a held force makes of the state that free motion leads to, shape (6,)."""
+    """Return the state after a held force, from the state that free motion leads to, shape (6,)."""
     after = np.empty(6)
     push(world.motion, free, force, after)
     return after
@@ -120,7 +120,7 @@ def pushed(world: SafetyWorld, free: Floats, force: Floats) -> Floats:
 def excesses(world: SafetyWorld, state: Floats, num_places: int) -> Floats:
     """Return by how many metres a state exceeds each limit, negative where it keeps it.
 
-    Of the first places twice, out of the inner and in the outer sphere, then speed, then three stops.
+    For the first places twice, keep-out and keep-in, then speed, then three for braking.
     """
     found = np.empty(2 * num_places + 4)
     for place in range(num_places):
@@ -137,7 +137,7 @@ def excesses(world: SafetyWorld, state: Floats, num_places: int) -> Floats:
 
 @compiled
 def name_of(index: int, num_places: int) -> int:
-    """Return which limit an entry of `excesses` is about."""
+    """Return the limit that an entry of `excesses` belongs to."""
     if index >= 2 * num_places:
         return SPEED
     if index % 2 == 1:
@@ -178,9 +178,9 @@ def half_space(world: SafetyWorld, free: Floats, state: Floats, index: int, num_
 
 @compiled
 def nearest_force(asked: Floats, half_spaces: Floats, max_force: float) -> Floats:
-    """Return the force of the box nearest to one asked for, in half-spaces, shape (n, 4); by Dykstra.
+    """Return the force in the box and half-spaces, shape (n, 4), nearest to the commanded one, by Dykstra.
 
-    Each set in turn is projected onto from where the last time's correction is taken back.
+    Each set is projected onto in turn, after undoing its previous correction.
     """
     force = asked.copy()
     corrections = np.zeros((len(half_spaces) + 1, 3))
@@ -203,7 +203,7 @@ def nearest_force(asked: Floats, half_spaces: Floats, max_force: float) -> Float
 
 @compiled
 def corrected(world: SafetyWorld, free: Floats, asked: Floats, num_places: int) -> Floats:
-    """Return the force nearest to one asked for that keeps the limits of the first places, if it is found."""
+    """Return the force nearest to the commanded one that keeps the limits of the first places, if found."""
     half_spaces = np.empty((MOST_HALF_SPACES, 4))
     force = asked
     for used in range(MOST_HALF_SPACES):
@@ -219,7 +219,7 @@ def corrected(world: SafetyWorld, free: Floats, asked: Floats, num_places: int) 
 
 @compiled
 def exceeded_limit(world: SafetyWorld, state: Floats) -> int:
-    """Return which limit a state exceeds most, first of those that are never given up."""
+    """Return the most exceeded limit of a state, starting with those that are never given up."""
     for num_places in (NUM_STANDING, len(world.least)):
         excess = excesses(world, state, num_places)
         worst = int(np.argmax(excess))
@@ -238,7 +238,7 @@ def assured(world: SafetyWorld, state: Floats, asked: Floats) -> tuple[Floats, i
     state : array, shape (6,)
         At the sample, m and m/s, Hill axes.
     asked : array, shape (3,)
-        Within the thrust limit.
+        Commanded, within the thrust limit.
     """
     free = propagate(world.motion, state, np.zeros(3))
     limit = exceeded_limit(world, pushed(world, free, asked))

@@ -1,4 +1,4 @@
-"""The push that would still show a deputy of the readable reference what sets for good."""
+"""The push that would show a deputy of the readable reference the points that set for good."""
 
 from math import exp
 
@@ -22,10 +22,10 @@ KS2 = 1e6
 
 @compiled
 def lacking(world: PlainWorld, point_h: Floats, normal_h: Floats, position_h: Floats) -> tuple[float, Floats]:
-    """Return by how much a look falls short of what it lacks most, m, and in which direction that shrinks.
+    """Return a look's largest shortfall, m, and the direction in which it shrinks.
 
-    That is height above the point's tangent plane, of which the incidence asks for a share of the distance,
-    or nearness; where neither is lacking, something that no push along a line mends, for which stands
+    It is of height above the point's tangent plane, where the incidence limit needs a share of the distance,
+    or of nearness; if neither is lacking, of something that no push along a line can fix, counted as
     `LEAST_SHORT_M`.
     """
     apart = position_h - point_h
@@ -48,11 +48,11 @@ def cheapest_looks(
     is_sought: Booleans,
     horizon: float,
 ) -> Floats:
-    """Return for each point sought how short the cheapest look falls and how a push lengthens it.
+    """Return for each wanted point the shortfall of the cheapest look and how a push reduces it.
 
     Looks are taken every `look_stride` control periods of free motion, at lit points. A look at a point from
     a place falls short of the point's horizon by ``R - u r``, with u the point's direction; a push changes it
-    by the slopes g. It is cheapest where the least push, ``short / |g|``, is.
+    by the slopes g. The cheapest look needs the least push, ``short / |g|``.
 
     Parameters
     ----------
@@ -67,13 +67,13 @@ def cheapest_looks(
     is_sought : array of bool, shape (P,)
         Not inspected, and dark for good within the horizon.
     horizon : float
-        How far ahead is looked, s.
+        How far ahead to look, s.
 
     Returns
     -------
     array, shape (P, 4)
         Shortfall, m, and slopes along the Hill axes, m per m/s; zeros for points that need no push, because
-        they are not sought or free motion shows them, and for those that are lit at no look.
+        they are not sought or free motion shows them, and for those that are not lit at any look.
     """
     knows_optics = not world.is_papers_sight or sun_at_start[1] != 0.0
     looks = np.zeros((len(is_sought), 4))
@@ -124,7 +124,7 @@ def cheapest_looks(
 
 @compiled
 def push_of(looks: Floats, last_lit: Floats, time: float, urgency_time: float, damping: float) -> Floats:
-    """Return the damped least-squares push that brings all looks nearest to showing their points.
+    """Return the damped least-squares push that brings all looks closest to showing their points.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is lit and what a camera sees in the readable reference, law by law."""
+"""Illumination and visibility in the readable reference, law by law."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ Booleans = NDArray[np.bool_]
 
 @compiled
 def is_free(occlusion: Occlusion, point: int, dcm_c_from_h: Floats, direction_h: Floats) -> bool:
-    """Tell whether no part of a mesh stands between a point and what lies in a direction."""
+    """Return whether no part of a mesh obstructs a point in a direction."""
     direction = times(dcm_c_from_h, direction_h)
     cell = cell_of(occlusion.edge, direction[0], direction[1], direction[2])
     return bool(occlusion.is_free[cell, point] > 0)
@@ -32,7 +32,7 @@ def is_free(occlusion: Occlusion, point: int, dcm_c_from_h: Floats, direction_h:
 
 @compiled
 def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) -> Booleans:
-    """Tell which points the Sun lights, shape (P,): none while the Earth hides too much of its disc."""
+    """Return which points the Sun lights, shape (P,): none while the Earth hides too much of its disc."""
     is_lit = np.zeros(len(world.points_c), dtype=np.bool_)
     if world.has_shadow and visible_share(sun_h, world.orbit_radius) < world.min_sun_share:
         return is_lit
@@ -61,7 +61,7 @@ def seen_points(
     sun_h: Floats,
     is_sought: Booleans,
 ) -> Booleans:
-    """Tell which of the points sought a camera sees from a place, along a boresight, shape (P,)."""
+    """Return which wanted points a camera sees from a place, along a boresight, shape (P,)."""
     is_seen = np.zeros(len(is_sought), dtype=np.bool_)
     dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
     for i in range(len(is_sought)):
@@ -107,13 +107,13 @@ def lit_and_seen_points(
     boresight_b: Floats,
     is_left: Booleans,
 ) -> tuple[Booleans, Booleans]:
-    """Tell which points are lit, and which a camera sees that are not, at the samples of a flight.
+    """Return which points are lit, and which lit ones a camera sees, at the samples of a flight.
 
     Parameters
     ----------
     world : PlainWorld
     quaternions_c_from_h, quaternions_b_from_h : (K+1, 4)
-        How chief and deputy are turned.
+        Attitudes of chief and deputy.
     positions_h : (K+1, 3)
         Of the deputy, m, Hill axes.
     suns_at : (K+1, 2)
@@ -121,7 +121,7 @@ def lit_and_seen_points(
     boresight_b : (3,)
         Unit vector along which the camera looks, body axes.
     is_left : (K+1, P)
-        Which points are asked for.
+        The wanted points.
 
     Returns
     -------

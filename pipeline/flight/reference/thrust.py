@@ -1,6 +1,6 @@
-"""The thrust logic of the readable reference: from what is asked for to what is fired, and why.
+"""The thrust logic of the readable reference: from the commanded force to the one fired, and why.
 
-`fis_tools.model.thrust` says what it is; twin of `pipeline.flight.kernel.thrust`.
+`fis_tools.model.thrust` describes it; twin of `pipeline.flight.kernel.thrust`.
 """
 
 import numpy as np
@@ -31,13 +31,13 @@ DECISION_PERIOD = constant("decision_period_s")
 
 
 def is_decision(channels: Channels, world: PlainWorld, k: int) -> bool:
-    """Tell whether a force is decided on at a sample; between two such samples nothing is fired."""
+    """Return whether a force is decided on at a sample; between two such samples nothing is fired."""
     stride = max(1, round(float(channels.constants[DECISION_PERIOD]) / world.control_period))
     return k % stride == 0
 
 
 def follow(plan: Plan, state: Floats, k: int) -> Floats:
-    """Return the planned force of a period, with the answer to being off the path, N, Hill axes, (3,)."""
+    """Return the planned force of a period plus the feedback on deviations, N, Hill axes, shape (3,)."""
     if plan.path_h is None:
         return np.asarray(plan.forces_h[k])
     answer = -plan.gain @ (state - plan.path_h[k])
@@ -45,12 +45,12 @@ def follow(plan: Plan, state: Floats, k: int) -> Floats:
 
 
 def may_coast(channels: Channels) -> bool:
-    """Tell whether a controller coasts before every point is inspected."""
+    """Return whether a controller coasts before every point is inspected."""
     return bool(channels.constants[COAST_BELOW] > 0.0)
 
 
 def is_coasting_enough(channels: Channels, world: PlainWorld, foreseen: Floats) -> bool:
-    """Tell whether coasting to the end shows enough inside the limits."""
+    """Return whether coasting to the end shows enough inside the limits."""
     missed, nearest, farthest = foreseen
     margin = channels.constants[COAST_MARGIN]
     return bool(
@@ -61,7 +61,7 @@ def is_coasting_enough(channels: Channels, world: PlainWorld, foreseen: Floats) 
 
 
 def beyond_dead_bands(channels: Channels, asked: Floats) -> Floats:
-    """Return the components that are fired, shape (3,): zero where one is within its dead band."""
+    """Return the fired components, shape (3,): zero where one is within its dead band."""
     bands = channels.constants[FIRST_DEAD_BAND : FIRST_DEAD_BAND + 3]
     return np.where(np.abs(asked) < bands, 0.0, asked)
 
@@ -72,7 +72,7 @@ def in_hill_axes(channels: Channels, commanded: Floats, dcm: Floats) -> Floats:
 
 
 def rest(is_complete: bool, decides: bool, coasts: bool) -> int | None:
-    """Return why nothing is inferred at a sample; None where something is."""
+    """Return why nothing is inferred at a sample; None if inference runs."""
     if is_complete:
         return COMPLETE
     if not decides:
@@ -88,7 +88,7 @@ def reasons(
     change_h: Floats,
     is_force_hill: bool,
 ) -> Integers:
-    """Return why each component is, or is not, what was asked for, shape (3,).
+    """Return for each component why it was, or was not, fired as commanded, shape (3,).
 
     Parameters
     ----------

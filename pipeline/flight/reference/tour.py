@@ -17,8 +17,8 @@ MEANS = {part: constant(f"tour_{part}_mean_m") for part in TOUR_PARTS}
 def tour_place(constants: Floats, sun_angle: float, sun_elevation: float) -> Floats:
     """Return the place of the tour at a direction of the Sun, shape (3,), m, Hill axes.
 
-    Each component is ``mean + sum of cos_m cos(m angle) + sin_m sin(m angle)``, m of 1 and 2; the lift,
-    another such sum, adds to the last by the sine of the elevation.
+    Each component is ``mean + sum of cos_m cos(m angle) + sin_m sin(m angle)`` for m = 1 and 2; the lift,
+    another such sum, times the sine of the elevation adds to the last.
     """
     multiples = np.arange(1, 1 + len(TOUR_WAVES) // 2) * sun_angle
     waves = np.concatenate(([1.0], np.column_stack((np.cos(multiples), np.sin(multiples))).ravel()))
@@ -27,24 +27,24 @@ def tour_place(constants: Floats, sun_angle: float, sun_elevation: float) -> Flo
 
 
 def time_ahead(world: PlainWorld, time: float, wait: float, sun: tuple[float, float]) -> float:
-    """Return after what time, s, a deputy is to be on the tour; zero where it asks for nothing yet.
+    """Return the time, s, until a deputy is to be on the tour; zero if it need not move yet.
 
-    That is after `time`, or, where it is dark then, when the shadow ends, unless that is farther off than
-    `wait`; with a `wait` of zero it does not matter what is dark. `sun` is the Sun's angle and elevation now.
+    The arrival is after `time`, or, if it is dark then, when the shadow ends, unless that is later than
+    `wait`; with a `wait` of zero darkness is ignored. `sun` is the Sun's angle and elevation now.
     """
     angle, elevation = sun
     later = sun_direction_h(angle - world.mean_motion * time, elevation)
     is_dark = world.has_shadow and visible_share(later, world.orbit_radius) < world.min_sun_share
     if wait == 0.0 or not is_dark:
         return time
-    # the Sun's angle falls: of the two at which it stands so high, it comes to the positive one last
+    # the Sun's angle decreases: of the two at which it is so high, it reaches the positive one last
     at_end = np.arccos(least_sun_height(world.orbit_radius, world.min_sun_share) / np.cos(elevation))
     ahead = float(np.mod(angle - at_end, 2.0 * np.pi)) / world.mean_motion
     return ahead if ahead <= wait else 0.0
 
 
 def push_to(place_h: Floats, state: Floats, mean_motion: float, time: float) -> Floats:
-    """Return the push that leads a state of shape (6,) by free motion to a place after some time, m/s."""
+    """Return the push that leads a state of shape (6,) by free motion to a place after a time, m/s."""
     transition = state_transition(mean_motion, time)
     return np.linalg.solve(transition[:3, 3:], place_h - transition[:3] @ state).astype(np.float64)
 

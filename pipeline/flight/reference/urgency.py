@@ -1,4 +1,4 @@
-"""Where a deputy of the readable reference should look before it is too late."""
+"""Urgency in the readable reference: the direction to points that will soon go dark."""
 
 from math import exp
 
@@ -17,10 +17,10 @@ Booleans = NDArray[np.bool_]
 def urgent_direction(
     points_h: Floats, is_wanted: Booleans, last_lit: Floats, time: float, urgency_time: float
 ) -> Floats:
-    """Return the unit vector towards the mean of wanted points, weighed by how soon each is dark.
+    """Return the unit vector towards the mean of wanted points, weighted by how soon each goes dark.
 
-    A point that is lit for the last time in T seconds weighs ``exp(-T/urgency_time)``. Zeros where no point
-    is wanted, or where they cancel.
+    A point that is lit for the last time in T seconds weighs ``exp(-T/urgency_time)``. Zeros if no point
+    is wanted, or if they cancel.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def urgent_direction(
 def around_the_chief(
     direction: Floats, position_h: Floats, skirt_distance: float, min_distance: float
 ) -> Floats:
-    """Return a direction that does not lead into the chief from near it.
+    """Return a direction modified so that it does not lead into the chief from near it.
 
-    Its part towards the chief is mirrored at the least distance, left out halfway to `skirt_distance`, kept
+    Its part towards the chief is mirrored at the least distance, removed halfway to `skirt_distance`, kept
     beyond that, and linear between; other parts stay.
 
     Parameters
@@ -65,7 +65,7 @@ def around_the_chief(
     position_h : array, shape (3,)
         Of the deputy, m, Hill axes.
     skirt_distance, min_distance : float
-        m; without effect where the first is not the greater.
+        m; no effect unless the first is greater.
 
     Returns
     -------

@@ -26,9 +26,9 @@ LONGEST_STEP_S = 1.0
 
 
 class PlainWorld(NamedTuple):
-    """What the equations need besides the start and the controller, SI and rad.
+    """Parameters of the equations besides the start and the controller, SI and rad.
 
-    A tick is a period of the attitude clock, of which a control period has `num_ticks`. Each is integrated in
+    A tick is a period of the attitude clock; a control period has `num_ticks` of them. Each is integrated in
     `num_substeps` steps.
     """
 
@@ -42,7 +42,7 @@ class PlainWorld(NamedTuple):
     motion: Motion
     tick: Motion
     orbit_parts: Motion
-    #: of the chief about the Earth; not on where motion is linear
+    #: of the chief about the Earth; off where motion is linear
     course: Course
     mass: float
     max_force: float
@@ -59,7 +59,7 @@ class PlainWorld(NamedTuple):
     chief_inverse_inertia: Floats
     chief_rate: Floats
     is_chief_tumbling: bool
-    #: of the chief's integrator in a control period
+    #: steps of the chief's integrator in a control period
     num_chief_steps: int
     #: (P, 3), chief axes
     points_c: Floats
@@ -68,14 +68,14 @@ class PlainWorld(NamedTuple):
     #: of a chief that is a mesh, in chief axes
     is_mesh: bool
     occlusion: Occlusion
-    #: the Earth's shadow: of the chief's orbit, m, and with how little of the Sun nothing is lit
+    #: the Earth's shadow: radius of the chief's orbit, m, and the least share of the Sun that lights points
     has_shadow: bool
     orbit_radius: float
     min_sun_share: float
-    #: sine of the angle by which the Sun may be below a point's horizon, and how the chief reflects
+    #: sine of the angle by which the Sun may be below a point's horizon, and the chief's reflection
     past_terminator: float
     reflection: Reflection
-    #: whether light and camera are the paper's, but for the Sun's elevation
+    #: whether light and camera are the paper's, apart from the Sun's elevation
     is_papers_sight: bool
     has_camera_limits: bool
     cos_max_incidence: float
@@ -88,20 +88,20 @@ class PlainWorld(NamedTuple):
     #: m
     min_distance: float
     max_distance: float
-    #: control periods between the places that a preview looks at
+    #: control periods between previewed places
     preview_stride: int
-    #: the same for the push that shows what sets, and motion over 0, 1, … of them, to the flight's end
+    #: the same for the push that shows setting points, and motion over 0, 1, … of them, to the flight's end
     look_stride: int
     looks: Motion
 
 
 def world_of(mission: Mission) -> PlainWorld:
-    """Turn a mission's settings into numbers.
+    """Return a mission's settings as numbers.
 
     Parameters
     ----------
     mission : Mission
-        Valid: the attitude period divides the control period, that the duration; inertias can be inverted.
+        Valid: the attitude period divides the control period, and this the duration; inertias are invertible.
     """
     n = mission.orbit.mean_motion_rad_s
     deputy, chief, attitude = mission.deputy, mission.chief, mission.attitude

@@ -1,4 +1,4 @@
-"""Evolution: a vector of genes in [0, 1] and a fitness function in, a champion or a front out."""
+"""Evolution: from a vector of genes in [0, 1] and a fitness function to a champion or a front."""
 
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.nsga2 import OBJECTIVE, Front

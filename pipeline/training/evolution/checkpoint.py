@@ -1,4 +1,4 @@
-"""The state of an evolution between two generations, on disk: no pickle, written whole or not at all."""
+"""The state of an evolution between two generations, on disk: without pickle, written atomically."""
 
 import io
 import json
@@ -18,7 +18,7 @@ from pipeline.training.evolution.state import Generation, State
 VERSION = 2
 
 _ARRAYS = ("genomes", "fitness", "parts", "champions")
-#: begins the names of arrays of what CMA-ES has learnt
+#: prefix of the arrays with CMA-ES's state
 _STRATEGY = "strategy_"
 _AFRESH = "delete it to start the training afresh"
 
@@ -35,7 +35,7 @@ def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
     path : Path
     state : State
     fingerprint : mapping
-        What must be the same when the evolution is resumed; plain values.
+        Values that must not change when the evolution is resumed.
     """
     note = {
         "version": VERSION,
@@ -91,7 +91,7 @@ def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
         raise _damaged(path) from error
 
 
-#: what NumPy lets through of a damaged archive; it takes the headers of arrays apart as Python
+#: errors that NumPy raises for a damaged archive; it parses array headers as Python
 _UNREADABLE = (
     *(OSError, ValueError, KeyError, EOFError, RuntimeError, SyntaxError),
     *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
@@ -108,7 +108,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         content = path.read_bytes()
     except OSError as error:
         raise CheckpointError(f"{path} cannot be read ({error.strerror}); {_AFRESH}") from error
-    if not content.startswith(b"PK"):  # no archive; numpy would speak of pickles
+    if not content.startswith(b"PK"):  # not an archive; numpy's message would be about pickles
         raise _damaged(path)
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
@@ -123,12 +123,12 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
-    """Put a state together and try its random generators."""
+    """Return the state, after testing its random generators."""
     generator = np.random.default_rng()
     generator.bit_generator.state = note["numpy_state"]
     version, internal, gauss = note["python_state"]
     python_state = (version, tuple(internal), gauss)
-    random.Random().setstate(python_state)  # noqa: S311 - a trial, nothing is drawn
+    random.Random().setstate(python_state)  # noqa: S311 - a test, nothing is drawn
     rows = zip(note["history"], arrays["champions"], strict=True)
     return State(
         round=note["round"],

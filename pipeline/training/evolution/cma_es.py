@@ -1,9 +1,9 @@
-"""CMA-ES: samples around a centre, which moves towards the better ones.
+"""CMA-ES: samples around a centre that moves towards the better ones.
 
 CMA-ES (Hansen and Ostermeier, Evolutionary Computation 9, 2001), DEAP's `deap.cma`. Genes are sampled
-unbounded; what is judged is the nearest point of [0, 1], and the distance to it is added to the fitness that
+unbounded; the nearest point of [0, 1] is evaluated, and the distance to it is added to the fitness that
 the strategy sees, so that it does not drift away from the box. DEAP draws from NumPy's global generator: it
-is lent a state of ours, and the caller gets his own back.
+temporarily gets a state of ours, and the caller's is restored.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from pipeline.training.evolution.state import State
 
 Floats = NDArray[np.float64]
 
-#: what `deap.cma.Strategy` carries from one generation to the next, besides what follows from it
+#: state that `deap.cma.Strategy` carries between generations; the rest follows from it
 CARRIED = ("centroid", "sigma", "C", "ps", "pc", "update_count")
 
 
@@ -34,7 +34,7 @@ def begin(centre: Floats, settings: Optimizer) -> dict[str, Floats]:
 
 
 def sample(state: State, settings: Optimizer) -> Floats:
-    """Draw a population, unbounded: the centre itself first; shape (population_size, num_genes)."""
+    """Draw a population, unbounded, with the centre itself first; shape (population_size, num_genes)."""
     strategy = _restored(state.strategy, settings)
     with _lent_global_random(state.generator):
         drawn = strategy.generate(Individual)
@@ -42,7 +42,7 @@ def sample(state: State, settings: Optimizer) -> Floats:
 
 
 def learn(state: State, settings: Optimizer, drawn: Floats, fitness: Floats) -> None:
-    """Update the strategy of a state from the fitness of its samples; the centre does not count."""
+    """Update the strategy of a state from the fitness of its samples, except that of the centre."""
     strategy = _restored(state.strategy, settings)
     outside = np.sum(np.abs(drawn - np.clip(drawn, 0.0, 1.0)), axis=1)
     judged = fitness + outside * (np.ptp(fitness) + 1e-12)
@@ -77,7 +77,7 @@ def _restored(carried: dict[str, Floats], settings: Optimizer) -> Any:
 
 @contextmanager
 def _lent_global_random(generator: np.random.Generator) -> Iterator[None]:
-    """Seed NumPy's global generator from ours, and give the caller's back."""
+    """Seed NumPy's global generator from ours, and restore the caller's afterwards."""
     callers = np.random.get_state()  # noqa: NPY002
     np.random.seed(int(generator.integers(2**32)))  # noqa: NPY002
     try:

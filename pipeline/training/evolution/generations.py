@@ -25,18 +25,18 @@ Evaluate = Callable[[Floats], Mapping[str, Floats]]
 #: a round's index and the champion of the one before (None in the first) -> the round's fitness function
 EvaluateForRound = Callable[[int, Floats | None], Evaluate]
 
-#: keeps the draws of the evolution apart from those of scenarios made from the same seed
+#: separates the random numbers of the evolution from those of scenarios with the same seed
 SPAWN_KEY = 0xE70
 
 
 def unpopulated(seed: int, key: tuple[int, ...], round_index: int, num_genes: int, step_size: float) -> State:
-    """Return the state before the first population of a round: its random generators and nobody yet.
+    """Return the state before the first population of a round: its random generators and no individuals.
 
     Parameters
     ----------
     seed : int
     key : tuple of int
-        What sets its draws apart from those of other states of the same seed.
+        Separates its random numbers from those of other states with the same seed.
     round_index, num_genes : int
     step_size : float
     """
@@ -61,13 +61,13 @@ def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, 
     Parameters
     ----------
     state : State
-        As `unpopulated` gives it.
+        Of `unpopulated`.
     evaluate : callable
     seeds : (k, num_genes) array
-        Genomes that it begins with, or around the last of which.
+        Genomes to start with; CMA-ES samples around the last of them.
     settings : Optimizer
     before : State, optional
-        With which the round before ended.
+        The final state of the round before.
     """
     is_carried = before is not None and settings.next_round == "carried"
     if settings.algorithm == "cma_es":
@@ -88,7 +88,7 @@ def begin(state: State, evaluate: Evaluate, seeds: Floats, settings: Optimizer, 
 
 
 def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Replace a population by the next."""
+    """Replace a population by the next generation."""
     state.generation += 1
     if settings.algorithm == "cma_es":
         _sample_generation(state, evaluate, settings)
@@ -110,8 +110,8 @@ def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
 
 
 def record(state: State) -> None:
-    """Note the present generation in the history."""
-    # the centre of a distribution is better than the luckiest of its samples
+    """Add the present generation to the history."""
+    # the centre of a distribution is better than its luckiest sample
     best = 0 if state.strategy else int(np.argmin(state.fitness))
     state.history.append(
         Generation(
@@ -129,7 +129,7 @@ def record(state: State) -> None:
 
 
 def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Judge as many children as there are parents, and keep the best of both by their objectives."""
+    """Evaluate as many children as there are parents, and keep the best of both by their objectives."""
     children = nsga2.breed(state, settings)
     fitness, parts = _evaluated_once(evaluate, children, state)
     fitness = np.concatenate((state.fitness, fitness))
@@ -141,7 +141,7 @@ def _select_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
 
 
 def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Draw a population from the strategy, judge it, and let the strategy learn from it."""
+    """Draw a population from the strategy, evaluate it, and update the strategy."""
     state.step_size = float(state.strategy["sigma"])
     drawn = cma_es.sample(state, settings)
     state.genomes = np.clip(drawn, 0.0, 1.0)
@@ -152,9 +152,9 @@ def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
 
 
 def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[Floats, dict[str, Floats]]:
-    """Call the fitness function for what is new in a generation: neither in the population nor met before.
+    """Evaluate the new individuals of a generation: neither in the population nor repeated.
 
-    Parents that are drawn for both sides of a crossover have children that equal them.
+    A parent drawn for both sides of a crossover has a child equal to it.
     """
     known = np.concatenate((state.genomes, genomes))
     _, first, place = np.unique(known, axis=0, return_index=True, return_inverse=True)
@@ -162,7 +162,7 @@ def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[
     is_new = source == np.arange(len(state.genomes), len(known))
     none = np.empty(0), dict.fromkeys(state.parts, np.empty(0))
     fitness, parts = _evaluated(evaluate, genomes[is_new], state.parts) if is_new.any() else none
-    # where among those judged, the population first, the result of each stands
+    # index of each individual's result among those evaluated, the population first
     at = np.concatenate((np.arange(len(state.genomes)), len(state.genomes) + np.cumsum(is_new) - 1))[source]
     return (
         np.concatenate((state.fitness, fitness))[at],
@@ -173,7 +173,7 @@ def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[
 def _evaluated(
     evaluate: Evaluate, genomes: Floats, names: Iterable[str] | None
 ) -> tuple[Floats, dict[str, Floats]]:
-    """Call the fitness function and check what it returns; `names` are the parts of earlier generations."""
+    """Call the fitness function and check its result; `names` are the parts of earlier generations."""
     columns = {
         name: np.asarray(values, dtype=np.float64) for name, values in evaluate(genomes.copy()).items()
     }

@@ -1,11 +1,10 @@
-"""The genetic algorithm's children: crossover first, then mutants; parents are chosen in tournaments.
+"""The genetic algorithm's children: first by crossover, then by mutation; parents are chosen in tournaments.
 
 The operators and rates of Choi, Kim and Leeghim (AAS 25-727), defined as in MATLAB's Global Optimization
 Toolbox ("Genetic Algorithm Options"). Instead of its adaptive feasible mutation a local one may be chosen,
-which moves few genes a little: the search near a controller that is already good.
-
-DEAP draws from Python's global generator, which others draw from as well, such as threads of Dask's: for each
-generation it is lent one of ours in its place.
+which moves few genes a little: for the search near a controller that is already good.
+DEAP draws from Python's global generator, which other code uses too, such as Dask's threads: for each
+generation that is replaced by one of ours.
 """
 
 import random
@@ -27,7 +26,7 @@ Floats = NDArray[np.float64]
 
 GENE_SWAP_PROBABILITY = 0.5
 
-#: what of DEAP draws
+#: DEAP's modules that draw random numbers
 DRAWING = (crossover, emo, mutation, selection)
 
 #: a local mutant moves each gene with one of these probabilities, by one of these multiples of the step: most
@@ -38,7 +37,7 @@ LOCAL_STEPS = (0.3, 1.0, 2.0)
 
 @dataclass(frozen=True)
 class Split:
-    """How many individuals of a generation come from where."""
+    """Number of individuals of a generation from each source."""
 
     elite: int
     crossover: int
@@ -46,10 +45,10 @@ class Split:
 
 
 def split_population(settings: Optimizer) -> Split:
-    """Turn rates into numbers of individuals.
+    """Convert rates into numbers of individuals.
 
-    With `split` = ``whole`` the crossover rate counts the whole population (of 200 at 0.1 and 0.8: 20, 160,
-    20), with ``rest`` all but the elite (20, 144, 36). Mutants fill up.
+    With `split` = ``whole`` the crossover rate applies to the whole population (of 200 at 0.1 and 0.8: 20,
+    160, 20), with ``rest`` to all but the elite (20, 144, 36). Mutants make up the rest.
     """
     size = settings.population_size
     elite = max(1, round(settings.elitism_rate * size))
@@ -80,13 +79,13 @@ def select_parents(
 
 
 def scattered_crossover(first: Individual, second: Individual) -> Individual:
-    """Make one child that takes each gene from either parent with probability 1/2."""
+    """Return a child that takes each gene from either parent with probability 1/2."""
     child, _ = tools.cxUniform(Individual(first), Individual(second), GENE_SWAP_PROBABILITY)
     return cast(Individual, child)
 
 
 def local_mutation(genome: Sequence[float], step_size: float) -> Individual:
-    """Move few genes by normal steps; one that leaves [0, 1] stops at its end."""
+    """Move few genes by normal steps, clipped to [0, 1]."""
     generator = mutation.random  # as DEAP draws
     share, scale = generator.choice(LOCAL_SHARES), generator.choice(LOCAL_STEPS)
     (mutant,) = tools.mutGaussian(Individual(genome), 0.0, scale * step_size, share)
@@ -95,7 +94,7 @@ def local_mutation(genome: Sequence[float], step_size: float) -> Individual:
 
 @contextmanager
 def lent_random(state: State) -> Iterator[None]:
-    """Let DEAP draw from our state in place of Python's global generator."""
+    """Let DEAP draw from our state instead of Python's global generator."""
     own = random.Random()  # noqa: S311
     own.setstate(state.python_state)
     before = [module.random for module in DRAWING]
@@ -110,9 +109,9 @@ def lent_random(state: State) -> Iterator[None]:
 
 
 def breed(state: State, settings: Optimizer) -> Floats:
-    """Make a generation's children, of crossover first, then mutants; shape (children, num_genes).
+    """Return a generation's children, first by crossover, then mutants; shape (children, num_genes).
 
-    With the local mutation those of crossover mutate as well: near one another, parents differ little.
+    With the local mutation, crossover children mutate as well: parents near one another differ little.
     """
     split = split_population(settings)
     num_crossed = 2 * split.crossover
@@ -137,7 +136,7 @@ def breed(state: State, settings: Optimizer) -> Floats:
 
 
 def scatter(seeds: Floats, settings: Optimizer, state: State) -> Floats:
-    """Make a first population of the seeds and local mutants of them, shape (population_size, num_genes)."""
+    """Return a first population of the seeds and their local mutants, shape (population_size, num_genes)."""
     with lent_random(state):
         mutants = [
             local_mutation(seeds[index % len(seeds)].tolist(), settings.initial_step)

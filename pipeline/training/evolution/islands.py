@@ -1,9 +1,9 @@
-"""Islands: populations that evolve apart and, every so many generations, send their best to the next.
+"""Islands: populations that evolve separately and periodically send their best to the next.
 
 The island model (Cohoon, Hegde, Martin and Richards, "Punctuated equilibria: a parallel genetic algorithm",
-ICGA 1987) on a ring. What an island does between two migrations hangs on nothing but its `Leg`, so that it is
-the same wherever it is done, and by however many. All islands together are one `State`: their populations one
-after the other, and the step of each island's mutation under `STEPS`.
+ICGA 1987) on a ring. An island's work between two migrations depends only on its `Leg`, so that it is
+the same wherever it runs, and on however many processes. All islands together are one `State`: their
+populations one after the other, and the step of each island's mutation under `STEPS`.
 """
 
 from collections.abc import Sequence
@@ -20,28 +20,28 @@ from pipeline.training.evolution.state import Generation, State
 
 Floats = NDArray[np.float64]
 
-#: in what a state has learnt
+#: key in a state's strategy
 STEPS = "island_step_sizes"
 
 
 @dataclass(frozen=True)
 class Leg:
-    """What an island does between two migrations; plain data.
+    """An island's work between two migrations; plain data.
 
     Parameters
     ----------
     settings : Optimizer
         Of the island: its share of the population.
     seed, number, round, generation : int
-        Of the training; of the island; the round, and the generation that it begins after.
+        Of the training; of the island; the round, and the generation before its first.
     generations : int
-        How many; none for the first population of a round.
+        Number of generations; zero for the first population of a round.
     champion : (num_genes,) array, optional
         Of the round before.
     seeds : (k, num_genes) array
-        What a first population begins with.
+        Genomes to start a first population with.
     genomes, fitness, parts, step_size
-        The island as the last migration has left it; no genomes where it is to be drawn.
+        The island as the last migration left it; no genomes if it is to be drawn.
     """
 
     settings: Optimizer
@@ -59,7 +59,7 @@ class Leg:
 
 
 def travel(evaluate_for_round: EvaluateForRound, leg: Leg) -> State:
-    """Do a leg; the history of the state that it ends in is that of the leg."""
+    """Evolve an island for a leg; the history of the returned state is that of the leg."""
     evaluate = evaluate_for_round(leg.round, leg.champion)
     key = (leg.round, leg.generation, leg.number)
     state = generations.unpopulated(leg.seed, key, leg.round, leg.seeds.shape[1], leg.step_size)
@@ -73,21 +73,21 @@ def travel(evaluate_for_round: EvaluateForRound, leg: Leg) -> State:
     for _ in range(leg.generations):
         generations.advance(state, evaluate, leg.settings)
         generations.record(state)
-    del state.history[0]  # as it was sent here
+    del state.history[0]  # the generation it was sent with
     return state
 
 
 class Islands:
-    """All islands of a training, in the way of a single population (`pipeline.training.evolution.rounds`).
+    """All islands of a training, run like one population (`pipeline.training.evolution.rounds`).
 
     Parameters
     ----------
     evaluate_for_round : callable
-        At module level, or a partial of one that is: it may be sent to other processes.
+        At module level, or a partial of such a function: it may be sent to other processes.
     settings : Optimizer
     seed : int
     do_all : callable
-        Does the legs of all islands (`pipeline.run.engine.crew`).
+        Runs the legs of all islands (`pipeline.run.engine.crew`).
     """
 
     def __init__(
@@ -99,11 +99,11 @@ class Islands:
         self._champion: Floats | None = None
 
     def enter(self, _round_index: int, champion: Floats | None) -> None:
-        """Make ready for a round, given the champion of the one before."""
+        """Prepare for a round, given the champion of the one before."""
         self._champion = champion
 
     def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
-        """Draw all islands' populations, or judge those of the round before anew."""
+        """Draw all islands' populations, or evaluate those of the round before again."""
         step = self._whole.step_of_round(round_index)
         state = generations.unpopulated(self._seed, (round_index,), round_index, seeds.shape[1], step)
         state.strategy = {STEPS: np.full(self._num, step)}
@@ -115,13 +115,13 @@ class Islands:
         return state
 
     def advance(self, state: State) -> None:
-        """Let the best of each island migrate, then all islands evolve."""
+        """Migrate the best of each island, then evolve all islands."""
         migrate(state, self._num, self._whole.migrants)
         left = self._whole.generations - state.generation
         self._travel(state, state.genomes[:0], min(self._whole.migrate_every, left))
 
     def _travel(self, state: State, seeds: Floats, num_generations: int) -> None:
-        """Let every island do a leg, and put together what they come back with."""
+        """Run a leg of every island, and combine the results."""
         legs = [self._leg(state, island, seeds, num_generations) for island in range(self._num)]
         done = dict(self._do_all(travel, [(self._evaluate_for_round, leg) for leg in legs]))
         islands: list[State] = [done[place] for place in range(self._num)]
@@ -156,7 +156,7 @@ class Islands:
 
 
 def migrate(state: State, num_islands: int, migrants: int) -> None:
-    """Replace the worst of each island by copies of the best of the island before it, on a ring."""
+    """Replace the worst of each island by copies of the best of the previous island on a ring."""
     if migrants == 0:
         return
     order = np.argsort(state.fitness.reshape(num_islands, -1), axis=1, kind="stable")
@@ -168,7 +168,7 @@ def migrate(state: State, num_islands: int, migrants: int) -> None:
 
 
 def _together(rows: Sequence[Generation], size: int, evaluations: int, generation: int) -> Generation:
-    """Return a generation of all islands from those of each, whose numbers count within the leg."""
+    """Return a generation of all islands from those of each, whose counts are within the leg."""
     best = min(rows, key=lambda row: row.best)
     means, deviations = (np.array([getattr(row, name) for row in rows]) for name in ("mean", "std"))
     # the sum of squares within islands and between them

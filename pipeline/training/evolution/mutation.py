@@ -17,23 +17,23 @@ STEP_FACTOR = 4.0
 
 
 def adapt_step_size(step_size: float, has_improved: bool) -> float:
-    """Take steps four times as long (at most 1) after success, else a quarter (at least sqrt(eps))."""
+    """Return four times the step (at most 1) after success, else a quarter (at least sqrt(eps))."""
     if has_improved:
         return min(LARGEST_STEP, step_size * STEP_FACTOR)
     return max(SMALLEST_STEP, step_size / STEP_FACTOR)
 
 
 def poll_directions(num_genes: int, step_size: float, generator: np.random.Generator) -> Floats:
-    """Draw a random basis of a mesh-adaptive direct search.
+    """Return a random basis of a mesh-adaptive direct search.
 
     A lower triangular matrix with diagonal ±1/sqrt(step) and, below it, integers of smaller magnitude, its
-    rows then put in random order: the LTMADS basis of Audet and Dennis, "Mesh adaptive direct search
+    rows in random order: the LTMADS basis of Audet and Dennis, "Mesh adaptive direct search
     algorithms for constrained optimization", SIAM J. Optim. 17 (2006), section 4.1.
 
     Returns
     -------
     (num_genes, num_genes) array
-        One direction a column.
+        One direction per column.
     """
     largest = round(1.0 / math.sqrt(step_size))
     basis = np.tril(generator.integers(1 - largest, largest, (num_genes, num_genes)), -1).astype(np.float64)
@@ -42,10 +42,10 @@ def poll_directions(num_genes: int, step_size: float, generator: np.random.Gener
 
 
 def adaptive_feasible_mutation(genome: Floats, step_size: float, generator: np.random.Generator) -> Floats:
-    """Move a genome along a random direction by which it stays in the box [0, 1].
+    """Return a genome moved along a random direction that keeps it in the box [0, 1].
 
     Directions ± the columns of `poll_directions` are tried in random order and the first feasible one wins,
-    which is to say that all feasible ones are equally likely. Where none is, the step of this mutant is
+    so all feasible ones are equally likely. If none is feasible, the step of this mutant is
     shortened ("the mutation chooses a direction and step length that satisfies bounds", MATLAB's
     documentation): from a quarter on a direction along one axis always fits.
 
@@ -69,5 +69,5 @@ def adaptive_feasible_mutation(genome: Floats, step_size: float, generator: np.r
     if feasible.size == 0:
         return adaptive_feasible_mutation(genome, step_size / STEP_FACTOR, generator)
     sign, index = divmod(int(generator.choice(feasible)), genome.size)
-    # the sum may leave the box by a rounding error
+    # rounding may put the sum outside the box
     return cast(Floats, np.clip(genome + (steps[index] if sign == 0 else -steps[index]), 0.0, 1.0))

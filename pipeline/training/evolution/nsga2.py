@@ -1,10 +1,10 @@
-"""NSGA-II: evolution of a front of individuals that no other dominates.
+"""NSGA-II: evolution of a front of nondominated individuals.
 
 NSGA-II (Deb, Pratap, Agarwal and Meyarivan, IEEE Transactions on Evolutionary Computation 6, 2002), DEAP's
-selection: parents and children together are sorted into fronts, and of the last front that finds room those
-survive that are least crowded. Children come about as in `pipeline.training.evolution.genetic`, by scattered
-crossover and local mutation. Individuals of equal objectives survive once while there are others, for a
-population of copies is no front; and the one of least fitness, the champion, always survives.
+selection: parents and children together are sorted into fronts, and of the last front that fits only in part
+the least crowded survive. Children are made as in `pipeline.training.evolution.genetic`, by scattered
+crossover and local mutation. Individuals with equal objectives survive only once while there are others, as
+a population of copies is not a front; and the one of least fitness, the champion, always survives.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,21 +26,21 @@ from pipeline.training.evolution.state import State
 
 Floats = NDArray[np.float64]
 
-#: begins the names of those parts of the fitness that are objectives, to be made small
+#: prefix of the parts of the fitness that are objectives, to be minimised
 OBJECTIVE = "objective_"
 
 
 @dataclass(frozen=True)
 class Front:
-    """Those of a population that none of it dominates, each of other objectives than the rest.
+    """The nondominated individuals of a population, no two with equal objectives.
 
     Parameters
     ----------
     genomes : (n, num_genes) array
-        By the first objective, the least first.
+        Sorted by the first objective, ascending.
     fitness : (n,) array
     parts : mapping of str to (n,) array
-        The objectives among them.
+        Including the objectives.
     """
 
     genomes: Floats
@@ -49,7 +49,7 @@ class Front:
 
 
 class Objectives(base.Fitness):  # type: ignore[misc]
-    """Values to be minimised; DEAP notes beside them how far off the neighbours in a front are."""
+    """Values to be minimised; DEAP stores the crowding distance with them."""
 
     def __init__(self, values: Sequence[float]) -> None:
         self.weights = (-1.0,) * len(values)
@@ -82,7 +82,7 @@ def objectives_of(parts: Mapping[str, Floats]) -> Floats:
 
 
 def breed(state: State, settings: Optimizer) -> Floats:
-    """Make as many children as there are parents, of crossover first; all mutate; (children, num_genes)."""
+    """Return as many children as there are parents, by crossover first; all mutate; (children, num_genes)."""
     num_children = settings.population_size
     num_crossed = round(settings.crossover_rate * num_children)
     genomes = state.genomes.tolist()
@@ -96,9 +96,9 @@ def breed(state: State, settings: Optimizer) -> Floats:
 
 
 def _select_parents(objectives: Floats, num_parents: int) -> list[int]:
-    """Choose rows in tournaments of two: the dominating one wins, else the one that is less crowded."""
+    """Choose rows in tournaments of two: the dominating one wins, else the less crowded one."""
     population = _ranked(objectives, range(len(objectives)))
-    tools.selNSGA2(population, len(population))  # notes how crowded each is
+    tools.selNSGA2(population, len(population))  # stores the crowding distances
     # DEAP takes four at a time, none more than twice
     at_once = len(population) - len(population) % 4
     chosen: list[Any] = []
@@ -108,14 +108,14 @@ def _select_parents(objectives: Floats, num_parents: int) -> list[int]:
 
 
 def survivors(objectives: Floats, fitness: Floats, size: int) -> NDArray[np.int_]:
-    """Return the rows that survive of parents and children, in ascending order.
+    """Return the rows of parents and children that survive, in ascending order.
 
     Parameters
     ----------
     objectives : (n, num_objectives) array
     fitness : (n,) array
     size : int
-        How many; at most n.
+        Number of survivors; at most n.
     """
     first = _first_of_their_kind(objectives)
     if len(first) <= size:
@@ -124,7 +124,7 @@ def survivors(objectives: Floats, fitness: Floats, size: int) -> NDArray[np.int_
     chosen = [individual.row for individual in tools.selNSGA2(_ranked(objectives, first), size)]
     champion = int(first[np.argmin(fitness[first])])
     if champion not in chosen:
-        # in the place of the most crowded
+        # replaces the most crowded
         chosen[-1] = champion
     return np.sort(chosen)
 
@@ -142,7 +142,7 @@ def front_of(state: State) -> Front:
 
 
 def _first_of_their_kind(objectives: Floats) -> NDArray[np.int_]:
-    """Return, of the rows of equal objectives, the first, in ascending order."""
+    """Return the first row of each set of equal objectives, in ascending order."""
     return np.sort(np.unique(objectives, axis=0, return_index=True)[1])
 
 

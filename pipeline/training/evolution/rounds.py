@@ -1,10 +1,9 @@
-"""Rounds of evolution: populations from their fitness, a champion from each generation.
+"""Rounds of evolution: from fitness functions to a champion of each generation.
 
 Smaller fitness is better. One population (`pipeline.training.evolution.generations`) or several
-(`pipeline.training.evolution.islands`) evolve for a round, which has a fitness function of its own; the next
-one starts afresh from the champion, or goes on with the population as it is, judged anew.
-
-Everything random comes from one seed.
+(`pipeline.training.evolution.islands`) evolve for a round, which has its own fitness function; the next
+one starts from the champion, or continues with the population, evaluated again.
+All randomness comes from one seed.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,7 +26,7 @@ from pipeline.training.evolution.state import Generation, State
 
 Floats = NDArray[np.float64]
 
-#: called with the history so far, after each generation or, of islands, after those between two migrations
+#: called with the history so far, after each generation or, with islands, after each migration
 OnGeneration = Callable[[Sequence[Generation]], None]
 
 
@@ -50,9 +49,9 @@ class Evolution:
     logbook : deap.tools.Logbook
         The same as rows of plain numbers.
     front : Front, optional
-        Of the last population, where there are two objectives (NSGA-II).
+        Of the last population, if there are two objectives (NSGA-II).
     interrupted : bool
-        Whether it was stopped from the keyboard before its end.
+        Whether it was interrupted from the keyboard.
     """
 
     champion: Floats
@@ -66,16 +65,16 @@ class Evolution:
 
 
 class _Way(Protocol):
-    """How a round is gone through: by one population, or by islands."""
+    """How a round runs: with one population, or with islands."""
 
     def enter(self, round_index: int, champion: Floats | None) -> None:
-        """Make ready for a round, given the champion of the one before."""
+        """Prepare for a round, given the champion of the one before."""
 
     def begin(self, round_index: int, seeds: Floats, before: State | None) -> State:
-        """Return the first population of a round, noted in its history."""
+        """Return the first population of a round, with its history entry."""
 
     def advance(self, state: State) -> None:
-        """Replace a population by the next, and note it."""
+        """Replace a population by the next, and add it to the history."""
 
 
 class _OnePopulation:
@@ -113,7 +112,7 @@ def _way(
 
 
 def _is_finished(state: State, settings: Optimizer) -> bool:
-    """Tell whether a round has had its generations, or none of the last `stall_generations` was better."""
+    """Return whether a round has had its generations, or none of the last `stall_generations` was better."""
     if state.generation >= settings.generations:
         return True
     patience = settings.stall_generations
@@ -123,7 +122,7 @@ def _is_finished(state: State, settings: Optimizer) -> bool:
 
 
 def _outcome(history: Sequence[Generation], front: nsga2.Front | None, interrupted: bool) -> Evolution:
-    """Sum up an evolution from its history."""
+    """Return the result of an evolution from its history."""
     logbook = tools.Logbook()
     for generation in history:
         logbook.record(**generation.row(), **generation.parts)
@@ -162,7 +161,7 @@ def _check_that_there_is_a_beginning(seeds: Floats, settings: Optimizer) -> None
 
 
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
-    """Name everything that must be the same for a resumed run to equal an uninterrupted one."""
+    """Return everything that must be the same for a resumed run to equal an uninterrupted one."""
     names = (
         "algorithm",
         "population_size",
@@ -181,7 +180,7 @@ def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, An
 
 
 def _champion_before(history: Sequence[Generation], round_index: int) -> Floats | None:
-    """Return the champion with which the round before a round ended."""
+    """Return the champion of the previous round."""
     earlier = [generation.champion for generation in history if generation.round < round_index]
     return earlier[-1] if earlier else None
 
@@ -206,26 +205,26 @@ def evolve_rounds(
         Takes a round's index and the champion of the round before, None in the first, and returns the round's
         fitness function; the same arguments must give the same function, or a resumed run differs from an
         uninterrupted one. A fitness function takes genomes of shape
-        (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be made small, and its parts. It must
-        judge each genome for itself, for it sees what is new in a generation only: neither the elite nor a
-        child that equals another, or one of the population before, is evaluated again within a round.
+        (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be minimised, and its parts. It must
+        evaluate each genome independently, as it gets only new ones of a generation: neither the elite nor a
+        child equal to another, or to one of the population before, is evaluated again within a round.
     num_genes : int
         Genes of a genome.
     settings : Optimizer
         Sizes and rates.
     seed : int
-        Of everything random here.
+        Of all randomness here.
     initial : (k, num_genes) array, optional
         Genomes that the first round's population starts with; CMA-ES starts around the last of them.
     checkpoint : Path, optional
-        Where to write the state after every generation (.npz).
+        File for the state after every generation (.npz).
     resume : bool
-        Go on from the checkpoint where there is one; the result is that of an uninterrupted run, bit for bit.
+        Resume from the checkpoint if there is one; the result is that of an uninterrupted run, bit for bit.
     on_generation : callable, optional
-        Called after every generation with the history so far, earlier runs' included, and with that of the
-        checkpoint before going on from it; where there are islands, at every migration.
+        Called after every generation with the history so far, including earlier runs', and with that of the
+        checkpoint before resuming; with islands, at every migration.
     engine : Engine, optional
-        Who does the work of islands; this process unless given.
+        Runs the islands; this process unless given.
 
     Returns
     -------
@@ -237,10 +236,10 @@ def evolve_rounds(
     CheckpointError
         If the checkpoint is damaged or belongs to other settings.
     pipeline.run.processes.EngineError
-        If the engine cannot be had, or goes away.
+        If the engine is not available, or disappears.
     ValueError
-        If initial genomes are missing where the search is local, or they or what the fitness function returns
-        are of the wrong shape or not finite.
+        If initial genomes are missing where the search is local, or they or the results of the fitness
+        function have the wrong shape or are not finite.
     KeyboardInterrupt
         If there is no champion yet.
     """
@@ -251,7 +250,7 @@ def evolve_rounds(
     if resume and checkpoint is not None and checkpoint.exists():
         state = load(checkpoint, fingerprint)
         if on_generation is not None:
-            # whoever was told of the last generation may have been killed before it was written down
+            # the last run may have been killed before its last generation was written
             on_generation(tuple(state.history))
     history = state.history if state else []
 

@@ -1,4 +1,4 @@
-"""What is known of a generation, and everything that the next one depends on."""
+"""The results of a generation, and everything that the next one depends on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Generation:
-    """What is known once a generation has been evaluated.
+    """Results of an evaluated generation.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Generation:
     best, mean, std : float
         Fitness over the population; std with ddof = 1.
     step_size : float
-        Of the mutation that led here.
+        Of the mutation that produced it.
     parts : mapping of str to float
         The champion's fitness parts.
     champion : (num_genes,) array
@@ -43,7 +43,7 @@ class Generation:
     champion: Floats
 
     def row(self) -> dict[str, Any]:
-        """Return everything but the genome and the parts, by name."""
+        """Return everything except the genome and the parts, by name."""
         names = ("round", "generation", "evaluations", "best", "mean", "std", "step_size")
         return {name: getattr(self, name) for name in names}
 
@@ -62,11 +62,11 @@ class State:
     fitness : (population_size,) array
     parts : dict of str to (population_size,) array
     python_state : tuple
-        Of Python's random generator, as `random.getstate` gives it.
+        Of Python's random generator, from `random.getstate`.
     generator : numpy Generator
         PCG64.
     strategy : dict of str to array
-        What CMA-ES has learnt; empty for the other algorithms.
+        State of CMA-ES; empty for the other algorithms.
     history : list of Generation
         All generations so far.
     """

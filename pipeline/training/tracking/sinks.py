@@ -1,4 +1,4 @@
-"""The sink that the configuration names."""
+"""The sink named in the configuration."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,12 +20,12 @@ class _Nobody:
 
 @contextmanager
 def tracked(tracking: Tracking, told: Told) -> Iterator[Sink]:
-    """Open the sink of a training, and close it as the training ends.
+    """Open the sink of a training, and close it when the training ends.
 
     Raises
     ------
     SettingError
-        If its package is not there, or it cannot be written to.
+        If its package is not installed, or it cannot be written to.
     """
     sink, ending = _sink(tracking, told), FAILED
     try:
@@ -58,6 +58,6 @@ def _sink(tracking: Tracking, told: Told) -> Sink:
 
 
 def name_of(folder: Path) -> str:
-    """Name a run by its folder, from where the program runs where it lies below that."""
+    """Return a run's name: its folder, relative to the working directory if below it."""
     whole, here = folder.absolute(), Path.cwd()
     return whole.relative_to(here if whole.is_relative_to(here) else whole.anchor).as_posix()

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-# nobody else is told
+# do not send usage data
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 from mlflow import MlflowClient
@@ -19,21 +19,21 @@ from pipeline.training.tracking.told import FAILED, FINISHED, INTERRUPTED, Row, 
 
 SQLITE = "sqlite:///"
 STATUS = {FINISHED: "FINISHED", INTERRUPTED: "KILLED", FAILED: "FAILED"}
-#: of a run: what its configuration comes to, and a metric that counts the rows that are written
+#: names of a run's configuration hash, and of a metric that counts the rows written
 HASH, COUNTED = "config_hash", "generation"
-#: numbers that MLflow takes at a time
+#: most numbers that MLflow takes at a time
 MOST_METRICS = 1000
 
 
 class Store:
-    """A training as a run of MLflow's: facts as parameters, columns of the logbook as metrics.
+    """A training as an MLflow run: facts as parameters, columns of the logbook as metrics.
 
-    A training that goes on goes on with its run, after the rows that are there.
+    A resumed training continues its run, after the existing rows.
 
     Parameters
     ----------
     place : str
-        A store or a server, as MLflow takes it.
+        A store or a server, in MLflow's notation.
     told : Told
     """
 
@@ -47,7 +47,7 @@ class Store:
             self._run = self._begun_before(told) or self._begin(told)
 
     def _begun_before(self, told: Told) -> str | None:
-        """Return the run of a training that goes on."""
+        """Return the run of a resumed training."""
         known = self._client.get_experiment_by_name(told.experiment)
         if known is None or not told.goes_on:
             return None
@@ -59,7 +59,7 @@ class Store:
         return None
 
     def _begin(self, told: Told) -> str:
-        """Make a run."""
+        """Create a run."""
         known = self._client.get_experiment_by_name(told.experiment)
         group = known.experiment_id if known else self._client.create_experiment(told.experiment)
         run = self._client.create_run(group, run_name=told.name).info.run_id
@@ -76,7 +76,7 @@ class Store:
             ) from error
 
     def tell(self, rows: Sequence[Row]) -> None:
-        """Write the rows that are new."""
+        """Write the new rows."""
         now = round(1000.0 * time.time())
         metrics = [
             Metric(name, value, now, step)
@@ -89,6 +89,6 @@ class Store:
         self._num_told = max(self._num_told, len(rows))
 
     def close(self, ending: str) -> None:
-        """Tell how it ended."""
+        """Log how it ended."""
         with self._in_words():
             self._client.set_terminated(self._run, STATUS[ending])

@@ -1,4 +1,4 @@
-"""What is logged of a training, and the interface of what logs it."""
+"""The logged data of a training, and the interface of its sinks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 
 @dataclass(frozen=True)
 class Told:
-    """Which training it is.
+    """Description of a training.
 
     Parameters
     ----------
     name : str
-        The run's folder, from where the program runs.
+        The run's folder, relative to the working directory.
     experiment : str
     facts : mapping of str to str
-        Its seed, what its configuration comes to, and so on.
+        Its seed, configuration hash, and so on.
     goes_on : bool
-        Whether it goes on from a checkpoint.
+        Whether it is resumed from a checkpoint.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Told:
 
 
 class Sink(Protocol):
-    """What logs a training besides its own folder."""
+    """Logs a training outside its own folder."""
 
     def tell(self, rows: Sequence[Row]) -> None:
         """Log a training so far; `rows` are all rows of its logbook."""
