@@ -112,16 +112,22 @@ def sparingly(function: F) -> F:
 
     The first time that anybody calls it so with arguments of these types, in any process, the function runs
     as plain Python, and so do all functions of its package that it calls; from then on it is compiled. The
-    result is the same.
+    result is the same. What is returned asks for types, which takes numba long, until they are known; it is
+    for arguments of the same types.
     """
+    known = cast(Compiled, function)
+    is_known = False
 
     def call(*args: Any) -> Any:
-        known = cast(Compiled, function)
+        nonlocal is_known
+        if is_known:
+            return known(*args)
         typeof = getattr(known.dispatcher, "typeof_pyval", None)
         if typeof is None:  # numba is switched off
             return known(*args)
         types = tuple(map(typeof, args))
-        if types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types)):
+        is_known = types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types))
+        if is_known:
             return known(*args)
         token = _plain.set(known._package)
         try:

@@ -33,11 +33,19 @@ def is_free(occlusion: Occlusion, point: int, dcm_c_from_h: Floats, direction_h:
 @compiled
 def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) -> Booleans:
     """Tell which points the Sun lights, shape (P,): none while the Earth hides too much of its disc."""
-    is_lit = np.zeros(len(world.points_c), dtype=np.bool_)
+    return lit_among(world, quaternion_c_from_h, sun_h, np.ones(len(world.points_c), dtype=np.bool_))
+
+
+@compiled
+def lit_among(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats, is_sought: Booleans) -> Booleans:
+    """Tell which of the points sought the Sun lights, shape (P,); see `lit_points`."""
+    is_lit = np.zeros(len(is_sought), dtype=np.bool_)
     if world.has_shadow and visible_share(sun_h, world.orbit_radius) < world.min_sun_share:
         return is_lit
     dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
     for i in range(len(is_lit)):
+        if not is_sought[i]:
+            continue
         point_h = transposed_times(dcm_c_from_h, world.points_c[i])
         if world.is_mesh:
             normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
@@ -68,8 +76,8 @@ def seen_points(
         if not is_sought[i]:
             continue
         point_h = transposed_times(dcm_c_from_h, world.points_c[i])
-        normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
         if world.is_mesh:
+            normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
             sight = point_h - position_h
             is_facing = dot(normal_h, sight) <= 0.0 and is_free(world.occlusion, i, dcm_c_from_h, -sight)
             is_seen[i] = is_facing and dot(sight, boresight_h) >= world.cos_half_angle * norm(sight)
@@ -77,8 +85,11 @@ def seen_points(
             is_seen[i] = is_in_view(
                 point_h, position_h, boresight_h, world.cos_half_angle, world.points_radius
             )
+        if not is_seen[i]:
+            continue
+        normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
         if world.has_camera_limits:
-            is_seen[i] = is_seen[i] and is_resolved(
+            is_seen[i] = is_resolved(
                 point_h,
                 normal_h,
                 position_h,
@@ -104,7 +115,6 @@ def lit_and_seen_points(
     quaternions_b_from_h: Floats,
     positions_h: Floats,
     suns_at: Floats,
-    boresight_b: Floats,
     is_left: Booleans,
 ) -> tuple[Booleans, Booleans]:
     """Tell which points are lit, and which a camera sees that are not, at the samples of a flight.
@@ -118,8 +128,6 @@ def lit_and_seen_points(
         Of the deputy, m, Hill axes.
     suns_at : (K+1, 2)
         Angle and elevation of the Sun, rad.
-    boresight_b : (3,)
-        Unit vector along which the camera looks, body axes.
     is_left : (K+1, P)
         Which points are asked for.
 
@@ -130,15 +138,12 @@ def lit_and_seen_points(
     is_lit, is_seen = np.zeros_like(is_left), np.zeros_like(is_left)
     for k in range(len(positions_h)):
         sun_h = sun_direction_h(suns_at[k, 0], suns_at[k, 1])
-        boresight_h = transposed_times(dcm_b_from_h(quaternions_b_from_h[k]), boresight_b)
-        lit = lit_points(world, quaternions_c_from_h[k], sun_h)
-        sought = np.zeros_like(lit)
+        boresight_h = transposed_times(dcm_b_from_h(quaternions_b_from_h[k]), world.boresight_b)
+        lit = lit_among(world, quaternions_c_from_h[k], sun_h, is_left[k])
+        is_dark = is_left[k] & ~lit
+        seen = seen_points(world, quaternions_c_from_h[k], positions_h[k], boresight_h, sun_h, is_dark)
         for i in range(len(lit)):
-            is_lit[k, i] = lit[i] and is_left[k, i]
-            sought[i] = is_left[k, i] and not lit[i]
-        seen = seen_points(world, quaternions_c_from_h[k], positions_h[k], boresight_h, sun_h, sought)
-        for i in range(len(seen)):
-            is_seen[k, i] = seen[i]
+            is_lit[k, i], is_seen[k, i] = lit[i], seen[i]
     return is_lit, is_seen
 
 
