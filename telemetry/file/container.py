@@ -8,7 +8,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from io import BufferedIOBase
-from itertools import accumulate, chain
+from itertools import accumulate, pairwise
 from struct import Struct
 from typing import Final, NamedTuple
 
@@ -37,6 +37,8 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_protobuf.schema import build_file_descriptor_set
 from numpy.typing import NDArray
 
+from telemetry.file.encoding import runs
+
 #: what comes before the content of a message
 _HEAD: Final = np.dtype(
     [
@@ -62,12 +64,20 @@ class Messages(NamedTuple):
     Attributes
     ----------
     channel, time_ns : (n,) int
-    contents : list of bytes, length n
+    begins, lengths, content
+        As in `telemetry.file.encoding.Encoded`.
     """
 
     channel: NDArray[np.int64]
     time_ns: NDArray[np.int64]
-    contents: list[bytes]
+    begins: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    content: NDArray[np.uint8]
+
+    def part(self, rows: slice) -> "Messages":
+        """Return some of them."""
+        channel, time_ns, begins, lengths, content = self
+        return Messages(channel[rows], time_ns[rows], begins[rows], lengths[rows], content)
 
 
 class Container:
@@ -88,6 +98,7 @@ class Container:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: Counter[int] = Counter()
+        self._compressor = zstandard.ZstdCompressor()
         stream.write(MCAP0_MAGIC)
         self._write([Header("", library)])
 
@@ -132,30 +143,51 @@ class Container:
         )
         return number
 
-    def add_chunk(self, messages: Messages) -> None:
-        """Write messages, at least one, and bring everything so far to the file."""
+    def add_chunks(
+        self, batches: Sequence[Messages], order: NDArray[np.int64], starts: Sequence[int]
+    ) -> None:
+        """Write messages in chunks, and bring everything so far to the file.
+
+        Parameters
+        ----------
+        batches : sequence of Messages
+        order : (n,) int
+            In which all their messages, counted from batch to batch, are written.
+        starts : sequence of int
+            Where in this order chunks begin, the first at 0.
+        """
+        columns = ((batch.channel, batch.time_ns, batch.lengths) for batch in batches)
+        channel, time_ns, lengths = (np.concatenate(each)[order] for each in zip(*columns, strict=True))
         announced = b"" if self._chunks else _packed(self._announced())
-        places = {
-            channel: np.flatnonzero(messages.channel == channel)
-            for channel in dict.fromkeys(messages.channel.tolist())
-        }
-        heads = self._heads(messages, places)
-        parts = zip(_split(heads), messages.contents, strict=True)
-        content = announced + b"".join(chain.from_iterable(parts))
+        ends = len(announced) + np.cumsum(_HEAD.itemsize + lengths)
+        content = np.empty(ends[-1], np.uint8)
+        content[: len(announced)] = np.frombuffer(announced, np.uint8)
+        heads = self._heads(channel, time_ns, lengths)
+        runs(content, _HEAD.itemsize)[ends - lengths - _HEAD.itemsize] = heads
+        places = np.empty_like(ends)
+        places[order] = ends - lengths
+        _place(batches, places, content)
+        first = 0
+        for start, end in pairwise([*starts, len(order)]):
+            last = int(ends[end - 1])
+            entries = np.stack([time_ns, ends - lengths - _HEAD.itemsize - first], axis=1)[start:end]
+            self._add_chunk(content[first:last].data, channel[start:end], entries)
+            first = last
+
+    def _add_chunk(self, content: memoryview, channel: NDArray[np.int64], entries: NDArray[np.int64]) -> None:
+        """Write a chunk of messages of these channels, (n,), at these times and places in it, (n, 2)."""
+        index = {each: _index(each, entries[channel == each]) for each in dict.fromkeys(channel.tolist())}
         chunk = Chunk(
             compression="zstd",
-            data=zstandard.compress(content),
-            message_end_time=int(messages.time_ns[-1]),
-            message_start_time=int(messages.time_ns[0]),
+            data=self._compressor.compress(content),
+            message_end_time=int(entries[-1, 0]),
+            message_start_time=int(entries[0, 0]),
             uncompressed_crc=zlib.crc32(content),
             uncompressed_size=len(content),
         )
         offset, length = self._write([chunk])
-        lengths = _OPCODE_AND_LENGTH + heads["length"].astype(np.int64)
-        entries = np.stack([messages.time_ns, len(announced) + np.cumsum(lengths) - lengths], axis=1)
-        index = [_index(channel, entries[rows]) for channel, rows in places.items()]
-        starts = [*accumulate(map(len, index), initial=self._stream.tell())]
-        self._stream.write(b"".join(index))
+        starts = [*accumulate(map(len, index.values()), initial=offset + length)]
+        self._stream.write(b"".join(index.values()))
         self._chunks.append(
             ChunkIndex(
                 chunk_length=length,
@@ -164,7 +196,7 @@ class Container:
                 compressed_size=len(chunk.data),
                 message_end_time=chunk.message_end_time,
                 message_index_length=starts[-1] - starts[0],
-                message_index_offsets=dict(zip(places, starts, strict=False)),
+                message_index_offsets=dict(zip(index, starts, strict=False)),
                 message_start_time=chunk.message_start_time,
                 uncompressed_size=chunk.uncompressed_size,
             )
@@ -219,29 +251,36 @@ class Container:
                 yield schemas.pop(channel.schema_id)
             yield channel
 
-    def _heads(self, messages: Messages, places: Mapping[int, NDArray[np.int64]]) -> NDArray[np.void]:
-        """Return what comes before each message, and count those of each channel, which are at `places`."""
-        heads = np.empty(len(messages.contents), _HEAD)
+    def _heads(
+        self, channel: NDArray[np.int64], time_ns: NDArray[np.int64], lengths: NDArray[np.int64]
+    ) -> NDArray[np.void]:
+        """Return what comes before each message, and count those of each channel."""
+        heads = np.empty(len(channel), _HEAD)
         heads["opcode"] = Opcode.MESSAGE
-        heads["length"] = _HEAD.itemsize - _OPCODE_AND_LENGTH + np.array([*map(len, messages.contents)])
-        heads["channel"] = messages.channel
-        heads["log_time"] = heads["publish_time"] = messages.time_ns
-        for channel, rows in places.items():
-            heads["sequence"][rows] = self._counts[channel] + np.arange(len(rows))
-            self._counts[channel] += len(rows)
-        return heads
+        heads["length"] = _HEAD.itemsize - _OPCODE_AND_LENGTH + lengths
+        heads["channel"], heads["log_time"], heads["publish_time"] = channel, time_ns, time_ns
+        for each in dict.fromkeys(channel.tolist()):
+            rows = np.flatnonzero(channel == each)
+            heads["sequence"][rows] = self._counts[each] + np.arange(len(rows))
+            self._counts[each] += len(rows)
+        return heads.view(f"V{_HEAD.itemsize}")
+
+
+def _place(batches: Iterable[Messages], places: NDArray[np.int64], content: NDArray[np.uint8]) -> None:
+    """Copy all messages to their places, (n,): those of a batch that are equally long at once."""
+    done = 0
+    for batch in batches:
+        own = places[done : done + len(batch.lengths)]
+        for length in set(batch.lengths[batch.lengths > 0].tolist()):
+            rows = batch.lengths == length
+            runs(content, length)[own[rows]] = runs(batch.content, length)[batch.begins[rows]]
+        done += len(own)
 
 
 def _index(channel: int, entries: NDArray[np.int64]) -> bytes:
     """Return the record of when a channel's messages are and where in the chunk, (n, 2)."""
     content = entries.astype("<u8").tobytes()
     return _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(content), channel, len(content)) + content
-
-
-def _split(rows: NDArray[np.void]) -> list[bytes]:
-    """Return the bytes of each row."""
-    content, size = rows.tobytes(), rows.itemsize
-    return [content[at : at + size] for at in range(0, len(content), size)]
 
 
 def _packed(records: Iterable[McapRecord]) -> bytes:

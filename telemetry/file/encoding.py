@@ -49,7 +49,28 @@ class _Part(NamedTuple):
     lengths: NDArray[np.int64] | int
 
 
-def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> list[bytes]:
+class Encoded(NamedTuple):
+    """Messages as bytes.
+
+    Attributes
+    ----------
+    begins, lengths : (n,) int
+        Where the bytes of each message begin, and how many they are.
+    content : (m,) uint8
+        With gaps between the messages.
+    """
+
+    begins: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    content: NDArray[np.uint8]
+
+
+def runs(array: NDArray[np.uint8], size: int) -> NDArray[np.void]:
+    """Return all runs of so many bytes in an array, (n,), each as one value: those from each byte on."""
+    return np.ndarray(array.size - size + 1, f"V{size}", array, strides=(1,))
+
+
+def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> Encoded:
     """Return the bytes of messages, the same as those of ``SerializeToString``.
 
     Parameters
@@ -75,12 +96,9 @@ def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> list[
     ends = begins.copy()
     for part in parts:
         size = part.content.shape[1]
-        # all runs of so many bytes, each as one value
-        runs = np.ndarray(rows.size - size + 1, f"V{size}", rows, strides=(1,))
-        runs[ends] = part.content.view(f"V{size}")[:, 0]
+        runs(rows, size)[ends] = part.content.view(f"V{size}")[:, 0]
         ends += part.lengths
-    written = rows.tobytes()
-    return [written[begin:end] for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)]
+    return Encoded(begins, ends - begins, rows)
 
 
 def _message(descriptor: Any, columns: Mapping[str, Any], count: int) -> list[_Part]:
