@@ -190,16 +190,17 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     # blocks with fewer players first, so that structures are met again
     rank = np.argsort(np.argsort(counts, axis=1, kind="stable"), axis=1)
     block, heights = rank[sample, term_of[rule]], (match.firing * weights)[sample, rule]
-    order = np.lexsort((-heights, block, sample))
-    rule, block, heights = rule[order], block[order], heights[order]
-    is_next = (np.diff(block, prepend=-1) != 0) | (np.diff(sample, prepend=-1) != 0)
-    is_lower = is_next | (np.diff(heights, prepend=-1.0) != 0.0)
-    pattern = 2 * block + is_lower
+    own = num_terms * sample + block
+    order = np.lexsort((-heights, own))
+    rule, block, own, heights = rule[order], block[order], own[order], heights[order]
+    is_lower = np.ones(len(rule), np.bool_)
+    is_lower[1:] = (own[1:] != own[:-1]) | (heights[1:] != heights[:-1])
+    pattern = (2 * block + is_lower).tobytes()
     ends = np.cumsum(np.count_nonzero(match.plays, axis=1))
     met: dict[bytes, list[int]] = {}
-    for number, (start, end) in enumerate(pairwise([0, *ends.tolist()])):
+    for number, (start, end) in enumerate(pairwise([0, *(block.itemsize * ends).tolist()])):
         if end > start:
-            met.setdefault(pattern[start:end].tobytes(), []).append(number)
+            met.setdefault(pattern[start:end], []).append(number)
     for told, numbers in met.items():
         structure, num_players = _structure(told)
         if num_coalitions(structure) <= MOST_COALITIONS:
