@@ -7,6 +7,7 @@ which there are thousands, are packed in arrays. The format: https://mcap.dev/sp
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from io import BufferedIOBase
 from itertools import accumulate, pairwise
 from struct import Struct
@@ -21,7 +22,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -52,6 +52,9 @@ _HEAD: Final = np.dtype(
 )
 #: the part of it that does not count as length
 _OPCODE_AND_LENGTH: Final = 9
+#: what comes before the messages of a chunk; all but the first two fields counts as its length
+_CHUNK_HEAD: Final = Struct("<BQQQQII4sQ")
+_ZSTD: Final = b"zstd"
 #: what comes before the times and places of a channel's messages; the last two fields count as its length
 _INDEX_HEAD: Final = Struct("<BQHI")
 #: of the checksum at the end of the footer
@@ -126,11 +129,9 @@ class Container:
     def add_channel(self, topic: str, kind: type[Message]) -> int:
         """Announce protobuf messages of one kind on a topic; return the channel's number."""
         if kind not in self._schemas:
-            described = build_file_descriptor_set(kind).SerializeToString()
-            number = len(self._schemas) + 1
-            self._schemas[kind] = Schema(
-                id=number, data=described, encoding="protobuf", name=kind.DESCRIPTOR.full_name
-            )
+            number, name = len(self._schemas) + 1, kind.DESCRIPTOR.full_name
+            described = _described(kind)  # type: ignore[arg-type] # protobuf's classes tell no hash
+            self._schemas[kind] = Schema(id=number, data=described, encoding="protobuf", name=name)
         number = len(self._channels) + 1
         self._channels.append(
             Channel(
@@ -177,28 +178,25 @@ class Container:
     def _add_chunk(self, content: memoryview, channel: NDArray[np.int64], entries: NDArray[np.int64]) -> None:
         """Write a chunk of messages of these channels, (n,), at these times and places in it, (n, 2)."""
         index = {each: _index(each, entries[channel == each]) for each in dict.fromkeys(channel.tolist())}
-        chunk = Chunk(
-            compression="zstd",
-            data=self._compressor.compress(content),
-            message_end_time=int(entries[-1, 0]),
-            message_start_time=int(entries[0, 0]),
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-        offset, length = self._write([chunk])
+        data = self._compressor.compress(content)
+        (start_ns, _), (end_ns, _) = entries[0].tolist(), entries[-1].tolist()
+        told = start_ns, end_ns, len(content), zlib.crc32(content), len(_ZSTD), _ZSTD, len(data)
+        length = _CHUNK_HEAD.size + len(data)
+        head = _CHUNK_HEAD.pack(Opcode.CHUNK, length - _OPCODE_AND_LENGTH, *told)
+        offset = self._stream.tell()
         starts = [*accumulate(map(len, index.values()), initial=offset + length)]
-        self._stream.write(b"".join(index.values()))
+        self._stream.write(b"".join([head, data, *index.values()]))
         self._chunks.append(
             ChunkIndex(
                 chunk_length=length,
                 chunk_start_offset=offset,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                message_end_time=chunk.message_end_time,
+                compression=_ZSTD.decode(),
+                compressed_size=len(data),
+                message_end_time=end_ns,
                 message_index_length=starts[-1] - starts[0],
                 message_index_offsets=dict(zip(index, starts, strict=False)),
-                message_start_time=chunk.message_start_time,
-                uncompressed_size=chunk.uncompressed_size,
+                message_start_time=start_ns,
+                uncompressed_size=len(content),
             )
         )
         self._stream.flush()
@@ -264,6 +262,12 @@ class Container:
             heads["sequence"][rows] = self._counts[each] + np.arange(len(rows))
             self._counts[each] += len(rows)
         return heads.view(f"V{_HEAD.itemsize}")
+
+
+@cache
+def _described(kind: type[Message]) -> bytes:
+    """Return what a reader needs to know of a kind of messages."""
+    return build_file_descriptor_set(kind).SerializeToString()
 
 
 def _place(batches: Iterable[Messages], places: NDArray[np.int64], content: NDArray[np.uint8]) -> None:

@@ -135,10 +135,12 @@ def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Part]:
     else:
         # bit by bit, for a negative zero is written
         is_set = (values if dtype is None else contents[0].content.view(f"u{dtype.itemsize}"))[:, 0] != 0
-    if is_set.any():
-        way = _BY_SEVENS if dtype is None else _BY_SIZE[dtype.itemsize]
-        content, lengths = _beside(_tag(field.number, way), contents[0])
-        yield _Part(content, lengths if is_set.all() else lengths * is_set)
+    way = _BY_SEVENS if dtype is None else _BY_SIZE[dtype.itemsize]
+    part = _beside(_tag(field.number, way), contents[0])
+    if is_set.all():
+        yield part
+    elif is_set.any():
+        yield _Part(part.content, part.lengths * is_set)
 
 
 def _before(number: int, lengths: NDArray[np.int64] | int) -> _Part:

@@ -1,6 +1,5 @@
 """Messages that wait for their chunk of the file, and are brought into order of time."""
 
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -20,11 +19,12 @@ class Waiting:
     def __init__(self) -> None:
         self._batches: list[Messages] = []
         self._samples: set[int] = set()
+        self._last_ns = 0
         self._given_until_ns = 0
 
     def is_full_before(self, time_ns: int) -> bool:
         """Return whether enough samples wait, and none of them gets messages of this time or later ones."""
-        return len(self._samples) >= SAMPLES_PER_CHUNK and time_ns > max(self._samples)
+        return len(self._samples) >= SAMPLES_PER_CHUNK and time_ns > self._last_ns
 
     def add(self, batch: Messages) -> None:
         """Take messages.
@@ -34,22 +34,26 @@ class Waiting:
         RecordingError
             If one is earlier than the one before it, or than those that have been given.
         """
-        times = [self._given_until_ns, *batch.time_ns.tolist()]
-        if times != sorted(times):
-            before, after = next(pair for pair in pairwise(times) if pair[1] < pair[0])
+        times = np.concatenate([[self._given_until_ns], batch.time_ns])
+        early = np.flatnonzero(times[1:] < times[:-1])
+        if early.size:
+            before, after = times[early[0] : early[0] + 2].tolist()
             raise RecordingError(
                 f"a record of {after / NANOSECONDS} s follows one of {before / NANOSECONDS} s, but "
                 "recordings are in order of time; write the records of a sample together"
             )
+        # topics of the same samples come one after the other
+        if not (self._batches and np.array_equal(batch.time_ns, self._batches[-1].time_ns)):
+            self._samples.update(batch.time_ns.tolist())
+            self._last_ns = max(self._last_ns, int(times[-1]))
         self._batches.append(batch)
-        self._samples.update(times[1:])
 
     def give(self, until_ns: int | None = None) -> tuple[list[Messages], NDArray[np.int64], list[int]] | None:
         """Return messages up to a time, by default all, in what order they are, and where chunks begin in it.
 
         Those of one time are in the order in which they came. Where none wait there is nothing to return.
         """
-        last_ns = max(self._samples, default=0) if until_ns is None else until_ns
+        last_ns = self._last_ns if until_ns is None else until_ns
         cuts = [int(np.searchsorted(batch.time_ns, last_ns, side="right")) for batch in self._batches]
         given = [batch.part(slice(cut)) for batch, cut in zip(self._batches, cuts, strict=True) if cut]
         left = [batch.part(slice(cut, None)) for batch, cut in zip(self._batches, cuts, strict=True)]

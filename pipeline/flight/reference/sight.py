@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.vectors import borrowed
 from pipeline.flight.reference.world import PlainWorld, turn_chief
 from pipeline.physics.illumination import (
     ASTRONOMICAL_UNIT_M,
@@ -136,6 +137,7 @@ def lit_and_seen_points(
     (K+1, P), (K+1, P)
     """
     is_lit, is_seen = np.zeros_like(is_left), np.zeros_like(is_left)
+    world = borrowed(world)
     for k in range(len(positions_h)):
         sun_h = sun_direction_h(suns_at[k, 0], suns_at[k, 1])
         boresight_h = transposed_times(dcm_b_from_h(quaternions_b_from_h[k]), world.boresight_b)
