@@ -168,11 +168,11 @@ class Container:
         places = np.empty_like(ends)
         places[order] = ends - lengths
         _place(batches, places, content)
+        entries = np.stack([time_ns, ends - lengths - _HEAD.itemsize], axis=1)
         first = 0
         for start, end in pairwise([*starts, len(order)]):
             last = int(ends[end - 1])
-            entries = np.stack([time_ns, ends - lengths - _HEAD.itemsize - first], axis=1)[start:end]
-            self._add_chunk(content[first:last].data, channel[start:end], entries)
+            self._add_chunk(content[first:last].data, channel[start:end], entries[start:end] - [0, first])
             first = last
 
     def _add_chunk(self, content: memoryview, channel: NDArray[np.int64], entries: NDArray[np.int64]) -> None:
@@ -275,7 +275,7 @@ def _place(batches: Iterable[Messages], places: NDArray[np.int64], content: NDAr
     done = 0
     for batch in batches:
         own = places[done : done + len(batch.lengths)]
-        for length in set(batch.lengths[batch.lengths > 0].tolist()):
+        for length in set(batch.lengths.tolist()) - {0}:
             rows = batch.lengths == length
             runs(content, length)[own[rows]] = runs(batch.content, length)[batch.begins[rows]]
         done += len(own)

@@ -126,9 +126,8 @@ def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Part]:
     dtype = _SIZES[field.type]
     contents = _by_sevens(values) if dtype is None else [_of_size(values, dtype)]
     if field.is_repeated or field.type == FieldDescriptor.TYPE_BYTES:
-        lengths = _length(contents)
-        if np.any(lengths):
-            yield from (_before(field.number, lengths), *contents)
+        if values.shape[1]:
+            yield from (_before(field.number, _length(contents)), *contents)
         return
     if field.has_presence:
         is_set = ~np.isnan(values[:, 0])
