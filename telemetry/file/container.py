@@ -6,7 +6,7 @@ which there are thousands, are packed in arrays. The format: https://mcap.dev/sp
 
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from io import BufferedIOBase
 from itertools import accumulate, pairwise
@@ -95,8 +95,10 @@ class Container:
 
     def __init__(self, stream: BufferedIOBase, library: str):
         self._stream = stream
-        self._schemas: dict[type[Message], Schema] = {}
-        self._channels: list[Channel] = []
+        self._schemas: dict[type[Message], bytes] = {}
+        self._channels: list[bytes] = []
+        #: schemas and channels, each schema before the first of its channels
+        self._announced = b""
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
@@ -129,20 +131,12 @@ class Container:
     def add_channel(self, topic: str, kind: type[Message]) -> int:
         """Announce protobuf messages of one kind on a topic; return the channel's number."""
         if kind not in self._schemas:
-            number, name = len(self._schemas) + 1, kind.DESCRIPTOR.full_name
-            described = _described(kind)  # type: ignore[arg-type] # protobuf's classes tell no hash
-            self._schemas[kind] = Schema(id=number, data=described, encoding="protobuf", name=name)
-        number = len(self._channels) + 1
-        self._channels.append(
-            Channel(
-                id=number,
-                topic=topic,
-                message_encoding="protobuf",
-                metadata={},
-                schema_id=self._schemas[kind].id,
-            )
-        )
-        return number
+            record = _schema(kind, len(self._schemas) + 1)  # type: ignore[arg-type] # classes can be hashed
+            self._schemas[kind] = record
+            self._announced += record
+        self._channels.append(_channel(topic, len(self._channels) + 1, [*self._schemas].index(kind) + 1))
+        self._announced += self._channels[-1]
+        return len(self._channels)
 
     def add_chunks(
         self, batches: Sequence[Messages], order: NDArray[np.int64], starts: Sequence[int]
@@ -159,7 +153,7 @@ class Container:
         """
         columns = ((batch.channel, batch.time_ns, batch.lengths) for batch in batches)
         channel, time_ns, lengths = (np.concatenate(each)[order] for each in zip(*columns, strict=True))
-        announced = b"" if self._chunks else _packed(self._announced())
+        announced = b"" if self._chunks else self._announced
         ends = len(announced) + np.cumsum(_HEAD.itemsize + lengths)
         content = np.empty(ends[-1], np.uint8)
         content[: len(announced)] = np.frombuffer(announced, np.uint8)
@@ -216,15 +210,14 @@ class Container:
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-        groups: dict[Opcode, Sequence[McapRecord]] = {
-            Opcode.SCHEMA: [*self._schemas.values()],
-            Opcode.CHANNEL: self._channels,
-            Opcode.STATISTICS: [statistics],
-            Opcode.CHUNK_INDEX: self._chunks,
-            Opcode.ATTACHMENT_INDEX: self._attachments,
-            Opcode.METADATA_INDEX: self._metadata,
+        packed = {
+            Opcode.SCHEMA: b"".join(self._schemas.values()),
+            Opcode.CHANNEL: b"".join(self._channels),
+            Opcode.STATISTICS: _packed([statistics]),
+            Opcode.CHUNK_INDEX: _packed(self._chunks),
+            Opcode.ATTACHMENT_INDEX: _packed(self._attachments),
+            Opcode.METADATA_INDEX: _packed(self._metadata),
         }
-        packed = {opcode: _packed(records) for opcode, records in groups.items()}
         starts = [*accumulate(map(len, packed.values()), initial=at)]
         offsets = [
             SummaryOffset(group_length=len(group), group_opcode=opcode, group_start=start)
@@ -240,14 +233,6 @@ class Container:
         offset, content = self._stream.tell(), _packed(records)
         self._stream.write(content)
         return offset, len(content)
-
-    def _announced(self) -> Iterator[McapRecord]:
-        """Yield all channels, each schema before the first of its channels."""
-        schemas = {schema.id: schema for schema in self._schemas.values()}
-        for channel in self._channels:
-            if channel.schema_id in schemas:
-                yield schemas.pop(channel.schema_id)
-            yield channel
 
     def _heads(
         self, channel: NDArray[np.int64], time_ns: NDArray[np.int64], lengths: NDArray[np.int64]
@@ -265,9 +250,17 @@ class Container:
 
 
 @cache
-def _described(kind: type[Message]) -> bytes:
-    """Return what a reader needs to know of a kind of messages."""
-    return build_file_descriptor_set(kind).SerializeToString()
+def _schema(kind: type[Message], number: int) -> bytes:
+    """Return the record of what a reader needs to know of a kind of messages."""
+    described = build_file_descriptor_set(kind).SerializeToString()
+    return _packed([Schema(id=number, data=described, encoding="protobuf", name=kind.DESCRIPTOR.full_name)])
+
+
+@cache
+def _channel(topic: str, number: int, schema: int) -> bytes:
+    """Return the record of a channel of protobuf messages."""
+    channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=schema)
+    return _packed([channel])
 
 
 def _place(batches: Iterable[Messages], places: NDArray[np.int64], content: NDArray[np.uint8]) -> None:
