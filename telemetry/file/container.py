@@ -62,14 +62,7 @@ _CRC_SIZE: Final = 4
 
 
 class Messages(NamedTuple):
-    """Messages in order of time.
-
-    Attributes
-    ----------
-    channel, time_ns : (n,) int
-    begins, lengths, content
-        As in `telemetry.file.encoding.Encoded`.
-    """
+    """Messages in order of time; the last three are those of `telemetry.file.encoding.encode`."""
 
     channel: NDArray[np.int64]
     time_ns: NDArray[np.int64]
@@ -134,9 +127,11 @@ class Container:
             record = _schema(kind, len(self._schemas) + 1)  # type: ignore[arg-type] # classes can be hashed
             self._schemas[kind] = record
             self._announced += record
-        self._channels.append(_channel(topic, len(self._channels) + 1, [*self._schemas].index(kind) + 1))
-        self._announced += self._channels[-1]
-        return len(self._channels)
+        number, schema = len(self._channels) + 1, [*self._schemas].index(kind) + 1
+        record = _packed([Channel(number, topic, "protobuf", {}, schema)])
+        self._channels.append(record)
+        self._announced += record
+        return number
 
     def add_chunks(
         self, batches: Sequence[Messages], order: NDArray[np.int64], starts: Sequence[int]
@@ -154,16 +149,15 @@ class Container:
         columns = ((batch.channel, batch.time_ns, batch.lengths) for batch in batches)
         channel, time_ns, lengths = (np.concatenate(each)[order] for each in zip(*columns, strict=True))
         announced = b"" if self._chunks else self._announced
-        ends = len(announced) + np.cumsum(_HEAD.itemsize + lengths)
-        content = np.empty(ends[-1], np.uint8)
+        sizes = _HEAD.itemsize + lengths
+        ends = len(announced) + np.cumsum(sizes)
+        content, begins = np.empty(ends[-1], np.uint8), ends - sizes
         content[: len(announced)] = np.frombuffer(announced, np.uint8)
-        heads = self._heads(channel, time_ns, lengths)
-        runs(content, _HEAD.itemsize)[ends - lengths - _HEAD.itemsize] = heads
-        places = np.empty_like(ends)
-        places[order] = ends - lengths
+        runs(content, _HEAD.itemsize)[begins] = self._heads(channel, time_ns, lengths)
+        places = np.empty_like(begins)
+        places[order] = begins + _HEAD.itemsize
         _place(batches, places, content)
-        entries = np.stack([time_ns, ends - lengths - _HEAD.itemsize], axis=1)
-        first = 0
+        entries, first = np.stack([time_ns, begins], axis=1), 0
         for start, end in pairwise([*starts, len(order)]):
             last = int(ends[end - 1])
             self._add_chunk(content[first:last].data, channel[start:end], entries[start:end] - [0, first])
@@ -254,13 +248,6 @@ def _schema(kind: type[Message], number: int) -> bytes:
     """Return the record of what a reader needs to know of a kind of messages."""
     described = build_file_descriptor_set(kind).SerializeToString()
     return _packed([Schema(id=number, data=described, encoding="protobuf", name=kind.DESCRIPTOR.full_name)])
-
-
-@cache
-def _channel(topic: str, number: int, schema: int) -> bytes:
-    """Return the record of a channel of protobuf messages."""
-    channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=schema)
-    return _packed([channel])
 
 
 def _place(batches: Iterable[Messages], places: NDArray[np.int64], content: NDArray[np.uint8]) -> None:

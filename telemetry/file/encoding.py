@@ -49,28 +49,14 @@ class _Part(NamedTuple):
     lengths: NDArray[np.int64] | int
 
 
-class Encoded(NamedTuple):
-    """Messages as bytes.
-
-    Attributes
-    ----------
-    begins, lengths : (n,) int
-        Where the bytes of each message begin, and how many they are.
-    content : (m,) uint8
-        With gaps between the messages.
-    """
-
-    begins: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    content: NDArray[np.uint8]
-
-
 def runs(array: NDArray[np.uint8], size: int) -> NDArray[np.void]:
     """Return all runs of so many bytes in an array, (n,), each as one value: those from each byte on."""
     return np.ndarray(array.size - size + 1, f"V{size}", array, strides=(1,))
 
 
-def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> Encoded:
+def encode(
+    kind: type[Message], columns: Mapping[str, Any], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
     """Return the bytes of messages, the same as those of ``SerializeToString``.
 
     Parameters
@@ -83,6 +69,12 @@ def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> Encod
         same in all messages. NaN leaves an optional field out.
     count : int
         How many messages.
+
+    Returns
+    -------
+    begins, lengths : (n,) int
+    content : (m,) uint8
+        In which the bytes of each message begin there, and are so many.
 
     Raises
     ------
@@ -98,7 +90,7 @@ def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> Encod
         size = part.content.shape[1]
         runs(rows, size)[ends] = part.content.view(f"V{size}")[:, 0]
         ends += part.lengths
-    return Encoded(begins, ends - begins, rows)
+    return begins, ends - begins, rows
 
 
 def _message(descriptor: Any, columns: Mapping[str, Any], count: int) -> list[_Part]:
@@ -124,7 +116,7 @@ def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Part]:
         return
     values = value.reshape(count, math.prod(value.shape[1:]))
     dtype = _SIZES[field.type]
-    contents = _by_sevens(values) if dtype is None else [_of_size(values, dtype)]
+    contents = _by_sevens(values) if dtype is None else [_whole(np.ascontiguousarray(values, dtype))]
     if field.is_repeated or field.type == FieldDescriptor.TYPE_BYTES:
         if values.shape[1]:
             yield from (_before(field.number, _length(contents)), *contents)
@@ -156,7 +148,13 @@ def _tag(number: int, way: int, *length: int) -> _Part:
 
 
 def _alike(content: bytes) -> _Part:
-    return _Part(np.frombuffer(content, np.uint8)[np.newaxis], len(content))
+    return _whole(np.frombuffer(content, np.uint8)[np.newaxis])
+
+
+def _whole(rows: NDArray[Any]) -> _Part:
+    """Return a part of which all bytes count."""
+    content = rows.view(np.uint8)
+    return _Part(content, content.shape[1])
 
 
 def _beside(one: _Part, other: _Part) -> _Part:
@@ -167,18 +165,12 @@ def _beside(one: _Part, other: _Part) -> _Part:
     return _Part(content, one.lengths + other.lengths)
 
 
-def _of_size(values: NDArray[Any], dtype: np.dtype[Any]) -> _Part:
-    """Write numbers, (n, k), of a fixed size."""
-    content = np.ascontiguousarray(values, dtype).view(np.uint8)
-    return _Part(content, content.shape[1])
-
-
 def _by_sevens(values: NDArray[Any]) -> list[_Part]:
     """Write integers, (n, k), seven bits at a time, the least first; an eighth says if more come."""
     whole = values.astype(np.int64).view(np.uint64)
     most = max(1, -(-int(whole.max(initial=0)).bit_length() // 7))
     if most == 1:
-        return [_Part(whole.astype(np.uint8), whole.shape[1])]
+        return [_whole(whole.astype(np.uint8))]
     parts = []
     for column in whole.T:
         sevens = column[:, np.newaxis] >> np.arange(0, 7 * most, 7, dtype=np.uint64)
