@@ -110,18 +110,23 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
 def sparingly(function: F) -> F:
     """Return a function that calls a compiled function for a single result, first in plain Python.
 
-    The first call with arguments of these types, in any process, runs the function
-    and all functions of its package that it calls as plain Python; later calls are compiled. The
-    result is the same.
+    The first call with arguments of these types, in any process, runs the function and all functions of its
+    package that it calls as plain Python; later calls are compiled. The result is the same. Asking numba for
+    types takes long, so the function returned stops asking once it is compiled; call it with the same types.
     """
+    known = cast(Compiled, function)
+    is_known = False
 
     def call(*args: Any) -> Any:
-        known = cast(Compiled, function)
+        nonlocal is_known
+        if is_known:
+            return known(*args)
         typeof = getattr(known.dispatcher, "typeof_pyval", None)
         if typeof is None:  # numba is disabled
             return known(*args)
         types = tuple(map(typeof, args))
-        if types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types)):
+        is_known = types in known.dispatcher.overloads or cache.was_asked(known.py_func, str(types))
+        if is_known:
             return known(*args)
         token = _plain.set(known._package)
         try:

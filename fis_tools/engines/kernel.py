@@ -10,6 +10,7 @@ are not inserted, as in scikit-fuzzy. Lengths on the output's universe are measu
 in steps of its grid.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -358,12 +359,15 @@ def _strengths(
                 out[first + lane, rule] = strength
 
 
+@cache
+def _scratch_type(width: int) -> np.dtype[Any]:
+    rows = rows_of(SCRATCH, width).descr
+    return np.dtype([*rows, ("cut_terms", np.int64, 2 * MAX_TERMS)], align=True)
+
+
 def make_scratch(width: int = LANES) -> Any:
     """Allocate the working space of `infer`, for any system and `width` samples side by side."""
-    rows = rows_of(SCRATCH, width).descr
-    scratch = aligned(1, np.dtype([*rows, ("cut_terms", np.int64, 2 * MAX_TERMS)], align=True)).view(
-        np.recarray
-    )
+    scratch = aligned(1, _scratch_type(width)).view(np.recarray)
     scratch[0].memberships[ANY] = 1.0
     return scratch
 

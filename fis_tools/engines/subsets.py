@@ -74,19 +74,25 @@ def _conclude_subsets(
     out: Floats,
 ) -> None:
     system, room = layout[0], scratch[0]
-    num_samples = len(strengths)
+    num_samples, num_players = terms.shape
+    joined, num_joined = np.empty(num_players, np.int64), 0
+    subset, sample = -1, num_samples - 1
     # one subset for samples side by side, where that is possible: what all leave out costs little
     for first in range(0, out.size, width_of(room)):
         num_lanes = min(width_of(room), out.size - first)
         for lane in range(num_lanes):
-            subset, sample = divmod(first + lane, num_samples)
+            sample += 1
+            if sample == num_samples:
+                sample, subset, num_joined = 0, subset + 1, 0
+                for player in range(num_players):
+                    if members[subset, player]:
+                        joined[num_joined] = player
+                        num_joined += 1
             for term in range(system.output_terms):
                 room.cuts[term, lane] = always[sample, term]
-            for rule in range(members.shape[1]):
-                if members[subset, rule]:
-                    term = terms[sample, rule]
-                    room.cuts[term, lane] = max(room.cuts[term, lane], strengths[sample, rule])
+            for place in range(num_joined):
+                term = terms[sample, joined[place]]
+                room.cuts[term, lane] = max(room.cuts[term, lane], strengths[sample, joined[place]])
         conclude(values, rules, system, room)
         for lane in range(num_lanes):
-            subset, sample = divmod(first + lane, num_samples)
-            out[subset, sample] = room.output[lane]
+            out.flat[first + lane] = room.output[lane]

@@ -124,11 +124,11 @@ def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
 def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[Event]:
     """Say when the deputy comes near a distance limit, goes beyond it and comes back."""
     low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    least, greatest = f"the least distance allowed ({low:g} m)", f"the greatest distance allowed ({high:g} m)"
     is_warned = is_outside = False
     for sample, distance in enumerate(_distances(log).tolist()):
         margin = min(distance - low, high - distance)
-        limit = f"the {'least' if distance - low < high - distance else 'greatest'} distance allowed"
-        limit += f" ({low if distance - low < high - distance else high:g} m)"
+        limit = least if distance - low < high - distance else greatest
         if margin < 0.0:
             if not is_outside:
                 yield Event(sample, "error", f"{distance:.1f} m from the chief: beyond {limit}")

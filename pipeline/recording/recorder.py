@@ -46,7 +46,7 @@ from telemetry.file.topics import (
 )
 
 Floats = NDArray[np.float64]
-States = NDArray[np.int64]
+States = NDArray[np.uint8]
 
 CONFIG_ATTACHMENT = "config.yaml"
 CONTROLLER_ATTACHMENT = "controller.json"
@@ -54,8 +54,9 @@ CONTROLLER_ATTACHMENT = "controller.json"
 #: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
 REASON_OF = np.array([Reason[word.upper()] for word in REASONS])
 
-DARK, LIT = int(PointState.DARK), int(PointState.LIT)
-IN_VIEW_BUT_DARK, INSPECTED = int(PointState.IN_VIEW_BUT_DARK), int(PointState.INSPECTED)
+LIT, IN_VIEW_BUT_DARK, INSPECTED = np.array(
+    [PointState.LIT, PointState.IN_VIEW_BUT_DARK, PointState.INSPECTED], np.uint8
+)
 
 
 class FlightRecorder:
@@ -99,6 +100,10 @@ class FlightRecorder:
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
         if meanings:
             self._systems[CONSTANTS_METADATA] = meanings
+        self._world = world_of(mission)
+        # what hides what on a mesh takes plain Python minutes
+        is_mesh = self._world.is_mesh
+        self._lit_and_seen = lit_and_seen_points if is_mesh else sparingly(lit_and_seen_points)
         surface = surface_of(mission)
         self._points = surface.points
         if len(surface.corners):
@@ -170,7 +175,7 @@ class FlightRecorder:
         position, quaternion = log.position_m, log.quaternion_b_from_h
         writer.poses(times, position, quaternion, log.quaternion_c_from_h)
         writer.deputy_state(times, position, log.velocity_m_s, quaternion, log.angular_velocity_b_rad_s)
-        writer.points(times, self._points, point_states(self._mission, log))
+        writer.points(times, self._points, self._point_states(log))
         if self._mission.navigation.mode == "fixes":
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
             age, sensed = self._mission.navigation.delay_s, log.sensed_quaternion_b_from_h
@@ -210,6 +215,20 @@ class FlightRecorder:
             writer.fis(
                 times[decided], system.name, inputs, strengths, log.fis_output_n[decided, place], shares
             )
+
+    def _point_states(self, log: FlightLog) -> States:
+        """Return each point's `PointState` at each sample, (K+1, P): the highest that applies."""
+        is_lit, is_seen = self._lit_and_seen(
+            self._world,
+            log.quaternion_c_from_h,
+            log.quaternion_b_from_h,
+            log.position_m,
+            np.column_stack((log.sun_angle_rad, log.sun_elevation_rad)),
+            ~log.is_inspected,
+        )
+        # dark is zero, and of the others at most one applies
+        states: States = LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
+        return states
 
     def _fixes(self, scenario: Scenario, log: FlightLog) -> Floats:
         """Return the fix that comes into use at each sample, m, Hill axes, shape (K+1, 3); NaN for none."""
@@ -273,34 +292,3 @@ def directions(vectors: Floats) -> Floats:
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     found: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
     return found
-
-
-def point_states(mission: Mission, log: FlightLog) -> States:
-    """Tell what has become of each inspection point at each sample.
-
-    Parameters
-    ----------
-    mission : Mission
-    log : FlightLog
-
-    Returns
-    -------
-    (K+1, P) int
-        A `telemetry.file.topics.PointState`, the first that applies of inspected, in view but dark, lit,
-        dark.
-    """
-    world = world_of(mission)
-    # what hides what on a mesh takes plain Python minutes
-    tell = lit_and_seen_points if world.is_mesh else sparingly(lit_and_seen_points)
-    is_lit, is_seen = tell(
-        world,
-        log.quaternion_c_from_h,
-        log.quaternion_b_from_h,
-        log.position_m,
-        np.column_stack((log.sun_angle_rad, log.sun_elevation_rad)),
-        np.array(mission.sensor.boresight, dtype=np.float64),
-        ~log.is_inspected,
-    )
-    states = np.where(log.is_inspected, INSPECTED, DARK)
-    states[is_lit], states[is_seen] = LIT, IN_VIEW_BUT_DARK
-    return states

@@ -6,9 +6,10 @@ which there are thousands, are packed in arrays. The format: https://mcap.dev/sp
 
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from io import BufferedIOBase
-from itertools import accumulate, chain
+from itertools import accumulate, pairwise
 from struct import Struct
 from typing import Final, NamedTuple
 
@@ -21,7 +22,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -37,6 +37,8 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_protobuf.schema import build_file_descriptor_set
 from numpy.typing import NDArray
 
+from telemetry.file.encoding import runs
+
 #: what comes before the content of a message
 _HEAD: Final = np.dtype(
     [
@@ -50,6 +52,9 @@ _HEAD: Final = np.dtype(
 )
 #: the part of it that does not count as length
 _OPCODE_AND_LENGTH: Final = 9
+#: what comes before the messages of a chunk; all but the first two fields counts as its length
+_CHUNK_HEAD: Final = Struct("<BQQQQII4sQ")
+_ZSTD: Final = b"zstd"
 #: what comes before the times and places of a channel's messages; the last two fields count as its length
 _INDEX_HEAD: Final = Struct("<BQHI")
 #: of the checksum at the end of the footer
@@ -57,17 +62,18 @@ _CRC_SIZE: Final = 4
 
 
 class Messages(NamedTuple):
-    """Messages in order of time.
-
-    Attributes
-    ----------
-    channel, time_ns : (n,) int
-    contents : list of bytes, length n
-    """
+    """Messages in order of time; the last three are those of `telemetry.file.encoding.encode`."""
 
     channel: NDArray[np.int64]
     time_ns: NDArray[np.int64]
-    contents: list[bytes]
+    begins: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    content: NDArray[np.uint8]
+
+    def part(self, rows: slice) -> "Messages":
+        """Return some of them."""
+        channel, time_ns, begins, lengths, content = self
+        return Messages(channel[rows], time_ns[rows], begins[rows], lengths[rows], content)
 
 
 class Container:
@@ -82,12 +88,15 @@ class Container:
 
     def __init__(self, stream: BufferedIOBase, library: str):
         self._stream = stream
-        self._schemas: dict[type[Message], Schema] = {}
-        self._channels: list[Channel] = []
+        self._schemas: dict[type[Message], bytes] = {}
+        self._channels: list[bytes] = []
+        #: schemas and channels, each schema before the first of its channels
+        self._announced = b""
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: Counter[int] = Counter()
+        self._compressor = zstandard.ZstdCompressor()
         stream.write(MCAP0_MAGIC)
         self._write([Header("", library)])
 
@@ -115,58 +124,67 @@ class Container:
     def add_channel(self, topic: str, kind: type[Message]) -> int:
         """Announce protobuf messages of one kind on a topic; return the channel's number."""
         if kind not in self._schemas:
-            described = build_file_descriptor_set(kind).SerializeToString()
-            number = len(self._schemas) + 1
-            self._schemas[kind] = Schema(
-                id=number, data=described, encoding="protobuf", name=kind.DESCRIPTOR.full_name
-            )
-        number = len(self._channels) + 1
-        self._channels.append(
-            Channel(
-                id=number,
-                topic=topic,
-                message_encoding="protobuf",
-                metadata={},
-                schema_id=self._schemas[kind].id,
-            )
-        )
+            record = _schema(kind, len(self._schemas) + 1)  # type: ignore[arg-type] # classes can be hashed
+            self._schemas[kind] = record
+            self._announced += record
+        number, schema = len(self._channels) + 1, [*self._schemas].index(kind) + 1
+        record = _packed([Channel(number, topic, "protobuf", {}, schema)])
+        self._channels.append(record)
+        self._announced += record
         return number
 
-    def add_chunk(self, messages: Messages) -> None:
-        """Write messages, at least one, and bring everything so far to the file."""
-        announced = b"" if self._chunks else _packed(self._announced())
-        places = {
-            channel: np.flatnonzero(messages.channel == channel)
-            for channel in dict.fromkeys(messages.channel.tolist())
-        }
-        heads = self._heads(messages, places)
-        parts = zip(_split(heads), messages.contents, strict=True)
-        content = announced + b"".join(chain.from_iterable(parts))
-        chunk = Chunk(
-            compression="zstd",
-            data=zstandard.compress(content),
-            message_end_time=int(messages.time_ns[-1]),
-            message_start_time=int(messages.time_ns[0]),
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-        offset, length = self._write([chunk])
-        lengths = _OPCODE_AND_LENGTH + heads["length"].astype(np.int64)
-        entries = np.stack([messages.time_ns, len(announced) + np.cumsum(lengths) - lengths], axis=1)
-        index = [_index(channel, entries[rows]) for channel, rows in places.items()]
-        starts = [*accumulate(map(len, index), initial=self._stream.tell())]
-        self._stream.write(b"".join(index))
+    def add_chunks(
+        self, batches: Sequence[Messages], order: NDArray[np.int64], starts: Sequence[int]
+    ) -> None:
+        """Write messages in chunks, and bring everything so far to the file.
+
+        Parameters
+        ----------
+        batches : sequence of Messages
+        order : (n,) int
+            In which all their messages, counted from batch to batch, are written.
+        starts : sequence of int
+            Where in this order chunks begin, the first at 0.
+        """
+        columns = ((batch.channel, batch.time_ns, batch.lengths) for batch in batches)
+        channel, time_ns, lengths = (np.concatenate(each)[order] for each in zip(*columns, strict=True))
+        announced = b"" if self._chunks else self._announced
+        sizes = _HEAD.itemsize + lengths
+        ends = len(announced) + np.cumsum(sizes)
+        content, begins = np.empty(ends[-1], np.uint8), ends - sizes
+        content[: len(announced)] = np.frombuffer(announced, np.uint8)
+        runs(content, _HEAD.itemsize)[begins] = self._heads(channel, time_ns, lengths)
+        places = np.empty_like(begins)
+        places[order] = begins + _HEAD.itemsize
+        _place(batches, places, content)
+        entries, first = np.stack([time_ns, begins], axis=1), 0
+        for start, end in pairwise([*starts, len(order)]):
+            last = int(ends[end - 1])
+            self._add_chunk(content[first:last].data, channel[start:end], entries[start:end] - [0, first])
+            first = last
+
+    def _add_chunk(self, content: memoryview, channel: NDArray[np.int64], entries: NDArray[np.int64]) -> None:
+        """Write a chunk of messages of these channels, (n,), at these times and places in it, (n, 2)."""
+        index = {each: _index(each, entries[channel == each]) for each in dict.fromkeys(channel.tolist())}
+        data = self._compressor.compress(content)
+        (start_ns, _), (end_ns, _) = entries[0].tolist(), entries[-1].tolist()
+        told = start_ns, end_ns, len(content), zlib.crc32(content), len(_ZSTD), _ZSTD, len(data)
+        length = _CHUNK_HEAD.size + len(data)
+        head = _CHUNK_HEAD.pack(Opcode.CHUNK, length - _OPCODE_AND_LENGTH, *told)
+        offset = self._stream.tell()
+        starts = [*accumulate(map(len, index.values()), initial=offset + length)]
+        self._stream.write(b"".join([head, data, *index.values()]))
         self._chunks.append(
             ChunkIndex(
                 chunk_length=length,
                 chunk_start_offset=offset,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                message_end_time=chunk.message_end_time,
+                compression=_ZSTD.decode(),
+                compressed_size=len(data),
+                message_end_time=end_ns,
                 message_index_length=starts[-1] - starts[0],
-                message_index_offsets=dict(zip(places, starts, strict=False)),
-                message_start_time=chunk.message_start_time,
-                uncompressed_size=chunk.uncompressed_size,
+                message_index_offsets=dict(zip(index, starts, strict=False)),
+                message_start_time=start_ns,
+                uncompressed_size=len(content),
             )
         )
         self._stream.flush()
@@ -186,15 +204,14 @@ class Container:
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-        groups: dict[Opcode, Sequence[McapRecord]] = {
-            Opcode.SCHEMA: [*self._schemas.values()],
-            Opcode.CHANNEL: self._channels,
-            Opcode.STATISTICS: [statistics],
-            Opcode.CHUNK_INDEX: self._chunks,
-            Opcode.ATTACHMENT_INDEX: self._attachments,
-            Opcode.METADATA_INDEX: self._metadata,
+        packed = {
+            Opcode.SCHEMA: b"".join(self._schemas.values()),
+            Opcode.CHANNEL: b"".join(self._channels),
+            Opcode.STATISTICS: _packed([statistics]),
+            Opcode.CHUNK_INDEX: _packed(self._chunks),
+            Opcode.ATTACHMENT_INDEX: _packed(self._attachments),
+            Opcode.METADATA_INDEX: _packed(self._metadata),
         }
-        packed = {opcode: _packed(records) for opcode, records in groups.items()}
         starts = [*accumulate(map(len, packed.values()), initial=at)]
         offsets = [
             SummaryOffset(group_length=len(group), group_opcode=opcode, group_start=start)
@@ -211,37 +228,43 @@ class Container:
         self._stream.write(content)
         return offset, len(content)
 
-    def _announced(self) -> Iterator[McapRecord]:
-        """Yield all channels, each schema before the first of its channels."""
-        schemas = {schema.id: schema for schema in self._schemas.values()}
-        for channel in self._channels:
-            if channel.schema_id in schemas:
-                yield schemas.pop(channel.schema_id)
-            yield channel
-
-    def _heads(self, messages: Messages, places: Mapping[int, NDArray[np.int64]]) -> NDArray[np.void]:
-        """Return what comes before each message, and count those of each channel, which are at `places`."""
-        heads = np.empty(len(messages.contents), _HEAD)
+    def _heads(
+        self, channel: NDArray[np.int64], time_ns: NDArray[np.int64], lengths: NDArray[np.int64]
+    ) -> NDArray[np.void]:
+        """Return what comes before each message, and count those of each channel."""
+        heads = np.empty(len(channel), _HEAD)
         heads["opcode"] = Opcode.MESSAGE
-        heads["length"] = _HEAD.itemsize - _OPCODE_AND_LENGTH + np.array([*map(len, messages.contents)])
-        heads["channel"] = messages.channel
-        heads["log_time"] = heads["publish_time"] = messages.time_ns
-        for channel, rows in places.items():
-            heads["sequence"][rows] = self._counts[channel] + np.arange(len(rows))
-            self._counts[channel] += len(rows)
-        return heads
+        heads["length"] = _HEAD.itemsize - _OPCODE_AND_LENGTH + lengths
+        heads["channel"], heads["log_time"], heads["publish_time"] = channel, time_ns, time_ns
+        for each in dict.fromkeys(channel.tolist()):
+            rows = np.flatnonzero(channel == each)
+            heads["sequence"][rows] = self._counts[each] + np.arange(len(rows))
+            self._counts[each] += len(rows)
+        return heads.view(f"V{_HEAD.itemsize}")
+
+
+@cache
+def _schema(kind: type[Message], number: int) -> bytes:
+    """Return the record of what a reader needs to know of a kind of messages."""
+    described = build_file_descriptor_set(kind).SerializeToString()
+    return _packed([Schema(id=number, data=described, encoding="protobuf", name=kind.DESCRIPTOR.full_name)])
+
+
+def _place(batches: Iterable[Messages], places: NDArray[np.int64], content: NDArray[np.uint8]) -> None:
+    """Copy all messages to their places, (n,): those of a batch that are equally long at once."""
+    done = 0
+    for batch in batches:
+        own = places[done : done + len(batch.lengths)]
+        for length in set(batch.lengths.tolist()) - {0}:
+            rows = batch.lengths == length
+            runs(content, length)[own[rows]] = runs(batch.content, length)[batch.begins[rows]]
+        done += len(own)
 
 
 def _index(channel: int, entries: NDArray[np.int64]) -> bytes:
     """Return the record of when a channel's messages are and where in the chunk, (n, 2)."""
     content = entries.astype("<u8").tobytes()
     return _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(content), channel, len(content)) + content
-
-
-def _split(rows: NDArray[np.void]) -> list[bytes]:
-    """Return the bytes of each row."""
-    content, size = rows.tobytes(), rows.itemsize
-    return [content[at : at + size] for at in range(0, len(content), size)]
 
 
 def _packed(records: Iterable[McapRecord]) -> bytes:

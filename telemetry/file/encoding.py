@@ -1,14 +1,14 @@
 """Many messages of one type at once: arrays in, and the bytes out that protobuf writes one by one.
 
 Messages of a type differ in length by a few bytes only: protobuf writes integers as short as they are, and
-leaves zeros out. So all are laid side by side at full length, a row each, with a note of which bytes count.
+leaves zeros out. So each has a row with room for the longest. Rows are written from left to right, a part of
+all messages at a time; what of a part does not count, at its end, the next one overwrites.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from itertools import pairwise
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from google.protobuf.descriptor import FieldDescriptor
@@ -32,34 +32,31 @@ _SIZES: Final[Mapping[int, np.dtype[Any] | None]] = {
 }
 #: what a tag says of a value: seven bits at a time, a length before it, or one of these sizes
 _BY_SEVENS, _BY_LENGTH, _BY_SIZE = 0, 2, {8: 1, 4: 5}
-#: every byte of every row
-_ALL: Final = np.ones((1, 1), np.bool_)
 
 
-class _Rows(NamedTuple):
-    """Bytes of some messages side by side; one row for all, or one column for all, where these are alike.
+class _Part(NamedTuple):
+    """A part of some messages side by side.
 
     Attributes
     ----------
     content : (n, width) uint8
-    is_written : (n, width) bool
-    lengths : (n,) int
-        How many bytes of each row are written.
+        One row where it is the same in all messages.
+    lengths : (n,) int, or int
+        How many bytes of each row count.
     """
 
     content: NDArray[np.uint8]
-    is_written: NDArray[np.bool_]
-    lengths: NDArray[np.int64]
-
-    def only(self, is_set: NDArray[np.bool_]) -> Self:
-        """Return the same with nothing where a field, (n,), is not set."""
-        if is_set.all():
-            return self
-        is_written = self.is_written & is_set[:, np.newaxis]
-        return self._replace(is_written=is_written, lengths=self.lengths * is_set)
+    lengths: NDArray[np.int64] | int
 
 
-def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> list[bytes]:
+def runs(array: NDArray[np.uint8], size: int) -> NDArray[np.void]:
+    """Return all runs of so many bytes in an array, (n,), each as one value: those from each byte on."""
+    return np.ndarray(array.size - size + 1, f"V{size}", array, strides=(1,))
+
+
+def encode(
+    kind: type[Message], columns: Mapping[str, Any], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
     """Return the bytes of messages, the same as those of ``SerializeToString``.
 
     Parameters
@@ -73,6 +70,12 @@ def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> list[
     count : int
         How many messages.
 
+    Returns
+    -------
+    begins, lengths : (n,) int
+    content : (m,) uint8
+        In which the bytes of each message begin there, and are so many.
+
     Raises
     ------
     KeyError
@@ -80,32 +83,32 @@ def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> list[
     """
     parts = _message(kind.DESCRIPTOR, columns, count)
     width = sum(part.content.shape[1] for part in parts)
-    content, is_written = np.empty((count, width), np.uint8), np.empty((count, width), np.bool_)
-    at = 0
+    rows = np.empty(count * width, np.uint8)
+    begins = np.arange(count) * width
+    ends = begins.copy()
     for part in parts:
-        here = slice(at, at + part.content.shape[1])
-        content[:, here], is_written[:, here] = part.content, part.is_written
-        at = here.stop
-    written = content[is_written].tobytes()
-    ends = np.cumsum(np.broadcast_to(_length(parts), count)).tolist()
-    return [written[start:end] for start, end in pairwise([0, *ends])]
+        size = part.content.shape[1]
+        runs(rows, size)[ends] = part.content.view(f"V{size}")[:, 0]
+        ends += part.lengths
+    return begins, ends - begins, rows
 
 
-def _message(descriptor: Any, columns: Mapping[str, Any], count: int) -> list[_Rows]:
+def _message(descriptor: Any, columns: Mapping[str, Any], count: int) -> list[_Part]:
     fields = sorted((descriptor.fields_by_name[name] for name in columns), key=lambda field: field.number)
-    return [part for field in fields for part in _field(field, columns[field.name], count)]
+    found = [part for field in fields for part in _field(field, columns[field.name], count)]
+    return [part for part in found if part.content.size]
 
 
-def _length(parts: list[_Rows]) -> NDArray[np.int64]:
-    return sum((part.lengths for part in parts), start=np.zeros(1, np.int64))
+def _length(parts: Iterable[_Part]) -> NDArray[np.int64] | int:
+    return sum(part.lengths for part in parts)
 
 
-def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Rows]:
+def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Part]:
     """Yield tag, length and content of a field."""
     if isinstance(value, Mapping):
         assert field.message_type is not None  # noqa: S101 - mappings are for messages inside
         inside = _message(field.message_type, value, count)
-        yield from (*_before(field.number, _length(inside)), *inside)
+        yield from (_before(field.number, _length(inside)), *inside)
         return
     if not isinstance(value, np.ndarray):
         assert field.containing_type is not None  # noqa: S101 - it is no extension
@@ -113,53 +116,66 @@ def _field(field: FieldDescriptor, value: Any, count: int) -> Iterator[_Rows]:
         return
     values = value.reshape(count, math.prod(value.shape[1:]))
     dtype = _SIZES[field.type]
-    content = _by_sevens(values) if dtype is None else _of_size(values, dtype)
+    contents = _by_sevens(values) if dtype is None else [_whole(np.ascontiguousarray(values, dtype))]
     if field.is_repeated or field.type == FieldDescriptor.TYPE_BYTES:
-        if content.lengths.any():
-            yield from (*_before(field.number, content.lengths), content)
+        if values.shape[1]:
+            yield from (_before(field.number, _length(contents)), *contents)
         return
     if field.has_presence:
         is_set = ~np.isnan(values[:, 0])
     else:
         # bit by bit, for a negative zero is written
-        is_set = (values if dtype is None else content.content.view(f"u{dtype.itemsize}"))[:, 0] != 0
-    tag = _tag(field.number, _BY_SEVENS if dtype is None else _BY_SIZE[dtype.itemsize])
-    yield from (tag.only(is_set), content.only(is_set))
+        is_set = (values if dtype is None else contents[0].content.view(f"u{dtype.itemsize}"))[:, 0] != 0
+    way = _BY_SEVENS if dtype is None else _BY_SIZE[dtype.itemsize]
+    part = _beside(_tag(field.number, way), contents[0])
+    if is_set.all():
+        yield part
+    elif is_set.any():
+        yield _Part(part.content, part.lengths * is_set)
 
 
-def _before(number: int, lengths: NDArray[np.int64]) -> Iterator[_Rows]:
-    """Yield tag and length of what has a length."""
-    if len(lengths) == 1:
-        yield _tag(number, _BY_LENGTH, int(lengths[0]))
-    else:
-        yield from (_tag(number, _BY_LENGTH), _by_sevens(lengths))
+def _before(number: int, lengths: NDArray[np.int64] | int) -> _Part:
+    """Return tag and length of what has a length."""
+    if isinstance(lengths, int):
+        return _tag(number, _BY_LENGTH, lengths)
+    return _beside(_tag(number, _BY_LENGTH), *_by_sevens(lengths[:, np.newaxis]))
 
 
 @cache
-def _tag(number: int, way: int, *length: int) -> _Rows:
-    return _by_sevens(np.array([[number << 3 | way, *length]]))
+def _tag(number: int, way: int, *length: int) -> _Part:
+    parts = _by_sevens(np.array([[number << 3 | way, *length]]))
+    return _alike(b"".join(content[0, : np.max(lengths)].tobytes() for content, lengths in parts))
 
 
-def _alike(content: bytes) -> _Rows:
-    return _Rows(np.frombuffer(content, np.uint8)[np.newaxis], _ALL, np.array([len(content)]))
+def _alike(content: bytes) -> _Part:
+    return _whole(np.frombuffer(content, np.uint8)[np.newaxis])
 
 
-def _of_size(values: NDArray[Any], dtype: np.dtype[Any]) -> _Rows:
-    """Write numbers, (n, k), of a fixed size."""
-    content = np.ascontiguousarray(values, dtype).view(np.uint8)
-    return _Rows(content, _ALL, np.array([content.shape[1]]))
+def _whole(rows: NDArray[Any]) -> _Part:
+    """Return a part of which all bytes count."""
+    content = rows.view(np.uint8)
+    return _Part(content, content.shape[1])
 
 
-def _by_sevens(values: NDArray[Any]) -> _Rows:
-    """Write integers, (n,) or (n, k), seven bits at a time, the least first; an eighth says if more come."""
-    whole = values.astype(np.int64).reshape(len(values), -1, 1).view(np.uint64)
+def _beside(one: _Part, other: _Part) -> _Part:
+    """Return a part that is the same in all messages, and another one after it, as one."""
+    size = one.content.shape[1]
+    content = np.empty((len(other.content), size + other.content.shape[1]), np.uint8)
+    content[:, :size], content[:, size:] = one.content, other.content
+    return _Part(content, one.lengths + other.lengths)
+
+
+def _by_sevens(values: NDArray[Any]) -> list[_Part]:
+    """Write integers, (n, k), seven bits at a time, the least first; an eighth says if more come."""
+    whole = values.astype(np.int64).view(np.uint64)
     most = max(1, -(-int(whole.max(initial=0)).bit_length() // 7))
     if most == 1:
-        return _Rows(whole[:, :, 0].astype(np.uint8), _ALL, np.array([whole.shape[1]]))
-    sevens = whole >> np.arange(0, 7 * most, 7, dtype=np.uint64)
-    is_written = sevens > 0
-    is_written[:, :, 0] = True
-    content = (sevens & np.uint64(0x7F)).astype(np.uint8)
-    content[:, :, :-1] |= is_written[:, :, 1:].view(np.uint8) << 7
-    is_written = is_written.reshape(len(values), -1)
-    return _Rows(content.reshape(is_written.shape), is_written, is_written.sum(axis=1))
+        return [_whole(whole.astype(np.uint8))]
+    parts = []
+    for column in whole.T:
+        sevens = column[:, np.newaxis] >> np.arange(0, 7 * most, 7, dtype=np.uint64)
+        is_more = sevens[:, 1:] > 0
+        content = (sevens & np.uint64(0x7F)).astype(np.uint8)
+        content[:, :-1] |= is_more.view(np.uint8) << 7
+        parts.append(_Part(content, 1 + is_more.sum(axis=1)))
+    return parts

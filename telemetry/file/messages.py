@@ -31,8 +31,8 @@ POINT_DTYPE: Final = np.dtype(
     ]
 )
 
-#: the same bytes, as they are written
-_PACKED_DTYPE: Final = np.dtype([("position", "<f4", 3), ("colour", "<u4")])
+#: the colour of each `topics.PointState`, as it is written
+_COLOURS: Final = topics.POINT_COLOURS_RGBA.view("<u4")[:, 0]
 
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
 
@@ -128,9 +128,11 @@ def _packed_points(count: int, points_m: ArrayLike, states: ArrayLike) -> NDArra
             f"point states range from {state.min()} to {state.max()}, but 0 to "
             f"{len(topics.POINT_COLOURS_RGBA) - 1} are expected; see telemetry.file.topics.PointState"
         )
-    clouds = np.empty((count, len(points)), dtype=_PACKED_DTYPE)
-    clouds["position"] = points
-    clouds["colour"] = topics.POINT_COLOURS_RGBA.view("<u4")[state.reshape(count, len(points)), 0]
+    # x, y and z, then the colour, in four bytes each
+    alike = np.zeros((len(points), 4), dtype="<f4")
+    alike[:, :3] = points
+    clouds = np.repeat(alike.view("<u4")[np.newaxis], count, axis=0)
+    clouds[:, :, 3] = _COLOURS[state.reshape(count, len(points))]
     return clouds.view(np.uint8)
 
 

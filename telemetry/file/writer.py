@@ -474,8 +474,8 @@ class EpisodeWriter:
         channel, kind = self._channels[topic]
         if self._waiting.is_full_before(int(time_ns[0])):
             self._flush()
-        contents = encode(kind, columns, len(time_ns))
-        self._waiting.add(Messages(np.full(len(time_ns), channel), time_ns, contents))
+        encoded = encode(kind, columns, len(time_ns))
+        self._waiting.add(Messages(np.full(len(time_ns), channel), time_ns, *encoded))
 
     def _flush(self, until_ns: int | None = None) -> None:
         """Bring messages to the file, up to a time or all."""
@@ -487,8 +487,9 @@ class EpisodeWriter:
             raise self._explained(error) from error
 
     def _write_waiting(self, until_ns: int | None = None) -> None:
-        for chunk in self._waiting.give(until_ns):
-            self._mcap.add_chunk(chunk)
+        given = self._waiting.give(until_ns)
+        if given is not None:
+            self._mcap.add_chunks(*given)
 
     def _explained(self, error: OSError) -> RecordingError:
         return RecordingError(

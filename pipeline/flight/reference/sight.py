@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.compiled import compiled
+from fis_tools.engines.vectors import borrowed
 from pipeline.flight.reference.world import PlainWorld, turn_chief
 from pipeline.physics.illumination import (
     ASTRONOMICAL_UNIT_M,
@@ -33,11 +34,19 @@ def is_free(occlusion: Occlusion, point: int, dcm_c_from_h: Floats, direction_h:
 @compiled
 def lit_points(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats) -> Booleans:
     """Return which points the Sun lights, shape (P,): none while the Earth hides too much of its disc."""
-    is_lit = np.zeros(len(world.points_c), dtype=np.bool_)
+    return lit_among(world, quaternion_c_from_h, sun_h, np.ones(len(world.points_c), dtype=np.bool_))
+
+
+@compiled
+def lit_among(world: PlainWorld, quaternion_c_from_h: Floats, sun_h: Floats, is_sought: Booleans) -> Booleans:
+    """Return which of the points sought the Sun lights, shape (P,); see `lit_points`."""
+    is_lit = np.zeros(len(is_sought), dtype=np.bool_)
     if world.has_shadow and visible_share(sun_h, world.orbit_radius) < world.min_sun_share:
         return is_lit
     dcm_c_from_h = dcm_b_from_h(quaternion_c_from_h)
     for i in range(len(is_lit)):
+        if not is_sought[i]:
+            continue
         point_h = transposed_times(dcm_c_from_h, world.points_c[i])
         if world.is_mesh:
             normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
@@ -68,8 +77,8 @@ def seen_points(
         if not is_sought[i]:
             continue
         point_h = transposed_times(dcm_c_from_h, world.points_c[i])
-        normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
         if world.is_mesh:
+            normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
             sight = point_h - position_h
             is_facing = dot(normal_h, sight) <= 0.0 and is_free(world.occlusion, i, dcm_c_from_h, -sight)
             is_seen[i] = is_facing and dot(sight, boresight_h) >= world.cos_half_angle * norm(sight)
@@ -77,8 +86,11 @@ def seen_points(
             is_seen[i] = is_in_view(
                 point_h, position_h, boresight_h, world.cos_half_angle, world.points_radius
             )
+        if not is_seen[i]:
+            continue
+        normal_h = transposed_times(dcm_c_from_h, world.normals_c[i])
         if world.has_camera_limits:
-            is_seen[i] = is_seen[i] and is_resolved(
+            is_seen[i] = is_resolved(
                 point_h,
                 normal_h,
                 position_h,
@@ -104,7 +116,6 @@ def lit_and_seen_points(
     quaternions_b_from_h: Floats,
     positions_h: Floats,
     suns_at: Floats,
-    boresight_b: Floats,
     is_left: Booleans,
 ) -> tuple[Booleans, Booleans]:
     """Return which points are lit, and which lit ones a camera sees, at the samples of a flight.
@@ -118,8 +129,6 @@ def lit_and_seen_points(
         Of the deputy, m, Hill axes.
     suns_at : (K+1, 2)
         Angle and elevation of the Sun, rad.
-    boresight_b : (3,)
-        Unit vector along which the camera looks, body axes.
     is_left : (K+1, P)
         The wanted points.
 
@@ -128,17 +137,15 @@ def lit_and_seen_points(
     (K+1, P), (K+1, P)
     """
     is_lit, is_seen = np.zeros_like(is_left), np.zeros_like(is_left)
+    world = borrowed(world)
     for k in range(len(positions_h)):
         sun_h = sun_direction_h(suns_at[k, 0], suns_at[k, 1])
-        boresight_h = transposed_times(dcm_b_from_h(quaternions_b_from_h[k]), boresight_b)
-        lit = lit_points(world, quaternions_c_from_h[k], sun_h)
-        sought = np.zeros_like(lit)
+        boresight_h = transposed_times(dcm_b_from_h(quaternions_b_from_h[k]), world.boresight_b)
+        lit = lit_among(world, quaternions_c_from_h[k], sun_h, is_left[k])
+        is_dark = is_left[k] & ~lit
+        seen = seen_points(world, quaternions_c_from_h[k], positions_h[k], boresight_h, sun_h, is_dark)
         for i in range(len(lit)):
-            is_lit[k, i] = lit[i] and is_left[k, i]
-            sought[i] = is_left[k, i] and not lit[i]
-        seen = seen_points(world, quaternions_c_from_h[k], positions_h[k], boresight_h, sun_h, sought)
-        for i in range(len(seen)):
-            is_seen[k, i] = seen[i]
+            is_lit[k, i], is_seen[k, i] = lit[i], seen[i]
     return is_lit, is_seen
 
 
