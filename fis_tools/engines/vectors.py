@@ -187,9 +187,10 @@ def padded(count: int, width: int) -> int:
     return -(-count // width) * width
 
 
-def aligned(count: int, dtype: Any = np.float64) -> Any:
-    """Return zeros, shape (count,), aligned so that no vector in whole rows crosses a cache line."""
+def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> Any:
+    """Return zeros, aligned so that no vector in whole rows crosses a cache line."""
     kind = np.dtype(dtype)
-    room = np.zeros(count * kind.itemsize + CACHE_LINE, dtype=np.uint8)
+    size = int(np.prod(shape)) * kind.itemsize
+    room = np.zeros(size + CACHE_LINE, dtype=np.uint8)
     skipped = -room.ctypes.data % CACHE_LINE
-    return room[skipped : skipped + count * kind.itemsize].view(kind)
+    return room[skipped : skipped + size].view(kind).reshape(shape)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fis_tools.engines.kernel import LANES, make_scratch
-from fis_tools.engines.vectors import make_rows
+from fis_tools.engines.vectors import aligned, make_rows
 from pipeline.flight.cases import Cases, Starts
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel.arrays import CARRIED, TURNED, Beyond, Guard, Law, Workspace, World
@@ -23,21 +23,21 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
         lanes=make_rows(CARRIED, lanes)[0],
         aims=make_rows(TURNED, lanes, instants),
         passed=make_rows(TURNED, lanes, instants),
-        unseen=np.zeros((lanes, width)),
-        candidate=np.zeros(width),
-        lit=np.zeros(width),
-        seen=np.zeros(width),
-        ahead=np.zeros(width),
-        deadlines=np.zeros((lanes, width)),
-        looks=np.zeros((5, width)),
-        signals=np.zeros((len(SIGNALS), lanes)),
+        unseen=aligned((lanes, width)),
+        candidate=aligned(width),
+        lit=aligned(width),
+        seen=aligned(width),
+        ahead=aligned(width),
+        deadlines=aligned((lanes, width)),
+        looks=aligned((5, width)),
+        signals=aligned((len(SIGNALS), lanes)),
         scratch=make_scratch(lanes),
-        candidates=np.zeros((3, width)),
+        candidates=aligned((3, width)),
         centres=np.zeros((lanes, clusters, 3)),
         num_centres=np.zeros(lanes, dtype=np.int64),
-        clustered=np.zeros((lanes, width)),
-        labels=np.zeros((2, width)),
-        distances=np.zeros(width),
+        clustered=aligned((lanes, width)),
+        labels=aligned((2, width)),
+        distances=aligned(width),
         sums=np.zeros((clusters, 4)),
         cuts=np.zeros((MOST_CUTS, 4)),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.vectors import padded
+from fis_tools.engines.vectors import aligned, padded
 from pipeline.flight.actuators import turns_by_thrust
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course
@@ -64,7 +64,7 @@ def rows_of(surface: Surface, axes: Floats) -> Floats:
         From Hill to chief.
     """
     num_points = len(surface.points)
-    rows = np.zeros((len(axes), NUM_SURFACE, padded(num_points, POINTS)))
+    rows: Floats = aligned((len(axes), NUM_SURFACE, padded(num_points, POINTS)))
     for k, turned in enumerate(axes):
         rows[k, NORMAL : NORMAL + 3, :num_points] = turned.T @ surface.normals.T
     rows[:, HEIGHT, :num_points] = np.sum(surface.points * surface.normals, axis=1)
@@ -127,14 +127,16 @@ def pack_world(mission: Mission) -> World:
     points = surface.points
     if mission.chief.initial_angular_velocity_rad_s is None:
         attitudes = attitudes[:1]
-        placed = np.zeros((1, 3, padded(len(points), POINTS)))
+        placed = aligned((1, 3, padded(len(points), POINTS)))
         placed[0, :, : len(points)] = points.T
     else:
-        placed = np.zeros((len(attitudes), 3, padded(len(points), POINTS)))
+        placed = aligned((len(attitudes), 3, padded(len(points), POINTS)))
         for k, quaternion in enumerate(attitudes):
             placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
     order = np.arange(placed.shape[2])
     order[: len(points)] = by_neighbourhood(points)
+    patches = aligned(placed.shape)
+    patches[:] = placed[:, :, order]
     axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     stride, look = preview_stride(mission), look_stride(mission)
@@ -159,7 +161,7 @@ def pack_world(mission: Mission) -> World:
         points=placed,
         num_points=len(points),
         order=order,
-        patches=np.ascontiguousarray(placed[:, :, order]),
+        patches=patches,
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         has_optics=not sees_as_in_the_paper(mission),
         optics=optics_of(mission),
