@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.command_line.job import EXPERIMENT, ConfigError, Job, differences
-from pipeline.flight.chief import num_chief_steps
-from pipeline.flight.course import check_perigee
 from pipeline.run import artifacts, reproducible
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
@@ -203,6 +201,9 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise the errors that a stage would raise, before any folder is made."""
+    from pipeline.flight.chief import num_chief_steps  # noqa: PLC0415 - NumPy, needed once the settings are right
+    from pipeline.flight.course import check_perigee  # noqa: PLC0415 - the same
+
     if experiment.reproducible:
         reproducible.require()
     num_chief_steps(experiment.mission)

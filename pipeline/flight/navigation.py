@@ -28,7 +28,7 @@ from pipeline.flight.log import Scenario
 from pipeline.flight.processes import in_time, varies
 from pipeline.physics.motion import Motion, motion_over
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission_parts import IDEAL, LINEAR, PERFECT
+from pipeline.settings.mission_parts import ideal, linear, perfect
 
 Floats = NDArray[np.float64]
 
@@ -193,7 +193,7 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
     Motion is linear and thrusters are ideal. A deputy that navigates by fixes is at its first
     estimate, and knows its state from then on; later errors are drawn, but not known yet.
     """
-    known = replace(mission, navigation=PERFECT, actuators=IDEAL, dynamics=LINEAR, dispersions={})
+    known = replace(mission, navigation=perfect(), actuators=ideal(), dynamics=linear(), dispersions={})
     if mission.navigation.mode == "perfect":
         return known, scenarios
     first = errors_of(mission, scenarios).at_start

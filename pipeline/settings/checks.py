@@ -6,11 +6,10 @@ Comparisons are written so that NaN, which compares false with everything, never
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import AfterValidator, AllowInfNan, BeforeValidator, Field, Strict, ValidationInfo
 
 from pipeline.settings.keys import unit_of
@@ -76,6 +75,8 @@ def _thrusters(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], 
                 f"{{key}}[{which}] is {list(row)}; it must be seven numbers: the place [x, y, z] (m), the "
                 "unit vector of its force [x, y, z], both in body axes, and the greatest force (N)"
             )
+    import numpy as np  # noqa: PLC0415 - few runs need it to check their settings
+
     directions = np.array(rows, dtype=np.float64)[:, 3:6]
     # if all lie on one side of a plane, then of one that passes through two of them
     sides = np.cross(directions[:, np.newaxis], directions).reshape(-1, 3)
@@ -89,10 +90,9 @@ def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ..
     """Raise ValueError unless it is symmetric, positive definite and obeys the triangle inequality."""
     if len(rows) != 3 or any(len(row) != 3 for row in rows):
         raise ValueError(f"{{key}} is {rows}; it must be three rows of three numbers in kg m^2")
-    matrix = np.array(rows, dtype=np.float64)
-    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
-        raise ValueError(f"{{key}} is {matrix.tolist()}, not symmetric; set [i][j] equal to [j][i]")
-    moments = np.linalg.eigvalsh(matrix)
+    if not all(math.isclose(rows[i][j], rows[j][i], rel_tol=1e-9) for i, j in ((0, 1), (0, 2), (1, 2))):
+        raise ValueError(f"{{key}} is {[*map(list, rows)]}, not symmetric; set [i][j] equal to [j][i]")
+    moments = _principal_moments(rows)
     listed = ", ".join(f"{moment:.6g}" for moment in moments)
     if not moments[0] > 1e-12 * abs(moments[2]):
         raise ValueError(
@@ -105,6 +105,15 @@ def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ..
             "than the sum of the other two"
         )
     return rows
+
+
+def _principal_moments(rows: tuple[tuple[float, ...], ...]) -> Sequence[float]:
+    """Return the principal moments of an inertia matrix, ascending."""
+    if not any(rows[i][j] for i in range(3) for j in range(3) if i != j):
+        return sorted(rows[i][i] for i in range(3))
+    import numpy as np  # noqa: PLC0415 - as above
+
+    return [float(moment) for moment in np.linalg.eigvalsh(np.array(rows))]
 
 
 @dataclass(frozen=True)

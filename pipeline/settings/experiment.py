@@ -32,10 +32,6 @@ from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import settings
 from pipeline.settings.mission import Mission
 from pipeline.settings.mission_parts import (
-    IDEAL,
-    LINEAR,
-    PERFECT,
-    UNGUARDED,
     Actuators,
     Attitude,
     Chief,
@@ -48,18 +44,18 @@ from pipeline.settings.mission_parts import (
     Safety,
     Sensor,
     Sun,
+    ideal,
+    linear,
+    perfect,
+    unguarded,
 )
 from pipeline.settings.nearest import choices_of, did_you_mean
 from pipeline.settings.space import dimensions
 from pipeline.settings.training import Encoding, Optimizer, Penalty, Starts
 
 __all__ = [
-    "IDEAL",
-    "LINEAR",
-    "PERFECT",
     "SHIPPED",
     "STAGES",
-    "UNGUARDED",
     "Actuators",
     "Assurance",
     "Attitude",
@@ -86,6 +82,10 @@ __all__ = [
     "Starts",
     "Sun",
     "Telemetry",
+    "ideal",
+    "linear",
+    "perfect",
+    "unguarded",
 ]
 
 #: in the order in which they run: each reads the files of those before it

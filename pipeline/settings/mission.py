@@ -11,10 +11,6 @@ from pipeline.settings.checks import Flag, Number, Positive, SettingError
 from pipeline.settings.dispersions import Distribution, distributions, processes
 from pipeline.settings.groups import settings
 from pipeline.settings.mission_parts import (
-    IDEAL,
-    LINEAR,
-    PAPER_LIGHT,
-    PERFECT,
     Actuators,
     Attitude,
     Chief,
@@ -26,6 +22,9 @@ from pipeline.settings.mission_parts import (
     Orbit,
     Safety,
     Sensor,
+    ideal,
+    linear,
+    perfect,
 )
 
 #: standard gravity: the exhaust speed is the specific impulse times this
@@ -60,15 +59,15 @@ class Mission:
     attitude: Attitude
     guidance: Guidance
     safety: Safety
-    navigation: Navigation = PERFECT
-    actuators: Actuators = IDEAL
-    dynamics: Dynamics = LINEAR
+    navigation: Navigation = field(default_factory=perfect)
+    actuators: Actuators = field(default_factory=ideal)
+    dynamics: Dynamics = field(default_factory=linear)
     attitude_period_s: Annotated[Positive, Field(description="between two torques, s")]
     control_period_s: Annotated[Positive, Field(description="between two forces, s")]
     duration_s: Positive
     coast_when_complete: Annotated[Flag, Field(description="whether no force follows the last point")]
     inspection_threshold_percent: Annotated[Number, Field(ge=0, le=100, description="of a success, %")]
-    light: Light = PAPER_LIGHT
+    light: Light = field(default_factory=Light)
     dispersions: Annotated[
         dict[str, Any],
         Field(description="what cases have their own of, or what varies in a flight, with its distribution"),

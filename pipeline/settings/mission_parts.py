@@ -1,6 +1,7 @@
 """The groups of settings that a mission is made of, with their defaults."""
 
 import math
+from functools import cache
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict
@@ -279,57 +280,67 @@ class Actuators:
     ] = 1.0
 
 
-#: perfect navigation and ideal thrusters
-PERFECT = Navigation(
-    mode="perfect",
-    fix_period_s=10.0,
-    delay_s=0.0,
-    noise_m=1.0,
-    bias_m=0.0,
-    outlier_share=0.0,
-    outlier_m=0.0,
-    gate_sigma=None,
-    process_noise_m_s2=0.0,
-    execution_error=0.0,
-    initial_position_m=1.0,
-    initial_velocity_m_s=1.0,
-)
-IDEAL = Actuators(
-    kind="ideal",
-    delay_s=0.0,
-    scale_error=0.0,
-    misalignment_deg=0.0,
-    impulse_step_n_s=0.0,
-    least_impulse_n_s=0.0,
-)
+# defaults and what missions are compared with, made when first needed: making one compiles its checks
 
 
-#: motion in closed form
-LINEAR = Dynamics(
-    model="cw",
-    eccentricity=0.0,
-    true_anomaly_deg=0.0,
-    inclination_deg=0.0,
-    latitude_argument_deg=0.0,
-    j2=0.0,
-    drag_m_s2=0.0,
-    radiation_m_s2=0.0,
-)
+@cache
+def perfect() -> Navigation:
+    """Return perfect navigation."""
+    return Navigation(
+        mode="perfect",
+        fix_period_s=10.0,
+        delay_s=0.0,
+        noise_m=1.0,
+        bias_m=0.0,
+        outlier_share=0.0,
+        outlier_m=0.0,
+        gate_sigma=None,
+        process_noise_m_s2=0.0,
+        execution_error=0.0,
+        initial_position_m=1.0,
+        initial_velocity_m_s=1.0,
+    )
 
 
-#: no layer: forces are applied as commanded
-UNGUARDED = Safety(
-    kind="none",
-    keep_out_margin_m=1.0,
-    keep_in_margin_m=1.0,
-    speed_limit_m_s=0.2,
-    speed_slope_per_s=0.0,
-    speed_distance_m=0.0,
-    braking_force_n=1.0,
-    passive_horizon_s=0.0,
-    keep_in_horizon_s=0.0,
-)
+@cache
+def ideal() -> Actuators:
+    """Return ideal thrusters."""
+    return Actuators(
+        kind="ideal",
+        delay_s=0.0,
+        scale_error=0.0,
+        misalignment_deg=0.0,
+        impulse_step_n_s=0.0,
+        least_impulse_n_s=0.0,
+    )
 
 
-#: the paper's: the Sun always shines
-PAPER_LIGHT = Light()
+@cache
+def linear() -> Dynamics:
+    """Return motion in closed form."""
+    return Dynamics(
+        model="cw",
+        eccentricity=0.0,
+        true_anomaly_deg=0.0,
+        inclination_deg=0.0,
+        latitude_argument_deg=0.0,
+        j2=0.0,
+        drag_m_s2=0.0,
+        radiation_m_s2=0.0,
+    )
+
+
+@cache
+def unguarded() -> Safety:
+    """Return no safety layer: forces are applied as commanded."""
+    return Safety(
+        kind="none",
+        keep_out_margin_m=1.0,
+        keep_in_margin_m=1.0,
+        speed_limit_m_s=0.2,
+        speed_slope_per_s=0.0,
+        speed_distance_m=0.0,
+        braking_force_n=1.0,
+        passive_horizon_s=0.0,
+        keep_in_horizon_s=0.0,
+    )

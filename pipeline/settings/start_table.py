@@ -8,14 +8,14 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from pipeline.settings.checks import SettingError
 from pipeline.settings.nearest import did_you_mean
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 #: columns of ``scenarios.csv``: the set of flights, the index in it, and the start itself
 LABELS = ("set", "case")
@@ -55,7 +55,7 @@ def split(text: str, key: str) -> tuple[str, str]:
     return made
 
 
-def numbers(text: str, key: str) -> Mapping[str, Floats]:
+def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
     """Return the columns of a table without labels, each of shape (n,).
 
     Raises
@@ -63,6 +63,8 @@ def numbers(text: str, key: str) -> Mapping[str, Floats]:
     SettingError
         If a column is unknown or missing, or a cell is not a number.
     """
+    import numpy as np  # noqa: PLC0415 - most runs have no table, and check their settings without it
+
     header, rows = _cells(text, key)
     _check_header(header, key)
     values = np.empty((len(rows), len(header)))
@@ -91,6 +93,8 @@ def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
     ------
     SettingError
     """
+    import numpy as np  # noqa: PLC0415 - as above
+
     columns = numbers(text, key)
     distances = np.sqrt(sum(np.square(columns[name]) for name in POSITION))
     # a billionth outside is rounding

@@ -13,6 +13,8 @@ from pipeline.command_line.config import conf_folder
 from pipeline.run import maker
 
 HEAVY = [
+    "numpy",
+    "numba",
     "sklearn",
     "matplotlib",
     "deap",
