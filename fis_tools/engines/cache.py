@@ -36,7 +36,7 @@ COMPILERS = ("numba", "llvmlite", "numpy")
 SHAPING_NOTHING = {"fis_tools.engines.cache", "fis_tools.engines.notice"}
 
 #: The imports of a file: `from X import Y, …` and `import X`; and those for type checkers only.
-IMPORTS = re.compile(r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))", re.MULTILINE)
+IMPORTS = re.compile(r"\n[ \t]*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))")
 FOR_TYPES_ALONE = re.compile(r"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
 
 #: When this module was loaded. A source that has changed since may differ from the code that runs.
@@ -253,7 +253,9 @@ def _versions() -> str:
 def _read(file: str) -> tuple[str, tuple[str, ...]]:
     """Return a hash of a source, and every name in its imports that may be a module, relative or not."""
     source = Path(file).read_bytes()
-    text = FOR_TYPES_ALONE.sub("", source.decode("utf-8", "replace").replace("\r\n", "\n"))
+    text = "\n" + source.decode("utf-8", "replace").replace("\r\n", "\n")
+    if "\nif TYPE_CHECKING:" in text:
+        text = FOR_TYPES_ALONE.sub("", text)
     words = []
     for parent, children, whole in IMPORTS.findall(text):
         names = [word.split()[0] for word in re.split(r"[,()\n]", children or whole) if word.strip()]
@@ -270,6 +272,18 @@ def _file_of(module: str) -> str | None:
 
 @cache
 def _file_below(root: Path, module: str) -> str | None:
-    base = root.joinpath(*module.split("."))
-    candidates = (base.with_name(f"{base.name}.py"), base / "__init__.py")
-    return next((os.fspath(path) for path in candidates if path.is_file()), None)
+    *folders, name = module.split(".")
+    folder = os.path.join(root, *folders)
+    if f"{name}.py" in _names_in(folder):
+        return os.path.join(folder, f"{name}.py")
+    package = os.path.join(folder, name)
+    return os.path.join(package, "__init__.py") if "__init__.py" in _names_in(package) else None
+
+
+@cache
+def _names_in(folder: str) -> frozenset[str]:
+    """Return the names of a folder's files, none if there is no such folder."""
+    try:
+        return frozenset(os.listdir(folder))
+    except (FileNotFoundError, NotADirectoryError):
+        return frozenset()

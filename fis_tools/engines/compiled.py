@@ -6,16 +6,12 @@ compiled functions of other packages, are unaffected.
 """
 
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import update_wrapper
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
@@ -140,12 +136,11 @@ def sparingly(function: F) -> F:
 
 def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Create numba's dispatcher for calls from Python, with a cache folder if one can be trusted."""
-    from numba import njit  # noqa: PLC0415 - takes half a second, and most commands compile nothing
+    from numba import njit  # noqa: PLC0415 - takes a while, and most commands compile nothing
 
-    _import_without_blas()
-    # as above; the vectors register `fis_tools.engines.vectors` with numba
-    from fis_tools.engines import borrowed_code, notice  # noqa: F401, PLC0415
+    from fis_tools.engines import libraries, loading, notice  # noqa: PLC0415 - as above
 
+    options = {**libraries.ENTRY, **options}
     place = cache.place_for(function)
     if isinstance(place, Path):
         with _numba_caching_in(place):
@@ -153,27 +148,13 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         stats = getattr(dispatcher, "stats", None)  # a plain function if numba is disabled
         if stats is not None and not Path(stats.cache_path).is_relative_to(place):
             place = cache.Refused(f"numba cannot write to {place}")
+        elif stats is not None:
+            loading.load_first(dispatcher)
     if isinstance(place, cache.Refused):
+        loading.get_ready()
         dispatcher = njit(**options)(function)
     notice.watch(dispatcher, place)
     return dispatcher
-
-
-def _import_without_blas() -> None:
-    """Import the part of numba that imports SciPy's linear algebra to check whether it is there.
-
-    That takes a fifth of a second, and code that uses it checks again. So an empty
-    module replaces it for this moment, unless another thread might import it at the same time.
-    """
-    asked = "scipy.linalg.cython_blas"
-    is_known = asked in sys.modules or "numba.np.arraymath" in sys.modules
-    if is_known or threading.active_count() > 1 or find_spec("scipy") is None:
-        return
-    sys.modules[asked] = ModuleType(asked)
-    try:
-        import_module("numba.np.arraymath")
-    finally:
-        del sys.modules[asked]
 
 
 def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -185,9 +166,10 @@ def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """
     from numba import njit, types  # noqa: PLC0415 - as above
 
-    from fis_tools.engines import callees, notice  # noqa: PLC0415 - as above
+    from fis_tools.engines import libraries, loading, notice  # noqa: PLC0415 - as above
 
-    dispatcher: Any = njit(**options, **callees.OPTIONS)(function)
+    loading.get_ready()
+    dispatcher: Any = njit(**options, **libraries.CALLEE)(function)
     template = dispatcher.get_call_template
     unliteral: Callable[[Any], Any] = types.unliteral  # as a value: a type checker sees numba's calls untyped
     dispatcher.get_call_template = lambda args, kws: template(

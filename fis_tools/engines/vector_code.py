@@ -1,7 +1,7 @@
 """The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.engines.vectors`.
 
 Importing this module registers all of it with numba. `fis_tools.engines.borrowed_code` adds borrowed values,
-and `fis_tools.engines.compiled` imports both before it compiles anything. LLVM has vectors of any width as
+and `fis_tools.engines.loading` imports both before anything is compiled. LLVM has vectors of any width as
 values and maps them to the processor's registers.
 """
 

@@ -27,7 +27,7 @@ def sources(function: Callable[..., object]) -> set[str]:
 
 
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
-    names = ("__init__", "borrowed_code", "callees", "compiled", "vector_code", "vectors")
+    names = ("__init__", "borrowed_code", "compiled", "libraries", "loading", "vector_code", "vectors")
     decorator = {f"fis_tools/engines/{name}.py" for name in names}
     assert sources(vectors.dot) == {"pipeline/physics/vectors.py", *decorator}
     flight = sources(loop.fly_many)

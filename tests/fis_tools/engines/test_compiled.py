@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from llvmlite import binding
 from numba import njit
 from numpy.typing import NDArray
 
 import fis_tools
-from fis_tools.engines import callees
+from fis_tools.engines import libraries, loading
 
 Floats = NDArray[np.float64]
 
@@ -89,6 +90,24 @@ def test_compiled_code_is_found_again(package: Package) -> None:
 
 
 @pytest.mark.slow
+def test_numba_gets_ready_to_compile_only_if_something_is_not_found(package: Package) -> None:
+    package.call()
+    look = (
+        "import sys\nfrom kernels.caller import twice\n"
+        "for x in (5, 0.5):\n    print(twice(x), 'fis_tools.engines.vector_code' in sys.modules, end=' ')"
+    )
+    assert package.run(look).stdout.split() == ["7", "False", "2.5", "True"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_known", [True, False])
+def test_a_release_of_numba_that_is_not_known_does_all_by_itself(package: Package, is_known: bool) -> None:
+    call = f"from fis_tools.engines import loading\nloading.IS_KNOWN = {is_known}\n{CALL}"
+    assert package.run(call).stdout.strip() == "7 8 0 0"
+    assert package.run(call).stdout.strip() == "7 8 1 1"
+
+
+@pytest.mark.slow
 def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package: Package) -> None:
     ask = (
         "from fis_tools.engines.compiled import sparingly\nfrom kernels.caller import twice\n"
@@ -160,9 +179,10 @@ def test_no_kernel_is_left_to_numbas_own_cache() -> None:
 def test_compiled_functions_of_others_can_call_ours(package: Package) -> None:
     call = (
         "from numba import njit\nfrom kernels.caller import twice\n"
-        "@njit\ndef thrice(x):\n    return twice(x) + 1\n\n\nprint(thrice(5))"
+        "@njit\ndef thrice(x):\n    return twice(x) + 1\n\n\nprint(thrice(5), twice(5))"
     )
-    assert package.run(call).stdout.strip() == "8"
+    assert package.run(call).stdout.strip() == "8 7"
+    assert package.run(call.replace("@njit", "twice(5)\n\n\n@njit")).stdout.strip() == "8 7"  # found again
 
 
 def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) -> None:
@@ -238,7 +258,7 @@ def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(packag
 
 
 def test_callees_left_unfinished_give_what_finished_ones_give() -> None:
-    assert "pipeline_class" in callees.OPTIONS, "this numba is not among callees.KNOWN: try it, and add it"
+    assert loading.IS_KNOWN, "this numba is not known to `fis_tools.engines.loading`: try it, and add it"
 
     def made(options: dict[str, object]) -> Callable[[Floats], float]:
         @njit(**options)
@@ -260,13 +280,29 @@ def test_callees_left_unfinished_give_what_finished_ones_give() -> None:
 
         return run
 
-    plain = {name: value for name, value in callees.OPTIONS.items() if name != "pipeline_class"}
-    unfinished, finished = made(callees.OPTIONS), made(plain)
+    plain = {name: value for name, value in libraries.CALLEE.items() if name != "pipeline_class"}
+    unfinished, finished = made(libraries.CALLEE), made(plain)
     xs = np.random.default_rng(1).uniform(0.0, 9.0, 101)
     assert unfinished(xs) == finished(xs)
     for run in (unfinished, finished):
         with pytest.raises(ValueError, match="no root"):
             run(np.array([1.0, -1.0]))
+
+
+def test_machine_code_is_kept_without_code_for_llvm() -> None:
+    @njit(**libraries.ENTRY)
+    def half(x: float) -> float:
+        return x / 2.0
+
+    assert half(5.0) == 2.5
+    (code,) = half.overloads.values()
+    _, _, (machine, names) = code.library.serialize_using_object_code()
+    assert machine == code.library._get_compiled_object()
+    kept, whole = binding.parse_bitcode(names), code.library._get_module_for_linking()
+    for kind in ("functions", "global_variables"):
+        defined = {it.name for it in getattr(whole, kind) if not it.is_declaration}
+        assert {it.name for it in getattr(kept, kind)} == defined
+    assert all(len(list(block.instructions)) == 1 for f in kept.functions for block in f.blocks)
 
 
 @pytest.mark.slow
