@@ -47,5 +47,7 @@ def _load() -> None:
     import pipeline.controllers.source  # noqa: PLC0415
     import pipeline.stages.record  # noqa: F401, PLC0415
     from pipeline.physics.quaternion import dcm_b_from_h  # noqa: PLC0415
+    from pipeline.run import maker  # noqa: PLC0415
 
     dcm_b_from_h(np.array([0.0, 0.0, 0.0, 1.0]))  # the first call makes numba ready for all others
+    maker.product()  # for the manifest

@@ -88,7 +88,7 @@ class FlightRecorder:
         self._seed = seed
         self._near_limit_m = near_limit_m
         self._config_hash = artifacts.config_hash(config)
-        self._product_version = maker.product_version()
+        self._product_version = maker.product()["versions"]["product"]
         self._attachments = {
             CONFIG_ATTACHMENT: artifacts.config_text(config).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),

@@ -48,12 +48,13 @@ def present_maker() -> dict[str, Any]:
     dict
         ``versions``, ``git_revision`` (or None), ``sources``, a hash of all of them, and ``processor``.
     """
-    return {
-        "versions": versions(),
-        "git_revision": git_revision(),
-        "sources": sources_hash(),
-        "processor": processor(),
-    }
+    return {**product(), "processor": processor()}
+
+
+@cache
+def product() -> Mapping[str, Any]:
+    """Return the part of a maker that is the same on every processor."""
+    return {"versions": versions(), "git_revision": git_revision(), "sources": sources_hash()}
 
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
@@ -74,7 +75,6 @@ def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     return told
 
 
-@cache
 def sources_hash() -> str:
     """Return the SHA-256 of the names and contents of all sources, 64 hexadecimal digits."""
     digest = hashlib.sha256()
@@ -147,13 +147,13 @@ def git_revision() -> str | None:
     """Return the revision of the sources, with ``+changes`` if files differ from it; None without git."""
     if not (SOURCES / ".git").exists():
         return None
+    command = ["git", "-C", str(SOURCES), "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
     try:
-        revision = _git("rev-parse", "HEAD")
-        return revision + ("+changes" if _git("status", "--porcelain", "--untracked-files=no") else "")
+        told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=20)  # noqa: S603
     except (OSError, subprocess.SubprocessError):
         return None
-
-
-def _git(*arguments: str) -> str:
-    command = ["git", "-C", str(SOURCES), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=20).stdout.strip()  # noqa: S603
+    lines = told.stdout.splitlines()
+    revision = lines[0].removeprefix("# branch.oid ")
+    if revision == "(initial)":
+        return None
+    return revision + "+changes" * any(not line.startswith("#") for line in lines)

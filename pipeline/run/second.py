@@ -34,7 +34,8 @@ def second_process(module: str) -> Iterator[Share]:
         [sys.executable, "-c", _SERVE, module],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": path},
+        # looking for plug-ins of pydantic takes a while, and there are none
+        env=os.environ | {"PYTHONPATH": path, "PYDANTIC_DISABLE_PLUGINS": "__all__"},
     ) as process:
         try:
             yield lambda do, parts: _shared(process, do, parts)
