@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numba
 
-from benchmarks import commands, inference, learning, recording, steps, tools
+from benchmarks import commands, inference, learning, recording, start, steps, tools
 
 #: comparisons and attacks rather than timings, each with its own options
 CAMPAIGNS = (
@@ -66,7 +66,7 @@ def main() -> int:
         "learning": learning.run,
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),
-        "start": commands.run_start,
+        "start": start.run,
         "steps": lambda: steps.run(options.flights, stores=options.store),
         "tools": lambda: tools.run(options.controller),
         "training": lambda: commands.run_training(options.generations),

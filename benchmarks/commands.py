@@ -1,4 +1,4 @@
-"""Durations of whole commands: Monte Carlo, start-up, and a full-size training."""
+"""Durations of Monte Carlo, and of a full-size training."""
 
 import os
 import re
@@ -35,21 +35,6 @@ def run_monte_carlo(controller: str) -> None:
         print(f"Monte Carlo: {num_cases:,} cases of {controller}, trajectories kept")
         line("seconds, one thread", f"{one:.3f}")
         line(f"seconds, {PROCESSORS} threads", f"{many:.3f}, {one / many:.2f} times as fast")
-
-
-def run_start() -> None:
-    """Print the command's duration before its work begins, with compiled kernels."""
-    with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable, "-m", "pipeline", "+experiment=evaluate", "controller=paper",
-            "monte_carlo.num_cases=1", "stages=[scenario,evaluate]", f"hydra.run.dir={folder}/run",
-        ]  # fmt: skip
-        seconds = best_wall_seconds(
-            lambda: subprocess.run(command, check=True, capture_output=True),  # noqa: S603
-            repeats=3,
-        )
-    print("Start: python -m pipeline with one flight to evaluate, start to end, kernels compiled before")
-    line("seconds", f"{seconds:.2f}")
 
 
 def run_training(generations: int | None) -> None:
