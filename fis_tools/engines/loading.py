@@ -15,7 +15,7 @@ from numba import version_info
 from numba.core.runtime.nrt import rtsys
 
 #: Whether this release of numba is one whose inner parts are known to work as `fis_tools.engines` uses them.
-IS_KNOWN = version_info.short in {(0, 68)}
+IS_KNOWN = version_info.short in {(0, 67), (0, 68)}
 
 
 def get_ready() -> None:
