@@ -4,7 +4,6 @@ Importing Hydra and composing takes as long as importing numba and loading compi
 imported here before the second process has started.
 """
 
-import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,8 +22,14 @@ def planning(arguments: Sequence[str]) -> Iterator[Callable[[], Begin]]:
         yield lambda: None
         return
     with second_process("pipeline.command_line.experiments") as share:
-        finish = share(operator.call, [(_load,), (_plan, arguments)])
-        yield lambda: finish()[1]
+        finish = share(_plan, [(arguments,)])
+
+        def planned() -> Begin:
+            _load()
+            begin: Begin = finish()[0]
+            return begin
+
+        yield planned
 
 
 def _plan(arguments: Sequence[str]) -> Begin:

@@ -10,14 +10,16 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-#: starts parts, given a function at module level and its arguments for each; the returned function runs the
-#: others here, and returns all results in the order of the parts
+#: takes a function at module level and its arguments for each part, and starts with the last; the returned
+#: function runs parts here from the first on until all are done, and returns the results in their order
 Share = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Callable[[], list[Any]]]
 
 _SERVE: Final = f"from {__name__} import serve; serve()"
@@ -25,7 +27,7 @@ _SERVE: Final = f"from {__name__} import serve; serve()"
 
 @contextmanager
 def second_process(module: str) -> Iterator[Share]:
-    """Start a process that imports a module and then runs every second part once; none on one processor."""
+    """Start a process that imports a module and then shares one list of parts; none on one processor."""
     if os.cpu_count() == 1:
         yield alone
         return
@@ -51,32 +53,64 @@ def alone(do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]) -> Callable[
 def _shared(
     process: "subprocess.Popen[bytes]", do: Callable[..., Any], parts: Sequence[tuple[Any, ...]]
 ) -> Callable[[], list[Any]]:
-    """Send every second part; see `Share`."""
-    assert process.stdin is not None  # noqa: S101 - it has both pipes
-    assert process.stdout is not None  # noqa: S101
-    answer = process.stdout
+    """Let the process begin with the last part; see `Share`."""
+    assert process.stdin is not None  # noqa: S101 - it has a pipe
     with suppress(BrokenPipeError), process.stdin as stream:
-        pickle.dump((do, parts[1::2]), stream)
+        pickle.dump((do, parts[::-1]), stream)
 
     def finish() -> list[Any]:
+        answers: SimpleQueue[tuple[Any] | None] = SimpleQueue()
+        receiver = threading.Thread(target=_receive, args=(process, answers), daemon=True)
+        receiver.start()
         results: list[Any] = [None] * len(parts)
-        results[::2] = [do(*part) for part in parts[::2]]
+        # parts before `first` are done here, those from `last` on there
+        first, last, is_alive = 0, len(parts), True
         try:
-            results[1::2] = pickle.load(answer)  # noqa: S301 - of our own process
-        except (EOFError, pickle.UnpicklingError):  # it has died, and cannot have done anything else
-            results[1::2] = [do(*part) for part in parts[1::2]]
+            while first < last:
+                try:  # the only one that is left has been begun there
+                    answer = answers.get(block=is_alive and first == last - 1)
+                except Empty:
+                    results[first] = do(*parts[first])
+                    first += 1
+                    continue
+                if answer is None:
+                    is_alive = False
+                else:
+                    last -= 1
+                    (results[last],) = answer
+        finally:
+            process.kill()  # what it may still be doing has been done here
+            receiver.join()
         return results
 
     return finish
+
+
+def _receive(process: "subprocess.Popen[bytes]", answers: "SimpleQueue[tuple[Any] | None]") -> None:
+    """Receive one result after the other; None if the process ends."""
+    assert process.stdout is not None  # noqa: S101 - it has a pipe
+    try:
+        while True:
+            answers.put((pickle.load(process.stdout),))  # noqa: S301 - of our own process
+    except (EOFError, pickle.UnpicklingError):
+        answers.put(None)
 
 
 def serve() -> None:
     """Run as the second process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first is interrupted, and ends this one
     gc.disable()  # it is short-lived
-    with ThreadPoolExecutor(1) as reading:
-        given = reading.submit(sys.stdin.buffer.read)  # a pipe holds little: do not make the writer wait
+    # a pipe holds little: neither the writer here nor the one there is made to wait
+    with ThreadPoolExecutor(1) as pipes:
+        given = pipes.submit(sys.stdin.buffer.read)
         import_module(sys.argv[1])
         if sent := given.result():
             do, parts = pickle.loads(sent)  # noqa: S301 - of the process that started this one
-            pickle.dump([do(*part) for part in parts], sys.stdout.buffer)
+            for part in parts:
+                pipes.submit(_send, do(*part))
+
+
+def _send(result: Any) -> None:
+    with suppress(BrokenPipeError):
+        pickle.dump(result, sys.stdout.buffer)
+        sys.stdout.buffer.flush()

@@ -1,6 +1,7 @@
 """What two processes do is what one does, in the same order, and also where one of them dies."""
 
 import os
+import time
 
 import pytest
 
@@ -18,18 +19,42 @@ def where(number: int) -> tuple[int, int]:
     return number, os.getpid()
 
 
+def where_when_both(number: int) -> tuple[int, int]:
+    time.sleep(0.05)  # long enough for the other to begin
+    return where(number)
+
+
+def many(number: int, size: int) -> bytes:
+    return bytes([number]) * size
+
+
 def die_elsewhere(number: int, home: int) -> int:
     if os.getpid() != home:
         os._exit(1)
     return number
 
 
-def test_every_second_part_is_done_by_another_process(share):
-    numbers, processes = zip(*share(where, [(number,) for number in range(5)])(), strict=True)
+def test_parts_are_shared_from_both_ends(share):
+    finish = share(where_when_both, [(number,) for number in range(5)])
+    numbers, processes = zip(*finish(), strict=True)
     assert numbers == (0, 1, 2, 3, 4)
-    assert set(processes[::2]) == {os.getpid()}
-    (other,) = set(processes[1::2])
-    assert other != os.getpid()
+    assert processes[0] == os.getpid() != processes[-1]
+    assert processes == tuple(sorted(processes, key=[os.getpid(), processes[-1]].index))
+
+
+def test_a_single_part_is_done_by_the_other_process(share):
+    ((_, process),) = share(where, [(1,)])()
+    assert process != os.getpid()
+
+
+def test_large_results_do_not_wait_for_their_receiver(share):
+    parts = [(number, 1_000_000) for number in range(3)]
+    assert share(many, parts)() == [many(*part) for part in parts]
+
+
+def test_an_error_there_is_raised_here(share):
+    with pytest.raises(ZeroDivisionError):
+        share(divmod, [(1, 0), (1, 0)])()
 
 
 def test_a_process_that_dies_leaves_its_parts_to_the_other(share):
