@@ -87,12 +87,13 @@ def _shared(
 
 
 def _receive(process: "subprocess.Popen[bytes]", answers: "SimpleQueue[tuple[Any] | None]") -> None:
-    """Receive one result after the other; None if the process ends."""
+    """Receive one result after the other; None when no more will come."""
     assert process.stdout is not None  # noqa: S101 - it has a pipe
     try:
-        while True:
-            answers.put((pickle.load(process.stdout),))  # noqa: S301 - of our own process
-    except (EOFError, pickle.UnpicklingError):
+        with suppress(EOFError, pickle.UnpicklingError):  # it has ended
+            while True:
+                answers.put((pickle.load(process.stdout),))  # noqa: S301 - of our own process
+    finally:
         answers.put(None)
 
 
@@ -107,10 +108,11 @@ def serve() -> None:
         if sent := given.result():
             do, parts = pickle.loads(sent)  # noqa: S301 - of the process that started this one
             for part in parts:
-                pipes.submit(_send, do(*part))
+                # pickled here: what cannot be ends this process, and is done again in the first
+                pipes.submit(_send, pickle.dumps(do(*part)))
 
 
-def _send(result: Any) -> None:
+def _send(result: bytes) -> None:
     with suppress(BrokenPipeError):
-        pickle.dump(result, sys.stdout.buffer)
+        sys.stdout.buffer.write(result)
         sys.stdout.buffer.flush()

@@ -289,7 +289,9 @@ def test_callees_left_unfinished_give_what_finished_ones_give() -> None:
             run(np.array([1.0, -1.0]))
 
 
-@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="numba is switched off: there is none")
+@pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="numba is switched off: nothing is compiled"
+)
 def test_machine_code_is_kept_without_code_for_llvm() -> None:
     @njit(**libraries.ENTRY)
     def half(x: float) -> float:

@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 
 import pytest
 
@@ -26,6 +27,10 @@ def where_when_both(number: int) -> tuple[int, int]:
 
 def many(number: int, size: int) -> bytes:
     return bytes([number]) * size
+
+
+def last_is_closure(number: int) -> int | Callable[[], int]:
+    return number if number < 2 else lambda: number
 
 
 def die_elsewhere(number: int, home: int) -> int:
@@ -59,6 +64,11 @@ def test_an_error_there_is_raised_here(share):
 
 def test_a_process_that_dies_leaves_its_parts_to_the_other(share):
     assert share(die_elsewhere, [(number, os.getpid()) for number in range(4)])() == [0, 1, 2, 3]
+
+
+def test_a_result_that_cannot_be_sent_is_made_here(share):
+    *numbers, closure = share(last_is_closure, [(number,) for number in range(3)])()
+    assert [*numbers, closure()] == [0, 1, 2]
 
 
 def test_one_processor_does_all(monkeypatch):
