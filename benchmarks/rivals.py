@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.cache import cache_root
+from fis_tools.compiled.cache import cache_root
 from fis_tools.formats.exchange import fll
 from fis_tools.formats.exchange.antecedents import operands_of
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian

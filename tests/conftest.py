@@ -8,7 +8,7 @@ from typing import IO, Any
 import pytest
 from omegaconf import OmegaConf
 
-from fis_tools.engines import cache
+from fis_tools.compiled import cache
 from tests.browser import axe, browser, opened
 
 # fixtures for all tests: a process runs one browser

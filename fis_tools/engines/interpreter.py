@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.program import (
     BISECTOR,
     BOUNDED_DIFFERENCE,

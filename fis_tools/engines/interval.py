@@ -12,7 +12,7 @@ Bounds are rows of two numbers, the lower first.
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.interpreter import SMALLEST_AREA, combine
 from fis_tools.engines.program import (
     CENTROID,

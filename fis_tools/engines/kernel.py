@@ -1,7 +1,7 @@
 """Compiled Mamdani inference with exactly scikit-fuzzy's meaning, many samples side by side.
 
 `fis_tools.engines.packing` turns systems into the numbers that are read here. One sample per lane of the
-working space is inferred at once: every formula is written once, for vectors (`fis_tools.engines.vectors`).
+working space is inferred at once: every formula is written once, for vectors (`fis_tools.compiled.vectors`).
 
 The method is division-free: the aggregated output is linear between the points on which scikit-fuzzy samples
 it, so its area and moment are weighted sums over the grid, and each further point that scikit-fuzzy inserts
@@ -16,23 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.packing import (
-    ANY,
-    CENTRE,
-    DEFAULT,
-    HEADER,
-    MAX_INPUTS,
-    MAX_TERMS,
-    MAXIMUM,
-    MINIMUM,
-    PIECE,
-    STEP,
-    STEPS_A_UNIT,
-    WIDTH_OF_STEP,
-    Packed,
-)
-from fis_tools.engines.vectors import (
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import (
     ROW,
     Rows,
     Vector,
@@ -49,6 +34,21 @@ from fis_tools.engines.vectors import (
     spread,
     store,
     width_of,
+)
+from fis_tools.engines.packing import (
+    ANY,
+    CENTRE,
+    DEFAULT,
+    HEADER,
+    MAX_INPUTS,
+    MAX_TERMS,
+    MAXIMUM,
+    MINIMUM,
+    PIECE,
+    STEP,
+    STEPS_A_UNIT,
+    WIDTH_OF_STEP,
+    Packed,
 )
 
 Floats = NDArray[np.float64]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
 from fis_tools.engines.interpreter import LANES, combine, fuzzify_one
 from fis_tools.engines.program import MIN, NUMBER, PRODUCT, WEIGHTED_SUM, Program, Weighing
-from fis_tools.engines.vectors import borrowed, gather, least, load, most, select, some, splat, store
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.vectors import ROW
+from fis_tools.compiled.vectors import ROW
 from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.model.membership import is_unimodal, sample_terms
 from fis_tools.model.validate import validate

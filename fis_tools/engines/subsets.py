@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import width_of
 from fis_tools.engines.kernel import conclude, make_scratch
 from fis_tools.engines.packing import Packed
-from fis_tools.engines.vectors import width_of
 from fis_tools.model import FuzzySystem
 
 Floats = NDArray[np.float64]

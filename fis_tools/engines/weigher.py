@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.program import (
     ARC,
     CONCAVE,

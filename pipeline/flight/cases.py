@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.compiled.vectors import make_rows
 from fis_tools.engines.kernel import LANES
-from fis_tools.engines.vectors import make_rows
 from pipeline.flight.actuators import (
     NO_ERRORS,
     NO_THRUSTERS,

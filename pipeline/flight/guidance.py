@@ -19,8 +19,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import load, select, store
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import load, select, store
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import sparingly
+from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.kernel import FEW_LANES, LANES, evaluate
 from pipeline.flight.cases import cases_of
 from pipeline.flight.controller import Controller, ControllerError, law_of, rehearsed_pushes, unanswered

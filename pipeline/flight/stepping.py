@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.compiled.vectors import make_rows
 from fis_tools.engines.kernel import FEW_LANES
-from fis_tools.engines.vectors import make_rows
 from pipeline.flight.cases import cases_of
 from pipeline.flight.inspectable import counted_points, inspectable_points
 from pipeline.flight.kernel.actuators import THRUSTING

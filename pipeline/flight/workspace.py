@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from fis_tools.compiled.vectors import aligned, make_rows
 from fis_tools.engines.kernel import LANES, make_scratch
-from fis_tools.engines.vectors import aligned, make_rows
 from pipeline.flight.cases import Cases, Starts
 from pipeline.flight.guidance import num_clusters
 from pipeline.flight.kernel.arrays import CARRIED, TURNED, Beyond, Guard, Law, Workspace, World

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.vectors import aligned, padded
+from fis_tools.compiled.vectors import aligned, padded
 from pipeline.flight.actuators import turns_by_thrust
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course

@@ -25,7 +25,7 @@ from math import inf, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.optimum.problem import Problem
 
 Floats = NDArray[np.float64]

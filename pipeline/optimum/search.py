@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import least, load, most, store
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import least, load, most, store
 from pipeline.optimum.problem import Problem
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ from math import atan2, cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.physics.quaternion import error_vector
 from pipeline.physics.vectors import assign, cross, dot, norm, times
 

@@ -16,7 +16,7 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from math import acos, asin, cos, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.physics.vectors import dot
 
 Floats = NDArray[np.float64]

@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.physics.clohessy_wiltshire import input_matrix, state_transition
 
 Floats = NDArray[np.float64]

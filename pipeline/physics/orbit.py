@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.vectors import assign, cross, dot, norm
 

@@ -13,7 +13,7 @@ own axes, w_c' the derivative of those components, and C the matrix from referen
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 from pipeline.physics.vectors import cross, cross_matrix, times
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Mask, Vector, most
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
 
 Floats = NDArray[np.float64]

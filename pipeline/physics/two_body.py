@@ -15,8 +15,8 @@ vectors.
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Vector
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Vector
 from pipeline.physics.illumination import share_at
 from pipeline.physics.orbit import Course
 from pipeline.physics.vectors import norm

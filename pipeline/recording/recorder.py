@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.analysis import shapley
-from fis_tools.engines.compiled import sparingly
+from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.kernel import firing_strengths
 from fis_tools.formats import serialize

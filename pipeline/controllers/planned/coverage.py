@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.flight.cases import starts_of
 from pipeline.flight.kernel.arrays import World
 from pipeline.flight.kernel.optics import note_seen_along

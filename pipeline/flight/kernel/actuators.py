@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Rows, Vector, least, load, most, select, splat, store, width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Rows, Vector, least, load, most, select, splat, store, width_of
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.attitude import clip
 from pipeline.flight.kernel.lanes import four, one, three, write_three

@@ -7,8 +7,8 @@ square roots.
 
 import numpy as np
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import most, select, some, splat, store, width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import most, select, some, splat, store, width_of
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import four, one, three, write_four, write_three
 from pipeline.physics.attitude_control import POLE, blended_y, desired_dcm, desired_y

@@ -1,7 +1,7 @@
 """The arrays of compiled flights: shared data, state, working space and logs.
 
 Up to L flights of one controller run side by side: every quantity that a flight carries is a vector with
-a lane for each of them (`fis_tools.engines.vectors`).
+a lane for each of them (`fis_tools.compiled.vectors`).
 """
 
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.vectors import Rows
+from fis_tools.compiled.vectors import Rows
 from pipeline.physics.motion import Motion, Stop
 from pipeline.physics.orbit import Course
 from pipeline.physics.reflection import Reflection

@@ -13,8 +13,8 @@ from math import cos, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Vector, least, most, select, some, store
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Vector, least, most, select, some, store
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import four, three, write_four, write_three
 from pipeline.flight.log import FlightLog

@@ -8,8 +8,8 @@ from math import pi
 
 import numpy as np
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Vector, least, most, power_of_two, select
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Vector, least, most, power_of_two, select
 
 #: below this the exponential is zero
 LEAST_EXPONENT = -700.0

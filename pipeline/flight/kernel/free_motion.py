@@ -10,8 +10,8 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import least, most, select, store
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import least, most, select, store
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.flight.kernel.arrays import Law, Workspace, World
 from pipeline.flight.kernel.lanes import three, two, write_three, write_two

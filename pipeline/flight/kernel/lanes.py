@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Vector, load, store, width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Vector, load, store, width_of
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import borrowed, splat, store, width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import borrowed, splat, store, width_of
 from pipeline.flight.kernel.actuators import burn, fire
 from pipeline.flight.kernel.aim import aim_at_once, aim_deputies
 from pipeline.flight.kernel.arrays import (

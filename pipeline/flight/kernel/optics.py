@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Mask, Vector, borrowed, count, load, select, some, store
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.flight.guidance import POINTS
 from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.physics.occlusion import cell_of

@@ -33,8 +33,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import least, most, select, some, splat, store, width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
 from pipeline.flight.kernel.arrays import Guard, Workspace, World
 from pipeline.flight.kernel.lanes import three
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED, FlightLog

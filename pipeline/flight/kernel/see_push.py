@@ -9,8 +9,8 @@ from math import cos, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import count, load, select, some, splat, store, total
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import count, load, select, some, splat, store, total
 from pipeline.flight.guidance import POINTS
 from pipeline.flight.kernel.arrays import Beyond, Law, Workspace, World
 from pipeline.flight.kernel.elementary import exponential

@@ -8,8 +8,8 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import Vector, count, least, load, most, select, some, splat, store, total
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import Vector, count, least, load, most, select, some, splat, store, total
 from pipeline.flight.guidance import MIN_PROJECTION_M, POINTS, cluster_centres, nearest_centre
 from pipeline.flight.kernel.arrays import Beyond, Workspace, World
 from pipeline.flight.kernel.elementary import arctangent

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import load, select, some, splat, store, width_of
 from fis_tools.engines.kernel import infer
-from fis_tools.engines.vectors import load, select, some, splat, store, width_of
 from fis_tools.model.thrust import SILENT_N
 from pipeline.flight.kernel.arrays import Law, Plans, Workspace, World
 from pipeline.flight.kernel.attitude import clip

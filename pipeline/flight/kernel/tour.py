@@ -8,8 +8,8 @@ from math import atan2, cos, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import width_of
 from pipeline.flight.kernel.arrays import Law, Workspace, World
 from pipeline.flight.signals import constant, slot
 from pipeline.physics.motion import drifted_place, place_over, push_by

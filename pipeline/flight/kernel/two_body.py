@@ -1,7 +1,7 @@
 """Motion about the Earth, in lanes, by `pipeline.physics.two_body`."""
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import splat, store, width_of
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import splat, store, width_of
 from pipeline.flight.kernel.arrays import Workspace, World
 from pipeline.flight.kernel.lanes import three, two, write_three
 from pipeline.physics.illumination import share_at

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import padded
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import padded
 from pipeline.flight.guidance import (
     MAX_ITERATIONS,
     MIN_PROJECTION_M,

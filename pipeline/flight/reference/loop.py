@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import interpreter
-from fis_tools.engines.compiled import compiled
 from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
 from pipeline.flight.drag import drag_in_time

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.flight.reference.sight import lit_points, seen_points, sun_at
 from pipeline.flight.reference.world import PlainWorld, turn_chief
 from pipeline.physics.motion import propagate

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
     Motion,

@@ -5,7 +5,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.reference.sight import lit_points, seen_points, sun_at
 from pipeline.flight.reference.world import PlainWorld, turn_chief

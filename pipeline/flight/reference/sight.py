@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import borrowed
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import borrowed
 from pipeline.flight.reference.world import PlainWorld, turn_chief
 from pipeline.physics.illumination import (
     ASTRONOMICAL_UNIT_M,

@@ -5,7 +5,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.flight.guidance import MIN_PROJECTION_M
 from pipeline.physics.vectors import dot, norm
 

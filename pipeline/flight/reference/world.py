@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.engines.compiled import compiled
+from fis_tools.compiled.decorator import compiled
 from pipeline.flight.chief import num_chief_steps
 from pipeline.flight.course import chief_course
 from pipeline.flight.light import RIGHT_ANGLE_DEG, reflection_of, sees_as_in_the_paper, shadowing_radius

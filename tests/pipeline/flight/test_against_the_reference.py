@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fis_tools.engines import cache, compiled
+from fis_tools.compiled import cache, decorator
 from pipeline.flight.controller import Controller, coast, law_of, open_loop
 from pipeline.flight.log import FlightLog, Scenario
 from pipeline.flight.reference.channels import channels_of, plan_of
@@ -294,12 +294,12 @@ def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(
     brief = replace(what, duration_s=40 * what.control_period_s)
     monkeypatch.setattr(cache, "was_asked", lambda *_: True)
     fast = fly_logged(brief, controller, starts[0])
-    token = compiled._plain.set("pipeline")
+    token = decorator._plain.set("pipeline")
     try:
         with np.errstate(all="ignore"):
             plain = fly_logged(brief, controller, starts[0])
     finally:
-        compiled._plain.reset(token)
+        decorator._plain.reset(token)
     for field, expected, found in zip(fast._fields, fast, plain, strict=True):
         np.testing.assert_array_equal(found, expected, err_msg=field)
 

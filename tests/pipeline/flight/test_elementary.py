@@ -5,7 +5,7 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from fis_tools.engines.vectors import load, store
+from fis_tools.compiled.vectors import load, store
 from pipeline.flight.kernel.elementary import arctangent, exponential
 
 Floats = NDArray[np.float64]

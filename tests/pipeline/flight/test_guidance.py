@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from sklearn.cluster import KMeans
 from threadpoolctl import ThreadpoolController
 
-from fis_tools.engines.vectors import padded
+from fis_tools.compiled.vectors import padded
 from pipeline.flight.guidance import (
     CENTRE_SHIFT_M,
     cluster_centres,

@@ -19,8 +19,8 @@ WORDS = ["+experiment=evaluate", "controller=coast", "stages=[scenario]", "repro
 COMPILED = """\
 import numpy as np
 from pipeline.flight.kernel.elementary import arctangent, exponential
-from fis_tools.engines.compiled import compiled
-from fis_tools.engines.vectors import load, store
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import load, store
 
 @compiled(error_model="numpy")
 def several(x, y, out):

@@ -19,9 +19,9 @@ IS_KNOWN = version_info.short in {(0, 67), (0, 68)}
 
 
 def get_ready() -> None:
-    """Get numba ready to compile functions that use `fis_tools.engines.vectors`."""
+    """Get numba ready to compile functions that use `fis_tools.compiled.vectors`."""
     _import_without_blas()
-    from fis_tools.engines import borrowed_code  # noqa: F401, PLC0415 - registers vectors with numba
+    from fis_tools.compiled import borrowed_code  # noqa: F401, PLC0415 - registers vectors with numba
 
 
 def load_first(dispatcher: Any) -> None:

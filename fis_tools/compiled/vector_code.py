@@ -1,7 +1,7 @@
-"""The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.engines.vectors`.
+"""The LLVM code of vectors, for numba: their types, and each operation of `fis_tools.compiled.vectors`.
 
-Importing this module registers all of it with numba. `fis_tools.engines.borrowed_code` adds borrowed values,
-and `fis_tools.engines.loading` imports both before anything is compiled. LLVM has vectors of any width as
+Importing this module registers all of it with numba. `fis_tools.compiled.borrowed_code` adds borrowed values,
+and `fis_tools.compiled.loading` imports both before anything is compiled. LLVM has vectors of any width as
 values and maps them to the processor's registers.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from fis_tools.engines import vectors
+from fis_tools.compiled import vectors
 
 
 @contextmanager

@@ -1,14 +1,14 @@
-"""The LLVM code of `fis_tools.engines.vectors.borrowed`, for numba.
+"""The LLVM code of `fis_tools.compiled.vectors.borrowed`, for numba.
 
 Borrowed arrays have references that are not counted; a borrowed named tuple is one pointer.
-Importing this module registers them with numba, as well as all of `fis_tools.engines.vector_code`.
+Importing this module registers them with numba, as well as all of `fis_tools.compiled.vector_code`.
 """
 
 from functools import cache
 from typing import Any
 
-from fis_tools.engines import vectors
-from fis_tools.engines.vector_code import I64, members, needed_of_numba, typed
+from fis_tools.compiled import vectors
+from fis_tools.compiled.vector_code import I64, members, needed_of_numba, typed
 
 with needed_of_numba():
     from llvmlite import ir

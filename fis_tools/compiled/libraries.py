@@ -5,7 +5,7 @@ function completely and turns it into machine code, then does so again within al
 without an entry for Python never runs by itself, so here it stays as numba first generates it; its
 callers optimise it with their own code. Results stay bit-identical: every operation is rounded separately.
 
-A function that is called from Python is never linked into another (see `fis_tools.engines.compiled`), so only
+A function that is called from Python is never linked into another (see `fis_tools.compiled.decorator`): only
 its machine code is kept in the cache, not the code for LLVM, which takes longer to load than to run.
 """
 
@@ -17,7 +17,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import AnnotateTypes
 
-from fis_tools.engines.loading import IS_KNOWN
+from fis_tools.compiled.loading import IS_KNOWN
 
 
 class _Nowhere:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import fis_tools
-from fis_tools.engines import cache
+from fis_tools.compiled import cache
 from pipeline.flight.kernel import attitude, loop, safety
 from pipeline.physics import vectors
 
@@ -27,8 +27,8 @@ def sources(function: Callable[..., object]) -> set[str]:
 
 
 def test_a_kernel_depends_on_its_file_and_on_all_that_it_imports_and_on_nothing_else() -> None:
-    names = ("__init__", "borrowed_code", "compiled", "libraries", "loading", "vector_code", "vectors")
-    decorator = {f"fis_tools/engines/{name}.py" for name in names}
+    names = ("__init__", "borrowed_code", "decorator", "libraries", "loading", "vector_code", "vectors")
+    decorator = {f"fis_tools/compiled/{name}.py" for name in names}
     assert sources(vectors.dot) == {"pipeline/physics/vectors.py", *decorator}
     flight = sources(loop.fly_many)
     assert flight > sources(attitude.turn_deputies) | sources(safety.assure) | sources(vectors.dot)
@@ -231,7 +231,7 @@ def test_using_a_cache_keeps_it(root: Path) -> None:
 def test_a_stale_answer_is_not_found_where_the_folder_cannot_be_made(tmp_path: Path) -> None:
     """numba would fall back to `__pycache__` beside the sources, which ignores a changed callee."""
     (tmp_path / "kernels").mkdir()
-    head = "from fis_tools.engines.compiled import compiled\n"
+    head = "from fis_tools.compiled.decorator import compiled\n"
     callee = head + "\n\n@compiled\ndef step(x):\n    return x + 1\n"
     (tmp_path / "kernels" / "__init__.py").touch()
     (tmp_path / "kernels" / "callee.py").write_text(callee)

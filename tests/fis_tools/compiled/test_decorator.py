@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 import fis_tools
-from fis_tools.engines import libraries, loading
+from fis_tools.compiled import libraries, loading
 
 Floats = NDArray[np.float64]
 
@@ -24,11 +24,11 @@ PROJECT = Path(fis_tools.__file__).parents[1]
 SOURCES = {
     "__init__": "",
     "constants": "STEP = 1\n",
-    "callee": "from fis_tools.engines.compiled import compiled\nfrom kernels.constants import STEP\n\n\n"
+    "callee": "from fis_tools.compiled.decorator import compiled\nfrom kernels.constants import STEP\n\n\n"
     "@compiled\ndef step(x):\n    return x + STEP\n",
-    "caller": "from fis_tools.engines.compiled import compiled\nfrom kernels.callee import step\n\n\n"
+    "caller": "from fis_tools.compiled.decorator import compiled\nfrom kernels.callee import step\n\n\n"
     '@compiled(error_model="numpy")\ndef twice(x):\n    """Take two steps."""\n    return step(step(x))\n',
-    "other": "from fis_tools.engines.compiled import compiled\n\n\n"
+    "other": "from fis_tools.compiled.decorator import compiled\n\n\n"
     "@compiled\ndef double(x):\n    return 2 * x\n",
 }
 CALL = (
@@ -38,7 +38,7 @@ CALL = (
 
 
 #: shows what is compiled from the first millisecond on
-AT_ONCE = "from fis_tools.engines import notice\nnotice.SHORTEST_S, notice.REFRESH_S = 0.0, 0.001\n"
+AT_ONCE = "from fis_tools.compiled import notice\nnotice.SHORTEST_S, notice.REFRESH_S = 0.0, 0.001\n"
 ERASE_LINE = "\x1b[2K"
 
 
@@ -94,7 +94,7 @@ def test_numba_gets_ready_to_compile_only_if_something_is_not_found(package: Pac
     package.call()
     look = (
         "import sys\nfrom kernels.caller import twice\n"
-        "for x in (5, 0.5):\n    print(twice(x), 'fis_tools.engines.vector_code' in sys.modules, end=' ')"
+        "for x in (5, 0.5):\n    print(twice(x), 'fis_tools.compiled.vector_code' in sys.modules, end=' ')"
     )
     assert package.run(look).stdout.split() == ["7", "False", "2.5", "True"]
 
@@ -102,7 +102,7 @@ def test_numba_gets_ready_to_compile_only_if_something_is_not_found(package: Pac
 @pytest.mark.slow
 @pytest.mark.parametrize("is_known", [True, False])
 def test_a_release_of_numba_that_is_not_known_does_all_by_itself(package: Package, is_known: bool) -> None:
-    call = f"from fis_tools.engines import loading\nloading.IS_KNOWN = {is_known}\n{CALL}"
+    call = f"from fis_tools.compiled import loading\nloading.IS_KNOWN = {is_known}\n{CALL}"
     assert package.run(call).stdout.strip() == "7 8 0 0"
     assert package.run(call).stdout.strip() == "7 8 1 1"
 
@@ -110,7 +110,7 @@ def test_a_release_of_numba_that_is_not_known_does_all_by_itself(package: Packag
 @pytest.mark.slow
 def test_what_is_wanted_once_is_not_compiled_until_it_is_wanted_again(package: Package) -> None:
     ask = (
-        "from fis_tools.engines.compiled import sparingly\nfrom kernels.caller import twice\n"
+        "from fis_tools.compiled.decorator import sparingly\nfrom kernels.caller import twice\n"
         "for x in (5, 6, 0.5):\n    print(sparingly(twice)(x), len(twice.signatures), end=' ')"
     )
     assert package.run(ask).stdout.split() == ["7", "0", "8", "1", "2.5", "1"]
@@ -193,7 +193,7 @@ def test_they_are_plain_functions_where_numba_is_switched_off(package: Package) 
 @pytest.mark.slow
 def test_a_function_without_a_file_is_compiled_and_not_kept(package: Package) -> None:
     define = (
-        "from fis_tools.engines.compiled import compiled\n@compiled\ndef f(x):\n    return x\nprint(f(3))"
+        "from fis_tools.compiled.decorator import compiled\n@compiled\ndef f(x):\n    return x\nprint(f(3))"
     )
     done = package.run(define)
     assert done.stdout == "3\n"
@@ -258,7 +258,7 @@ def test_what_compiled_code_calls_is_compiled_without_an_entry_for_python(packag
 
 
 def test_callees_left_unfinished_give_what_finished_ones_give() -> None:
-    assert loading.IS_KNOWN, "this numba is not known to `fis_tools.engines.loading`: try it, and add it"
+    assert loading.IS_KNOWN, "this numba is not known to `fis_tools.compiled.loading`: try it, and add it"
 
     def made(options: dict[str, object]) -> Callable[[Floats], float]:
         @njit(**options)

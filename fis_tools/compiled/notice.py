@@ -18,7 +18,7 @@ from weakref import WeakSet
 
 from numba.core import event
 
-from fis_tools.engines.cache import Refused
+from fis_tools.compiled.cache import Refused
 
 #: Compilations shorter than this are not reported; then the interval between plain lines.
 SHORTEST_S = 0.5

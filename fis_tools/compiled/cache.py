@@ -33,7 +33,7 @@ DAY_S = 86400.0
 COMPILERS = ("numba", "llvmlite", "numpy")
 
 #: Modules that every module with compiled functions imports, and that do not affect its code.
-SHAPING_NOTHING = {"fis_tools.engines.cache", "fis_tools.engines.notice"}
+SHAPING_NOTHING = {"fis_tools.compiled.cache", "fis_tools.compiled.notice"}
 
 #: The imports of a file: `from X import Y, …` and `import X`; and those for type checkers only.
 IMPORTS = re.compile(r"\n[ \t]*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+([^\n]*))")

@@ -1,7 +1,7 @@
 """The decorator of every compiled function: numba at the first call, with our own cache and notices.
 
 Importing a module with compiled functions does not import numba. The first call creates numba's dispatcher
-and gives it its own cache folder (`fis_tools.engines.cache`). numba's settings for the process, and the
+and gives it its own cache folder (`fis_tools.compiled.cache`). numba's settings for the process, and the
 compiled functions of other packages, are unaffected.
 """
 
@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast, overload
 
 import numpy as np
 
-from fis_tools.engines import cache
+from fis_tools.compiled import cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -138,7 +138,7 @@ def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Create numba's dispatcher for calls from Python, with a cache folder if one can be trusted."""
     from numba import njit  # noqa: PLC0415 - takes a while, and most commands compile nothing
 
-    from fis_tools.engines import libraries, loading, notice  # noqa: PLC0415 - as above
+    from fis_tools.compiled import libraries, loading, notice  # noqa: PLC0415 - as above
 
     options = {**libraries.ENTRY, **options}
     place = cache.place_for(function)
@@ -166,7 +166,7 @@ def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """
     from numba import njit, types  # noqa: PLC0415 - as above
 
-    from fis_tools.engines import libraries, loading, notice  # noqa: PLC0415 - as above
+    from fis_tools.compiled import libraries, loading, notice  # noqa: PLC0415 - as above
 
     loading.get_ready()
     dispatcher: Any = njit(**options, **libraries.CALLEE)(function)

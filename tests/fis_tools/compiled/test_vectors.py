@@ -18,8 +18,8 @@ from numba import njit
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
-from fis_tools.engines import borrowed_code, vector_code  # noqa: F401 - teaches numba what is borrowed
-from fis_tools.engines.vectors import (
+from fis_tools.compiled import borrowed_code, vector_code  # noqa: F401 - teaches numba what is borrowed
+from fis_tools.compiled.vectors import (
     CACHE_LINE,
     ROW,
     aligned,
@@ -461,7 +461,7 @@ def run(command: list[str], **variables: str) -> subprocess.CompletedProcess[str
 
 @when_compiled
 def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
-    program = "import numba.extending as e\ndel e.register_model\nimport fis_tools.engines.vector_code\n"
+    program = "import numba.extending as e\ndel e.register_model\nimport fis_tools.compiled.vector_code\n"
     done = run([sys.executable, "-c", program])
     assert done.returncode != 0
     assert "lacks what compiled vectors are made with" in done.stderr

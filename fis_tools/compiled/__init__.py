@@ -1,0 +1,1 @@
+"""Compiled code: vectors, the decorator of every compiled function, and its cache."""
