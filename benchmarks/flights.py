@@ -1,0 +1,116 @@
+"""Hashes of flights: every shipped controller in every shipped world, and every kind of flight besides.
+
+``python -m benchmarks flights --write FILE`` stores them; ``--against FILE`` names the kinds that fly otherwise.
+A kind is a command's settings; its hash covers outcomes, tracks and one logged flight, to the bit.
+"""
+
+import argparse
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.command_line.config import compose_experiment, conf_folder
+from pipeline.controllers import source
+from pipeline.flight.controller import ControllerError
+from pipeline.flight.kernel.arrays import NUM_TRACKED
+from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.starts import evaluation_scenarios
+
+#: of which each kind flies so many
+NUM_STARTS = 24
+#: controllers that need a file besides
+NEEDS_A_FILE = ("file", "open_loop", "policy")
+#: ways of flying in the paper's world
+WAYS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("sun=random",),
+    ("sun=random", "safety=filter"),
+    ("guidance=clusters",),
+    ("guidance=clusters", "safety=filter"),
+    ("world=leo",),
+    ("world=leo", "safety=filter"),
+    ("world=afrl",),
+)
+#: flown by two controllers that sense what others do not
+MORE_WAYS: tuple[tuple[str, ...], ...] = (
+    ("attitude=ideal",),
+    ("attitude.pole_blending=true",),
+    (
+        "chief.initial_angular_velocity_rad_s=[0.01,0.004,-0.006]",
+        "chief.inertia_kg_m2=[[1,0,0],[0,2,0],[0,0,2.5]]",
+    ),
+    ("deputy.inertia_kg_m2=[[1,0,0],[0,1.4,0.1],[0,0.1,1.8]]",),
+    ("light=shadow", "sun.elevation_deg=20"),
+    ("sensor.max_incidence_deg=60", "sensor.max_range_m=120", "sensor.min_sun_angle_deg=20"),
+    ("light=blinn_phong",),
+    ("navigation=fixes",),
+    ("navigation=range_bearing", "navigation.delay_s=10"),
+    ("actuators=real",),
+    ("actuators=real", "actuators.delay_s=10"),
+    ("dynamics=low_orbit",),
+    ("dynamics=two_body",),
+    ("world=leo", "guidance=clusters", "attitude=ideal"),
+)
+PAIR = ("champion_27", "paper_champion")
+
+
+def kinds() -> list[tuple[str, ...]]:
+    """Return the settings of every kind of flight."""
+    shipped = sorted(path.stem for path in (conf_folder() / "controller").glob("*.yaml"))
+    ways = [(f"controller={name}", *way) for name in shipped if name not in NEEDS_A_FILE for way in WAYS]
+    return ways + [(f"controller={name}", *way) for name in PAIR for way in MORE_WAYS]
+
+
+def hash_of(settings: Sequence[str]) -> str:
+    """Return the hash of a kind's flights, or the reason why there are none."""
+    try:
+        experiment = compose_experiment(["+experiment=evaluate", *settings]).experiment
+        mission = experiment.mission
+        controller = source.load(experiment.controller, mission)
+    except (ValueError, ControllerError) as error:
+        return f"refused: {str(error)[:60]}"
+    scenarios = evaluation_scenarios(
+        experiment.monte_carlo, experiment.sun, experiment.seed, range(NUM_STARTS)
+    )
+    tracks = np.zeros((NUM_STARTS, mission.num_controls + 1, NUM_TRACKED), dtype=np.float32)
+    found = hashlib.sha256()
+    _add(found, fly_all(mission, controller, scenarios, tracks=tracks))
+    found.update(tracks.tobytes())
+    _add(found, fly_logged(mission, controller, scenarios[0]))
+    return found.hexdigest()[:16]
+
+
+def _add(found: Any, arrays: Any) -> None:
+    for name, values in sorted(
+        vars(arrays).items() if hasattr(arrays, "__dict__") else arrays._asdict().items()
+    ):
+        found.update(name.encode())
+        found.update(np.ascontiguousarray(values).tobytes())
+
+
+def main(words: Sequence[str]) -> int:
+    """Print, store or compare the hashes."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks flights", description=__doc__)
+    parser.add_argument("--write", type=Path, help="file to store the hashes in")
+    parser.add_argument("--against", type=Path, help="file with the hashes of another revision")
+    parser.add_argument("--only", default="", help="kinds whose settings hold this text")
+    chosen = parser.parse_args(words)
+    before = json.loads(chosen.against.read_text(encoding="utf-8")) if chosen.against else {}
+    hashes, different = {}, []
+    for settings in kinds():
+        name = " ".join(settings)
+        if chosen.only not in name:
+            continue
+        hashes[name] = hash_of(settings)
+        is_other = name in before and before[name] != hashes[name]
+        print(f"{hashes[name]}  {name}{'  DIFFERENT' if is_other else ''}", flush=True)
+        if is_other:
+            different.append(name)
+    if chosen.write:
+        chosen.write.write_text(json.dumps(hashes, indent=1) + "\n", encoding="utf-8")
+    print(f"{len(hashes)} kinds of flight" + (f", {len(different)} different" if before else ""))
+    return 1 if different else 0
