@@ -17,11 +17,11 @@ from fis_tools.words.text import antecedent_words, sentence
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import episode_columns, summarise
-from pipeline.flight.controller import Controller, open_loop
-from pipeline.flight.log import FlightLog, Scenario, points_needed
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.world import inspection_points
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller, open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario, points_needed
+from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.solved import Solved, solved_for
 from pipeline.report.figures.side_by_side import side_by_side
 from pipeline.report.figures.style import PALETTE, save, style

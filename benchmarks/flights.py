@@ -1,7 +1,7 @@
 """Hashes of flights: every shipped controller in every shipped world, and every kind of flight besides.
 
-``python -m benchmarks flights --write FILE`` stores them; ``--against FILE`` names the kinds that fly otherwise.
-A kind is a command's settings; its hash covers outcomes, tracks and one logged flight, to the bit.
+``python -m benchmarks flights --write FILE`` stores them; ``--against FILE`` names the kinds that fly
+otherwise. A kind is a command's settings; its hash covers outcomes, tracks and one logged flight.
 """
 
 import argparse
@@ -15,10 +15,10 @@ import numpy as np
 
 from pipeline.command_line.config import compose_experiment, conf_folder
 from pipeline.controllers import source
-from pipeline.flight.controller import ControllerError
-from pipeline.flight.kernel.arrays import NUM_TRACKED
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.arrays import NUM_TRACKED
 
 #: of which each kind flies so many
 NUM_STARTS = 24

@@ -22,15 +22,15 @@ from fis_tools.learning import learn
 from fis_tools.model import FuzzyController
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
-from pipeline.flight.controller import Controller, from_fuzzy
-from pipeline.flight.kernel.arrays import NUM_TRACKED, TRACK_FORCE
-from pipeline.flight.kernel.network import answer
-from pipeline.flight.kernel.step import NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY
-from pipeline.flight.log import Scenario
-from pipeline.flight.policy import Policy
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import evaluation_scenarios, validation_scenarios
-from pipeline.flight.stepping import NUM_SEEN, Flights
+from pipeline.flight.cases.starts import evaluation_scenarios, validation_scenarios
+from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.fly.policy import Policy
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.fly.stepping import NUM_SEEN, Flights
+from pipeline.flight.period.decide.network import answer
+from pipeline.flight.period.step import NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY
+from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ EVERY: Final = 5
 
 
 def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
-    """Return signals of `pipeline.flight.signals` that follow from the observations, with their units."""
+    """Return the signals of flights that follow from the observations, with their units."""
     position, velocity = seen[:, POSITION : POSITION + 3].T, seen[:, VELOCITY : VELOCITY + 3].T
     target, sun = seen[:, TARGET : TARGET + 3].T, seen[:, SUN : SUN + 3].T
     reach = np.maximum(np.hypot(position[0], position[1]), 1e-6)

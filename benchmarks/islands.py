@@ -17,7 +17,7 @@ from scipy import stats
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.flight.starts import validation_scenarios
+from pipeline.flight.cases.starts import validation_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import costs_of, evolved

@@ -13,9 +13,9 @@ from benchmarks.timing import best_cpu_seconds, best_wall_seconds, line
 from fis_tools.model import FuzzyController, FuzzySystem, rule_table, table_rules
 from pipeline.command_line.config import Composed, compose_experiment
 from pipeline.controllers import source as controller_source
-from pipeline.flight.controller import Controller, from_fuzzy
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.recording.recorder import FlightRecorder
 
 NUM_FLIGHTS = 100

@@ -7,8 +7,8 @@ import numpy as np
 
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases, summarise
-from pipeline.flight.controller import from_fuzzy
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import from_fuzzy
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import Sun
 from pipeline.settings.schema import experiment_from

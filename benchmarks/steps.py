@@ -14,15 +14,15 @@ from llvmlite import binding
 from benchmarks.timing import best_cpu_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import rehearsed_pushes
-from pipeline.flight.population import fly_population
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import rehearsed_pushes
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.rehearsals import rehearsed_openings
+from pipeline.flight.fly.simulation import law_for
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.rehearsals import rehearsed_openings
-from pipeline.flight.simulation import law_for
-from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.world import pack_world
+from pipeline.flight.world.pack import pack_world
 
 #: by type of processor, as they differ
 STORED = Path(__file__).with_name("ratios.json")

@@ -19,7 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import GREATEST_GAIN, Planes
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
-from pipeline.flight.signals import SIGNALS
+from pipeline.flight.state.signals import SIGNALS
 
 WORDS = {
     2: ("negative", "positive"),

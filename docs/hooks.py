@@ -28,7 +28,7 @@ ELSEWHERE = {
 INTERNAL = {
     "fis_tools.commands",
     "pipeline.command_line",
-    "pipeline.flight.kernel",
+    "pipeline.flight.period",
     "pipeline.flight.reference",
     "pipeline.report",
     "pipeline.report.figures",

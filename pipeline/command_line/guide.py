@@ -42,7 +42,7 @@ def help_text(folders: Sequence[Path]) -> str:
     str
         Plain text of many lines.
     """
-    from pipeline.flight.signals import SIGNALS  # noqa: PLC0415 - needed for the help alone
+    from pipeline.flight.state.signals import SIGNALS  # noqa: PLC0415 - needed for the help alone
 
     groups = options(folders)
     signals = [(name, f"[{signal.unit}] {signal.description}") for name, signal in SIGNALS.items()]

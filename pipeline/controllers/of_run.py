@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.controller import Controller, from_fuzzy
+from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
 

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller, ControllerError, open_loop
-from pipeline.flight.turns import Turns
+from pipeline.flight.control.controller import Controller, ControllerError, open_loop
+from pipeline.flight.state.turns import Turns
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller, ControllerError
-from pipeline.flight.kernel.network import CLIPPED, LINEAR, TANH, Network
-from pipeline.flight.policy import Policy
-from pipeline.flight.stepping import NUM_SEEN
+from pipeline.flight.control.controller import Controller, ControllerError
+from pipeline.flight.fly.policy import Policy
+from pipeline.flight.fly.stepping import NUM_SEEN
+from pipeline.flight.period.decide.network import CLIPPED, LINEAR, TANH, Network
 
 Floats = NDArray[np.float64]
 

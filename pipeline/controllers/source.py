@@ -11,7 +11,7 @@ from fis_tools.formats import serialize
 from pipeline.controllers.planned.planner import controller_of_kind
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
-from pipeline.flight.controller import (
+from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
     coast,

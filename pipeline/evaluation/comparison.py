@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import points_needed
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.state.log import points_needed
 from pipeline.optimum.solved import Solved
 
 Column = NDArray[Any]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.evaluation.statistics import fraction, statistic
-from pipeline.flight.controller import Controller
-from pipeline.flight.dispersions import drawn
-from pipeline.flight.log import Outcomes, Scenario, inspectable_rate
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.world import inspection_points
+from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
+from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2

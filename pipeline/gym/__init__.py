@@ -11,7 +11,7 @@ except ModuleNotFoundError as error:
         "pipeline.gym needs Gymnasium; install the extra: pip install 'fuzzy-spacecraft-inspection[gym]'"
     ) from error
 
-from pipeline.flight.stepping import OBSERVED
+from pipeline.flight.fly.stepping import OBSERVED
 from pipeline.gym.env import InspectionEnv
 from pipeline.gym.many import InspectionVectorEnv
 from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import FlightLog
+from pipeline.flight.state.log import FlightLog
 from pipeline.gym.episodes import Episodes
 from pipeline.gym.task import Reward, Task, task_of
 
@@ -18,7 +18,7 @@ Observation = NDArray[np.float32]
 class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     """Inspect the chief: command a force each control period, in Hill axes.
 
-    Observations are physical, in the order of `pipeline.flight.stepping.OBSERVED`. An episode terminates
+    Observations are physical, in the order of `pipeline.flight.fly.stepping.OBSERVED`. An episode terminates
     outside the distance limits and when every point that counts is inspected; it is truncated when its time
     is over.
 
@@ -46,7 +46,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode: drawn, or ``options["scenario"]`` (`pipeline.flight.log.Scenario`)."""
+        """Start an episode: drawn, or ``options["scenario"]`` (`pipeline.flight.state.log.Scenario`)."""
         super().reset(seed=seed)
         scenario = (options or {}).get("scenario") or self._episodes.draw(self.np_random)
         self._episodes.start(0, scenario)

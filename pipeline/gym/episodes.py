@@ -6,8 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import open_loop
-from pipeline.flight.kernel.step import (
+from pipeline.flight.cases.starts import draw
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.stepping import Flights
+from pipeline.flight.period.step import (
     CORRECTED,
     NUM_ACTED,
     NUM_INSPECTED,
@@ -15,17 +18,14 @@ from pipeline.flight.kernel.step import (
     OUTSIDE,
     SPENT,
 )
-from pipeline.flight.log import FlightLog, Scenario, points_needed
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import draw
-from pipeline.flight.stepping import Flights
+from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.gym.task import Task
 from pipeline.recording.recorder import FlightRecorder
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
-#: first part of the spawn key of starts, beside those of `pipeline.flight.starts`
+#: first part of the spawn key of starts, beside those of `pipeline.flight.cases.starts`
 EPISODES = 1 << 22
 #: seeds of starts are drawn below this
 MOST_SEED = 1 << 31
@@ -93,12 +93,12 @@ class Episodes:
 
     @property
     def observations(self) -> NDArray[np.float32]:
-        """What is observed now, see `pipeline.flight.stepping.Flights.seen`."""
+        """What is observed now, see `pipeline.flight.fly.stepping.Flights.seen`."""
         return self._flights.seen
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:
-        """What is told beside observations: see `pipeline.flight.kernel.step`."""
+        """What is told beside observations: see `pipeline.flight.period.step`."""
         now = self._flights.observed
         return {
             "delta_v_m_s": now[:, SPENT].copy(),

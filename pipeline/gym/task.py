@@ -72,7 +72,7 @@ class Task:
 
     @property
     def scales(self) -> Floats:
-        """Amounts by which observations are divided to be about one, see `pipeline.flight.stepping`."""
+        """Amounts by which observations are divided to be about one, see `pipeline.flight.fly.stepping`."""
         mission = self.mission
         speed, points = 1.0, float(mission.chief.num_points)
         distance = mission.deputy.max_distance_m

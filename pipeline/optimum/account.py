@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import Scenario
-from pipeline.flight.world import inspection_points
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.settings.experiment import Mission, SettingError
 

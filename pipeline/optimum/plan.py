@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import FlightLog, Scenario, points_needed
+from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.polish import Step, step
 from pipeline.optimum.problem import Problem, flown, problem_of, seen_as

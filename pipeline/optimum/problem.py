@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.cases import starts_of
-from pipeline.flight.controller import open_loop
-from pipeline.flight.inspectable import lit_at_samples
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.world import pack_world
+from pipeline.flight.cases.cases import starts_of
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.inspectable import lit_at_samples
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.occlusion import Occlusion, note_free_along

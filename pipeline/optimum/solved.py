@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import Scenario
-from pipeline.flight.starts import starts_in
+from pipeline.flight.cases.starts import starts_in
+from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import SHIPPED, Experiment, Mission, Sun, linear
 

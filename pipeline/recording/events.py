@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.thrust import ThrustLogic
-from pipeline.flight.log import (
+from pipeline.flight.state.log import (
     KEEP_IN,
     KEEP_OUT,
     PASSIVE_SAFETY,

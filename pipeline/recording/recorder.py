@@ -22,14 +22,14 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import REASONS, thrust_logic
 from fis_tools.words.text import sentences
 from pipeline.controllers.played import to_mapping
-from pipeline.flight.controller import Controller, rehearsed_pushes
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.navigation import errors_of, filter_of, measured
+from pipeline.flight.cases.navigation import errors_of, filter_of, measured
+from pipeline.flight.control.controller import Controller, rehearsed_pushes
+from pipeline.flight.fly.rehearsals import tour_followed
 from pipeline.flight.reference.sight import lit_and_seen_points
 from pipeline.flight.reference.world import world_of
-from pipeline.flight.rehearsals import tour_followed
-from pipeline.flight.signals import CONSTANTS
-from pipeline.flight.surface import surface_of
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.state.signals import CONSTANTS
+from pipeline.flight.world.surface import surface_of
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
 from pipeline.run import artifacts, maker

@@ -16,9 +16,9 @@ from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
 from pipeline.controllers.policies import policy_of
-from pipeline.flight.controller import Controller, ControllerError, from_fuzzy, open_loop
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, open_loop
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller, open_loop
-from pipeline.flight.log import FlightLog
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import Controller, open_loop
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.account import summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, tables

@@ -15,10 +15,10 @@ from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios, start_shown, training_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.report.beside_optimum import BesideOptimum, Pair, fly_pairs, read_beside
 from pipeline.report.comparison_tables import read_comparison
 from pipeline.report.dispersed import Spread, spread_of

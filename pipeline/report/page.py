@@ -14,7 +14,7 @@ from fis_tools.words.text import summary
 from pipeline.evaluation import published
 from pipeline.evaluation.comparison import FLOWN
 from pipeline.evaluation.published import Reported
-from pipeline.flight.log import Scenario, inspectable_rate, points_in_words, points_needed
+from pipeline.flight.state.log import Scenario, inspectable_rate, points_in_words, points_needed
 from pipeline.report.beside_optimum import in_words, optimum_rows, outcome, times_tile
 from pipeline.report.comparison_tables import headings, tables_of, world_tables_of, world_verdicts
 from pipeline.report.contents import POSITION, Columns, Contents, FlightSet, ShownFlight

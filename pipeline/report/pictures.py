@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.evaluation import published
 from pipeline.evaluation.worlds import worlds_of
-from pipeline.flight.log import points_needed
-from pipeline.flight.world import inspection_points
+from pipeline.flight.state.log import points_needed
+from pipeline.flight.world.pack import inspection_points
 from pipeline.report.beside_optimum import Pair
 from pipeline.report.comparison_tables import marks_of, squares_of
 from pipeline.report.contents import Contents, FlightSet, ShownFlight

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import FlightLog
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog
 from pipeline.settings.experiment import Experiment, unguarded
 
 Columns = Mapping[str, NDArray[Any]]

@@ -1,6 +1,7 @@
 """Distributions of the settings that are dispersed over the flights of an evaluation.
 
-With a correlation time a setting varies within a flight as well; `pipeline.flight.processes` defines how.
+With a correlation time a setting varies within a flight as well; `pipeline.flight.cases.processes` defines
+how.
 """
 
 import math

@@ -30,11 +30,11 @@ from pipeline.evaluation.assurance.requirements import (
 )
 from pipeline.evaluation.assurance.search import Search, case_space, search, speed
 from pipeline.evaluation.assurance.verdicts import Found, percent
-from pipeline.flight.controller import Controller
-from pipeline.flight.dispersions import drawn
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.evidence import page
 from pipeline.run import artifacts, maker, tables

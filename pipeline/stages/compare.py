@@ -29,11 +29,11 @@ from pipeline.evaluation.comparison import (
 )
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
 from pipeline.evaluation.worlds import worlds_in_words
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import Outcomes, Scenario
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.world import inspection_points
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables

@@ -14,9 +14,9 @@ import numpy as np
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.monte_carlo import Column, episode_columns, fly_cases, summarise
 from pipeline.evaluation.sensitivity import RANKED, percentiles, sensitivity
-from pipeline.flight.controller import Controller
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_all
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, tables

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.controllers.played import COLUMNS, read_played
-from pipeline.flight.log import Scenario
-from pipeline.flight.starts import EVALUATION, evaluation_scenarios, given_start
-from pipeline.flight.world import inspection_points
+from pipeline.flight.cases.starts import EVALUATION, evaluation_scenarios, given_start
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.account import case_row, summarise
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import terms_of

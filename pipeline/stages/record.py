@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
-from pipeline.flight.log import FlightLog, Scenario, points_in_words
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios, start_shown, training_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios, start_shown, training_scenarios
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario, points_in_words
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment

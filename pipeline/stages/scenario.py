@@ -4,8 +4,8 @@ import csv
 import io
 from pathlib import Path
 
-from pipeline.flight.log import Scenario
-from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import COLUMNS

@@ -11,9 +11,9 @@ from typing import Any
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.controller import Controller, from_fuzzy
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import validation_scenarios
+from pipeline.flight.cases.starts import validation_scenarios
+from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts
 from pipeline.run.progress import Progress
 from pipeline.settings.checks import SettingError

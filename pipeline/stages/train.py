@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
-from pipeline.flight.controller import ControllerError
-from pipeline.flight.simulation import is_by_the_reference
-from pipeline.flight.starts import validation_scenarios
-from pipeline.flight.world import inspection_points
+from pipeline.flight.cases.starts import validation_scenarios
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.simulation import is_by_the_reference
+from pipeline.flight.world.pack import inspection_points
 from pipeline.run import artifacts, maker, tables
 from pipeline.settings.experiment import Experiment
 from pipeline.training.champion_flights import ChampionFlights

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import law_of
-from pipeline.flight.population import fly_population, lanes_for
-from pipeline.flight.starts import given_start
-from pipeline.flight.world import pack_world
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import given_start
+from pipeline.flight.control.controller import law_of
+from pipeline.flight.fly.population import fly_population, lanes_for
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome

@@ -19,7 +19,7 @@ of success, are charged half to each, so that no controller improves one objecti
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import Outcomes, points_needed
+from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.settings.experiment import Penalty
 
 Floats = NDArray[np.float64]

@@ -10,13 +10,13 @@ from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.genes.reduction import KeptRules, Planes
 from fis_tools.genes.stretches import Stretches, rounded
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import (
+from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
     from_fuzzy,
     has_constants,
 )
-from pipeline.flight.signals import CONSTANTS, TOUR_PLACES
+from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
 from pipeline.settings.experiment import Encoding
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ class Genome:
 
     First come the genes of the systems (`fis_tools.genes.parameters.SystemEncoding`, or fewer,
     `fis_tools.genes.reduction`, or `fis_tools.genes.stretches`), then one for each constant that is tuned,
-    linear between its bounds, in the order of `pipeline.flight.signals.CONSTANTS`.
+    linear between its bounds, in the order of `pipeline.flight.state.signals.CONSTANTS`.
 
     Parameters
     ----------

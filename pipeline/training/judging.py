@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import from_fuzzy, law_of
-from pipeline.flight.log import Outcomes, Scenario
-from pipeline.flight.population import fly_population, lanes_for
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import hard_candidates, training_scenarios, validation_scenarios
-from pipeline.flight.tours import tour_images
-from pipeline.flight.world import pack_world
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.starts import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.control.controller import from_fuzzy, law_of
+from pipeline.flight.control.tours import tour_images
+from pipeline.flight.fly.population import fly_population, lanes_for
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution import OBJECTIVE, Evaluate, Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation

@@ -1,7 +1,7 @@
 """The thrust logic in C: one function that a flight computer calls once in each control period.
 
-`fis_tools.model.thrust` says what it is. The function does what `pipeline.flight.kernel.thrust` does, but for
-the safety layer, which is no part of the controller.
+`fis_tools.model.thrust` says what it is. The function does what `pipeline.flight.period.decide.thrust`
+does, but for the safety layer, which is no part of the controller.
 """
 
 from collections.abc import Iterator, Mapping

@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.flight.cases import starts_of
-from pipeline.flight.kernel.arrays import World
-from pipeline.flight.kernel.optics import note_seen_along
-from pipeline.flight.log import Scenario
-from pipeline.flight.workspace import make_workspace, optics_in_use
+from pipeline.flight.cases.cases import starts_of
+from pipeline.flight.fly.workspace import make_workspace, optics_in_use
+from pipeline.flight.period.look.optics import note_seen_along
+from pipeline.flight.state.arrays import World
+from pipeline.flight.state.log import Scenario
 from pipeline.physics.sight import Sight, is_facing, is_in_cone, is_lit
 
 Floats = NDArray[np.float64]

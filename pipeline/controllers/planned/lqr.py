@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.controllers.planned.route import Routes
-from pipeline.flight.log import Scenario
+from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
 from pipeline.settings.checks import SettingError
 from pipeline.settings.controllers import Lqr

@@ -21,8 +21,8 @@ from pipeline.controllers.planned.free_motion import (
     RING_RADIAL,
     elements_matrix,
 )
-from pipeline.flight.log import Scenario
-from pipeline.flight.world import pack_world
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
 from pipeline.settings.controllers import NaturalMotion
 from pipeline.settings.experiment import Mission

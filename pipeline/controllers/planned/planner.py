@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller, Planner
-from pipeline.flight.log import Scenario
+from pipeline.flight.control.controller import Controller, Planner
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import Lqr, NaturalMotion, Planned
 from pipeline.settings.experiment import Mission
 

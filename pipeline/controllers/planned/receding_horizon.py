@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import check_within_limits, ring_elements
 from pipeline.controllers.planned.route import Routes
-from pipeline.flight.kernel.arrays import World
-from pipeline.flight.log import Scenario
-from pipeline.flight.world import pack_world
+from pipeline.flight.state.arrays import World
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.optimum.linear_program import least_forces
 from pipeline.physics.motion import Reading, last_of, positions_of, read, repeated
 from pipeline.settings.controllers import RecedingHorizon

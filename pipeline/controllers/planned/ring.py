@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import Scenario
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import Ring
 from pipeline.settings.experiment import Mission, SettingError
 

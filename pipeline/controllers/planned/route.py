@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import Scenario, points_needed
-from pipeline.flight.navigation import as_believed
-from pipeline.flight.world import pack_world
+from pipeline.flight.cases.navigation import as_believed
+from pipeline.flight.state.log import Scenario, points_needed
+from pipeline.flight.world.pack import pack_world
 from pipeline.optimum.plan import descend, total
 from pipeline.optimum.problem import check_light, problem_of
 from pipeline.optimum.search import search

@@ -10,11 +10,11 @@ from pipeline.evaluation.assurance.formula import Formula, quantities_of
 from pipeline.evaluation.assurance.quantities import of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError
 from pipeline.evaluation.assurance.robustness import holds, robustness
-from pipeline.flight.controller import Controller
-from pipeline.flight.kernel.arrays import NUM_TRACKED
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.world import inspection_points
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.arrays import NUM_TRACKED
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pipeline.evaluation.assurance.campaign import Outcome
 from pipeline.evaluation.assurance.search import Search
 from pipeline.evaluation.assurance.verdicts import Found
-from pipeline.flight.dispersions import drawn
-from pipeline.flight.log import Scenario
+from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 
 Columns = dict[str, NDArray[Any]]

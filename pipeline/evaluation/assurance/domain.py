@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from pipeline.evaluation.assurance.claims import share_bounds
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -12,9 +12,9 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import Scenario
+from pipeline.flight.control.controller import Controller
 from pipeline.flight.reference.safety import NUM_STANDING, excesses, safety_world_of
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """The quantities of formulas, from compiled tracks and from recordings alike.
 
 A track holds, sample by sample, position (m) and velocity (m/s) in Hill axes, the delta-v spent (m/s), the
-number of points not yet inspected, and so on, see `pipeline.flight.population.fly_population`. A force
+number of points not yet inspected, and so on, see `pipeline.flight.fly.population.fly_population`. A force
 belongs to the sample from which it is fired, for the control period that follows; at the last one it is zero.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.kernel.arrays import (
+from pipeline.flight.state.arrays import (
     TRACK_BORESIGHT,
     TRACK_FORCE,
     TRACK_LEFT,

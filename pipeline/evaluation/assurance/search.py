@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, joined
 from pipeline.evaluation.assurance.requirements import Requirement
-from pipeline.flight.log import Scenario
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Assurance, Mission, MonteCarlo, Optimizer, Sun
 from pipeline.training.evolution import evolve_rounds

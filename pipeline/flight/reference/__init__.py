@@ -1,1 +1,1 @@
-"""The readable flight, one deputy at a time; twin of `pipeline.flight.kernel`."""
+"""The readable flight, one deputy at a time; twin of `pipeline.flight.period`."""

@@ -1,10 +1,10 @@
-"""Thrusters with errors, plainly: the twin of `pipeline.flight.kernel.actuators`."""
+"""Thrusters with errors, plainly: the twin of `pipeline.flight.period.act.actuators`."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.actuators import thrust_errors, thrusters_of
-from pipeline.flight.log import Scenario
+from pipeline.flight.cases.actuators import thrust_errors, thrusters_of
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 
 Floats = NDArray[np.float64]

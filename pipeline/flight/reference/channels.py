@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model import FuzzySystem
-from pipeline.flight.guidance import MIN_PROJECTION_M
-from pipeline.flight.kernel.arrays import Plans
+from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.reference.world import PlainWorld
-from pipeline.flight.signals import (
+from pipeline.flight.state.arrays import Plans
+from pipeline.flight.state.signals import (
     APPROACH,
     AXES,
     CONSTANTS,
@@ -89,15 +89,15 @@ class Channels(NamedTuple):
     axes : array of int, shape (F,)
         0, 1 or 2; systems on the same axis add up.
     signals : array of int, shape (F, 3)
-        Slots of `pipeline.flight.signals`, -1 for unused inputs.
+        Slots of `pipeline.flight.state.signals`, -1 for unused inputs.
     is_force_hill : bool
         Whether the systems command Hill axes instead of body axes.
     plan : Plan or None
         Flown instead of inference.
     constants : array
-        In the order of `pipeline.flight.signals.CONSTANTS`.
+        In the order of `pipeline.flight.state.signals.CONSTANTS`.
     needs : int
-        What must be computed, as flags of `pipeline.flight.signals`.
+        What must be computed, as flags of `pipeline.flight.state.signals`.
     """
 
     axes: Integers
@@ -125,7 +125,7 @@ def channels_of(
     plan : Plan, optional
         To fly instead of inference.
     constants : array, optional
-        In the order of `pipeline.flight.signals.CONSTANTS`; zero unless given.
+        In the order of `pipeline.flight.state.signals.CONSTANTS`; zero unless given.
     """
     constants = np.zeros(len(CONSTANTS)) if constants is None else constants
     signals = np.full((len(systems), MAX_INPUTS), -1, dtype=np.int64)
@@ -195,7 +195,7 @@ def measure(
     tour_push: Floats,
     channels: Channels,
 ) -> Floats:
-    """Return every signal, in its slot, in the unit of `pipeline.flight.signals.SIGNALS`.
+    """Return every signal, in its slot, in the unit of `pipeline.flight.state.signals.SIGNALS`.
 
     Parameters
     ----------

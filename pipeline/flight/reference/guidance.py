@@ -1,6 +1,6 @@
 """Guidance of the readable flight: a function for each kind.
 
-`pipeline.flight.guidance` describes the clustering.
+`pipeline.flight.period.look.guidance` describes the clustering.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import padded
-from pipeline.flight.guidance import (
+from pipeline.flight.period.look.guidance import (
     MAX_ITERATIONS,
     MIN_PROJECTION_M,
     POINTS,

@@ -14,8 +14,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import interpreter
 from fis_tools.engines.program import assemble
 from fis_tools.model import FuzzySystem
-from pipeline.flight.drag import drag_in_time
-from pipeline.flight.log import REHEARSED, FlightLog, Scenario, empty_log
+from pipeline.flight.cases.drag import drag_in_time
 from pipeline.flight.reference import thrust
 from pipeline.flight.reference.actuators import PlainThrusters
 from pipeline.flight.reference.channels import MAX_INPUTS, Channels, measure
@@ -35,8 +34,9 @@ from pipeline.flight.reference.sight import lit_points, seen_points, times_lit
 from pipeline.flight.reference.tour import push_onto_tour
 from pipeline.flight.reference.urgency import around_the_chief, urgent_direction
 from pipeline.flight.reference.world import PlainWorld, turn_chief, world_of
-from pipeline.flight.signals import PREVIEW, SETTING, TOUR, URGENCY, constant
-from pipeline.flight.turns import AIMED, Turns
+from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario, empty_log
+from pipeline.flight.state.signals import PREVIEW, SETTING, TOUR, URGENCY, constant
+from pipeline.flight.state.turns import AIMED, Turns
 from pipeline.physics.attitude_control import FIRST_Y, blended_y, control_torque, desired_dcm, desired_y
 from pipeline.physics.illumination import sun_angle, sun_direction_h, visible_share
 from pipeline.physics.motion import propagate
@@ -129,8 +129,8 @@ def turn_deputy(
     attitude : tuple of arrays
         Quaternion (4,), relative rate (3,) in body axes, and y* (3,) in Hill axes, at the sample.
     played : tuple of arrays
-        The desired attitude, shape (4,), and the torque, N m, shape (3,), of `pipeline.flight.turns`; each of
-        shape (0,) if not played.
+        The desired attitude, shape (4,), and the torque, N m, shape (3,), of
+        `pipeline.flight.state.turns`; each of shape (0,) if not played.
     turn : array, shape (4,)
         From the desired attitude to the one that the deputy takes for it.
     thrust : tuple of arrays

@@ -1,10 +1,11 @@
-"""Navigation by fixes in matrices: the readable twin of `pipeline.flight.kernel.navigation`."""
+"""Navigation by fixes in matrices: the readable twin of `pipeline.flight.period.look.navigation`."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flight.log import Scenario
-from pipeline.flight.navigation import WIDER, Filter, errors_of, filter_of, measured
+from pipeline.flight.cases.navigation import Filter, errors_of, filter_of, measured
+from pipeline.flight.period.look.navigation import WIDER
+from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over, propagate
 from pipeline.physics.quaternion import dcm_b_from_h, normalised
 from pipeline.settings.experiment import Mission

@@ -1,4 +1,4 @@
-"""Run-time assurance, written plainly: the twin that `pipeline.flight.kernel.safety` is tested against.
+"""Run-time assurance, written plainly: the twin that `pipeline.flight.period.act.safety` is tested against.
 
 Here all limits are treated alike, by how many metres a state exceeds them.
 """
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
+from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
     Motion,
     Stop,

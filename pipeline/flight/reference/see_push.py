@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.flight.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.flight.reference.sight import lit_points, seen_points, sun_at
 from pipeline.flight.reference.world import PlainWorld, turn_chief
+from pipeline.flight.state.preview import LEAST_SHORT_M, SQUARED_NEAR_M2
 from pipeline.physics.motion import place_of, propagate, slopes
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.vectors import dot, norm

@@ -1,13 +1,15 @@
 """The thrust logic of the readable reference: from the commanded force to the one fired, and why.
 
-`fis_tools.model.thrust` describes it; twin of `pipeline.flight.kernel.thrust`.
+`fis_tools.model.thrust` describes it; twin of `pipeline.flight.period.decide.thrust`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.thrust import SILENT_N
-from pipeline.flight.log import (
+from pipeline.flight.reference.channels import Channels, Plan
+from pipeline.flight.reference.world import PlainWorld
+from pipeline.flight.state.log import (
     CLIPPED,
     COASTING,
     COMPLETE,
@@ -18,9 +20,7 @@ from pipeline.flight.log import (
     SILENT,
     WAITING,
 )
-from pipeline.flight.reference.channels import Channels, Plan
-from pipeline.flight.reference.world import PlainWorld
-from pipeline.flight.signals import FIRST_DEAD_BAND, constant
+from pipeline.flight.state.signals import FIRST_DEAD_BAND, constant
 from pipeline.physics.vectors import transposed_times
 
 Floats = NDArray[np.float64]

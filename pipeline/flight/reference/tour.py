@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flight.reference.world import PlainWorld
-from pipeline.flight.signals import TOUR_PARTS, TOUR_WAVES, constant
+from pipeline.flight.state.signals import TOUR_PARTS, TOUR_WAVES, constant
 from pipeline.physics.clohessy_wiltshire import state_transition
 from pipeline.physics.illumination import least_sun_height, sun_direction_h, visible_share
 

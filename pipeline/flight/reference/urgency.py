@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.flight.guidance import MIN_PROJECTION_M
+from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.physics.vectors import dot, norm
 
 Floats = NDArray[np.float64]

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.flight.chief import num_chief_steps
-from pipeline.flight.course import chief_course
-from pipeline.flight.light import RIGHT_ANGLE_DEG, reflection_of, sees_as_in_the_paper, shadowing_radius
-from pipeline.flight.preview import look_stride, preview_stride
-from pipeline.flight.surface import surface_of
+from pipeline.flight.state.preview import look_stride, preview_stride
+from pipeline.flight.world.chief import num_chief_steps
+from pipeline.flight.world.course import chief_course
+from pipeline.flight.world.light import RIGHT_ANGLE_DEG, reflection_of, sees_as_in_the_paper, shadowing_radius
+from pipeline.flight.world.surface import surface_of
 from pipeline.physics.motion import Motion, motion_over, orbit_parts
 from pipeline.physics.occlusion import Occlusion
 from pipeline.physics.orbit import Course

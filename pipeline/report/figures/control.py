@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipeline.flight.log import FlightLog
+from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, GREEN, MUTED, VERMILION, grid
 from pipeline.settings.experiment import Mission
 

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from pipeline.flight.log import FlightLog
+from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, VERMILION, grid
 from pipeline.report.figures.trajectories import CHIEF_COLOUR, HILL_AXES, PLANES
 from pipeline.settings.experiment import Mission

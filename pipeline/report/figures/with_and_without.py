@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from pipeline.flight.log import FlightLog
+from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures.style import BLUE, DOTS, GRID, MUTED, ORANGE, VERMILION
 from pipeline.settings.experiment import Mission
 

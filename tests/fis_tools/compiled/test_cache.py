@@ -12,7 +12,8 @@ import pytest
 
 import fis_tools
 from fis_tools.compiled import cache
-from pipeline.flight.kernel import attitude, loop, safety
+from pipeline.flight.period import loop
+from pipeline.flight.period.act import attitude, safety
 from pipeline.physics import vectors
 
 DAY_S = 86400.0

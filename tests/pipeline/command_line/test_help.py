@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import conf_folder, options
-from pipeline.flight.signals import SIGNALS
+from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 
 

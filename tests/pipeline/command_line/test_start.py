@@ -22,7 +22,7 @@ HEAVY = [
     "rerun",
     "mcap",
     "skfuzzy",
-    "pipeline.flight.kernel.loop",
+    "pipeline.flight.period.loop",
 ]
 
 

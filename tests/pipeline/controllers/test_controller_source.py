@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.controllers.played import read_played
 from pipeline.controllers.source import load
-from pipeline.flight.controller import ControllerError
+from pipeline.flight.control.controller import ControllerError
 from pipeline.settings.schema import experiment_from
 from tests.pipeline.command_line.cases import plain_config
 

@@ -12,13 +12,13 @@ from onnx.reference import ReferenceEvaluator
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
 from pipeline.controllers.policies import policy_of, read_policy
 from pipeline.controllers.source import named
-from pipeline.flight import policy
-from pipeline.flight.controller import Controller, ControllerError
-from pipeline.flight.kernel.network import answer
-from pipeline.flight.log import FlightLog
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.stepping import NUM_SEEN, OBSERVED
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import Controller, ControllerError
+from pipeline.flight.fly import policy
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED
+from pipeline.flight.period.decide.network import answer
+from pipeline.flight.state.log import FlightLog
 from pipeline.gym import InspectionEnv, task_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
-from pipeline.flight.log import Outcomes, Scenario
-from pipeline.flight.simulation import fly_all
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 
 

@@ -10,10 +10,10 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow, rate
 from pipeline.evaluation.statistics import fraction
 from pipeline.evaluation.worlds import matrices, verdicts, worlds_in_words, worlds_of
-from pipeline.flight.controller import coast
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.world import inspection_points
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparison_tables import squares_of
 from pipeline.report.figures.by_world import by_world
 from pipeline.settings.experiment import SettingError

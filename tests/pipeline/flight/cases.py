@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Triangular, Variable, table_rules
-from pipeline.flight.controller import Controller, from_fuzzy
-from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.physics.clohessy_wiltshire import state_transition
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.missions import (

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import Scenario
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission, Safety
 from tests.pipeline.flight.cases import controller, mission
 

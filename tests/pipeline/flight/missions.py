@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, table_rules
-from pipeline.flight.log import Scenario
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Attitude, Chief, Deputy, Guidance, Mission, Orbit, Sensor, unguarded
 
 MEAN_MOTION = 0.0011068

@@ -12,11 +12,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled import cache, decorator
-from pipeline.flight.controller import Controller, coast, law_of, open_loop
-from pipeline.flight.log import FlightLog, Scenario
+from pipeline.flight.control.controller import Controller, coast, law_of, open_loop
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.reference.channels import channels_of, plan_of
 from pipeline.flight.reference.loop import fly, inference_of
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import (
     COMPLETED,

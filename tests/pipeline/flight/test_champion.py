@@ -8,11 +8,11 @@ import pytest
 from fis_tools.formats import serialize
 from fis_tools.genes.parameters import Bounds, SystemEncoding
 from fis_tools.model import FuzzyController
-from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import from_fuzzy, law_of
-from pipeline.flight.population import fly_population
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.world import pack_world
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.control.controller import from_fuzzy, law_of
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.world.pack import pack_world
 from tests.pipeline.flight.cases import COMPLETED, OVER_POLES, STARTS, mission
 from tests.places import PROJECT
 

@@ -14,9 +14,9 @@ from sklearn.cluster import KMeans
 from threadpoolctl import ThreadpoolController
 
 from fis_tools.engines import inference
-from pipeline.flight.log import Scenario
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
+from pipeline.flight.state.log import Scenario
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.missions import (
     BEHIND,

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from pipeline.flight.controller import (
+from pipeline.flight.control.controller import (
     ControllerError,
     coast,
     from_fuzzy,
     law_of,
     open_loop,
 )
-from pipeline.flight.signals import AXES, slot
+from pipeline.flight.state.signals import AXES, slot
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import steering_systems
 

@@ -10,8 +10,8 @@ import yaml
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.controllers.source import load
-from pipeline.flight.controller import Controller, ControllerError, from_fuzzy
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from tests.pipeline.flight.cases import HURRYING, PAUSING, STARTS, mission
 from tests.pipeline.flight.guarded import PASSIVE, guarded, starts_at_rest
 

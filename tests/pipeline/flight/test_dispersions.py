@@ -7,9 +7,9 @@ from scipy.stats import kstest, norm, truncnorm, uniform
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.dispersions import drawn, mission_of_case
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.dispersions import drawn, mission_of_case
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.settings.experiment import Experiment, SettingError
 
 pytestmark = pytest.mark.slow

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import ControllerError, from_fuzzy
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
 from tests.pipeline.flight.cases import (
     LOOKING_AHEAD,
     ORBITAL,

@@ -7,14 +7,14 @@ from sklearn.cluster import KMeans
 from threadpoolctl import ThreadpoolController
 
 from fis_tools.compiled.vectors import padded
-from pipeline.flight.guidance import (
+from pipeline.flight.period.look.guidance import (
     CENTRE_SHIFT_M,
     cluster_centres,
     nearest_centre,
     num_clusters,
     start_centres,
 )
-from pipeline.flight.guidance import POINTS as LOOKED_AT_TOGETHER
+from pipeline.flight.period.look.guidance import POINTS as LOOKED_AT_TOGETHER
 from pipeline.flight.reference.guidance import (
     choose_centroid,
     choose_cluster,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fis_tools.engines.kernel import LANES
-from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import Controller, law_of, open_loop
-from pipeline.flight.log import Scenario
-from pipeline.flight.population import fly_population, lanes_for
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.world import pack_world
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.control.controller import Controller, law_of, open_loop
+from pipeline.flight.fly.population import fly_population, lanes_for
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import (
     COMPLETED,

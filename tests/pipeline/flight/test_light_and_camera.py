@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.cases import starts_of
-from pipeline.flight.controller import coast
-from pipeline.flight.inspectable import inspectable_points
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.world import inspection_points, pack_world
+from pipeline.flight.cases.cases import starts_of
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.inspectable import inspectable_points
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.settings.experiment import Light, Mission
 from tests.pipeline.flight.cases import SEEING, STARTS, assert_same, mission
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.flight.controller import coast
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.surface import Surface, surface_of
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.world.surface import Surface, surface_of
 from pipeline.physics.occlusion import EDGE_CELLS, cell_of, centre_of
 from pipeline.settings.experiment import Light, Mission, SettingError
 from tests.pipeline.flight.cases import SEEING, assert_same, mission

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.actuators import layout_of, thrust_errors
-from pipeline.flight.controller import open_loop
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.navigation import errors_of
+from pipeline.flight.cases.actuators import layout_of, thrust_errors
+from pipeline.flight.cases.navigation import errors_of
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.reference.navigation import Navigator
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission

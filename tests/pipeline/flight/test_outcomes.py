@@ -3,10 +3,18 @@
 import numpy as np
 import pytest
 
-from pipeline.flight.controller import coast, open_loop
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all, fly_logged
-from tests.pipeline.flight.cases import COMPLETED, MIXED, OVER_POLES, STARTS, STEERING, assert_same, mission
+from pipeline.flight.control.controller import coast, open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import Scenario
+from tests.pipeline.flight.cases import (
+    COMPLETED,
+    MIXED,
+    OVER_POLES,
+    STARTS,
+    STEERING,
+    assert_same,
+    mission,
+)
 
 AT_REST = np.zeros(3)
 #: a chief that shows all its sides

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from pipeline.controllers.played import read_played
-from pipeline.flight.controller import ControllerError
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from tests.pipeline.flight.cases import STARTS, mission
 from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
 

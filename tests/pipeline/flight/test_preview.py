@@ -4,12 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.flight.controller import coast
-from pipeline.flight.guidance import POINTS
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.world import by_neighbourhood, inspection_points
-from tests.pipeline.flight.cases import FORESEEING, STARTS, controller, leaning_system, mission, random_starts
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.period.look.guidance import POINTS
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import by_neighbourhood, inspection_points
+from tests.pipeline.flight.cases import (
+    FORESEEING,
+    STARTS,
+    controller,
+    leaning_system,
+    mission,
+    random_starts,
+)
 
 IDEAL = {"mode": "ideal"}
 #: never fires, and senses all that is foreseen

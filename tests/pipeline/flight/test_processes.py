@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import kstest, norm, truncnorm, uniform
 
-from pipeline.flight.actuators import thrust_errors
-from pipeline.flight.controller import coast, open_loop
-from pipeline.flight.dispersions import groups_of, mission_of_case
-from pipeline.flight.drag import drag_in_time
-from pipeline.flight.log import Scenario
-from pipeline.flight.navigation import errors_of
-from pipeline.flight.processes import in_time
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.cases.actuators import thrust_errors
+from pipeline.flight.cases.dispersions import groups_of, mission_of_case
+from pipeline.flight.cases.drag import drag_in_time
+from pipeline.flight.cases.navigation import errors_of
+from pipeline.flight.cases.processes import in_time
+from pipeline.flight.control.controller import coast, open_loop
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.cases import STARTS, mission
 from tests.pipeline.flight.test_against_the_reference import FIXES, IDEAL, LOW_ORBIT, REAL, SIGHTED

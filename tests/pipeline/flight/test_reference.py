@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from fis_tools.engines import inference
 from fis_tools.scikit_fuzzy.build import ReferenceEngine
-from pipeline.flight.log import Scenario
 from pipeline.flight.reference.channels import channels_of, forced
 from pipeline.flight.reference.guidance import choose_cluster
 from pipeline.flight.reference.loop import fly, inference_of
+from pipeline.flight.state.log import Scenario
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.missions import (
     BEHIND,

@@ -6,26 +6,34 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.cases import cases_of
-from pipeline.flight.controller import (
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.navigation import FIXES
+from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
     from_fuzzy,
     law_of,
     rehearsed_pushes,
 )
-from pipeline.flight.navigation import FIXES
-from pipeline.flight.population import fly_population
+from pipeline.flight.control.tours import IMAGES, tour_images
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.rehearsals import rehearsed_openings
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.reference.channels import channels_of
 from pipeline.flight.reference.loop import fly, inference_of
 from pipeline.flight.reference.tour import tour_place
-from pipeline.flight.rehearsals import rehearsed_openings
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.tours import IMAGES, tour_images
-from pipeline.flight.world import pack_world
+from pipeline.flight.world.pack import pack_world
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import fitness_from
-from tests.pipeline.flight.cases import SEEING, STARTS, TOURING, assert_same, mission, random_starts, touring
+from tests.pipeline.flight.cases import (
+    SEEING,
+    STARTS,
+    TOURING,
+    assert_same,
+    mission,
+    random_starts,
+    touring,
+)
 
 pytestmark = pytest.mark.slow
 

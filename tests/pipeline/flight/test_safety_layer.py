@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from pipeline.flight.controller import coast, open_loop
-from pipeline.flight.kernel.safety import guard_of, project
-from pipeline.flight.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, Scenario
+from pipeline.flight.control.controller import coast, open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.period.act.safety import guard_of, project
 from pipeline.flight.reference.safety import assured, excesses, safety_world_of
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SPEED, Scenario
 from pipeline.physics.motion import propagate
 from pipeline.settings.experiment import Safety
 from tests.pipeline.flight.cases import STARTS, STEERING

@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pipeline.flight.controller import ControllerError, from_fuzzy
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.signals import constant
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.state.signals import constant
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.cases import SEEING, STARTS, mission
 from tests.pipeline.flight.missions import MEAN_MOTION as N

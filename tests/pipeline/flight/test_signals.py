@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import from_fuzzy, law_of
+from pipeline.flight.control.controller import from_fuzzy, law_of
 from pipeline.flight.reference.channels import channels_of
-from pipeline.flight.signals import (
+from pipeline.flight.state.signals import (
     ANGLES,
     APPROACH,
     NOTHING,

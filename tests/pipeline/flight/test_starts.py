@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.flight.log import Scenario
-from pipeline.flight.starts import EVALUATION, draw, evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.starts import EVALUATION, draw, evaluation_scenarios, training_scenarios
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import MonteCarlo, Starts, Sun
 
 FIXED = Sun(mode="fixed", angle_deg=30.0)

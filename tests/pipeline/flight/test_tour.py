@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from pipeline.flight.controller import ControllerError
-from pipeline.flight.log import FlightLog
-from pipeline.flight.signals import constant
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.signals import constant
 from pipeline.physics.illumination import sun_direction_h, visible_share
 from tests.pipeline.flight.cases import STARTS, TOURING, mission, touring
 from tests.pipeline.flight.missions import MEAN_MOTION as N

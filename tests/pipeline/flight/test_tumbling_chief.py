@@ -7,14 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from pipeline.flight.cases import cases_of
-from pipeline.flight.chief import num_chief_steps
-from pipeline.flight.controller import coast, law_of
-from pipeline.flight.log import Scenario
-from pipeline.flight.population import FlightError, fly_population
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.control.controller import coast, law_of
+from pipeline.flight.fly.population import FlightError, fly_population
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.reference.world import turn_chief, world_of
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.world import chief_attitudes, pack_world
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.chief import num_chief_steps
+from pipeline.flight.world.pack import chief_attitudes, pack_world
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.flight.controller import Controller, ControllerError, from_fuzzy
-from pipeline.flight.log import FlightLog
-from pipeline.flight.signals import constant
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.signals import constant
 from pipeline.physics.inspection_points import regular_placement
 from tests.pipeline.flight.cases import HURRYING, STARTS, mission
 

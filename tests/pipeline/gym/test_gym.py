@@ -10,11 +10,11 @@ from gymnasium.utils.env_checker import check_env
 
 import telemetry
 from pipeline.controllers.source import load
-from pipeline.flight.kernel.step import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NUM_INSPECTED, SPENT
-from pipeline.flight.log import FlightLog
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios
-from pipeline.flight.stepping import NUM_SEEN, OBSERVED, Flights
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED, Flights
+from pipeline.flight.period.step import CORRECTED, NUM_ACTED, NUM_CANDIDATES, NUM_INSPECTED, SPENT
+from pipeline.flight.state.log import FlightLog
 from pipeline.gym import (
     InspectionEnv,
     InspectionVectorEnv,

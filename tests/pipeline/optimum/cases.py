@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.command_line.config import Composed, compose_experiment
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.optimum.problem import Problem, problem_of
 
 Floats = NDArray[np.float64]

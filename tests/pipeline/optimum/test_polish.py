@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.optimum.plan import num_agreeing, solve
 from pipeline.optimum.polish import NEAR_MARGIN, choose, step
 from pipeline.optimum.problem import margins_along, path_of

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
 from pipeline.optimum.plan import solve
 from pipeline.optimum.polish import _rows
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.flight.controller import open_loop
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_all
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Scenario
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.problem import problem_of
 from pipeline.optimum.solved import HARDER_FOLDERS, SHIPPED_FOLDERS

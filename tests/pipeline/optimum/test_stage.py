@@ -8,7 +8,7 @@ import pytest
 from pipeline.command_line.cli import main
 from pipeline.controllers import source
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.starts import evaluation_scenarios, given_start
+from pipeline.flight.cases.starts import evaluation_scenarios, given_start
 from pipeline.optimum.account import summarise
 from pipeline.run import artifacts, tables
 from pipeline.run.runner import run_stages

@@ -8,8 +8,8 @@ import pytest
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.controller import open_loop
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import open_loop
 from pipeline.optimum.account import beside_optimum, summarise_times
 from pipeline.optimum.solved import SHIPPED_FOLDERS, IncomparableError, read_solved, solved_for
 from pipeline.run import artifacts, tables

@@ -16,9 +16,9 @@ from mcap_protobuf.decoder import DecoderFactory
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed, compose_experiment
 from pipeline.controllers.of_run import controller_of_run
-from pipeline.flight.controller import Controller, from_fuzzy
-from pipeline.flight.log import FlightLog, Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
 from tests.places import PROJECT
 
 #: twelve points on a chief that shows all sides to the Sun: complete after 200 s, then adrift over the limit

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.flight.log import FlightLog
+from pipeline.flight.state.log import FlightLog
 from pipeline.recording.events import Event, events
 from tests.pipeline.recording import cases
 

@@ -14,9 +14,9 @@ from fis_tools.analysis.flights import inputs_along, read_flight, usage_along
 from fis_tools.commands.instant import instants
 from fis_tools.model.thrust import COMPONENTS, COUNTED
 from pipeline.controllers.source import WITH_PATHS, named
-from pipeline.flight.controller import Controller
-from pipeline.flight.log import LEAST_CHANGE_N, Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import LEAST_CHANGE_N, Scenario
 from pipeline.recording.recorder import FlightRecorder
 from telemetry.file import reader
 from telemetry.file.reader import Recording

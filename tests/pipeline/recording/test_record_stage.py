@@ -10,8 +10,8 @@ import pytest
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
-from pipeline.flight.dispersions import mission_of_case
-from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.runner import run_stages

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import telemetry
 from fis_tools.formats import serialize
 from fis_tools.model.thrust import thrust_logic
-from pipeline.flight.controller import Controller, coast, open_loop
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import Controller, coast, open_loop
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.recording.recorder import FlightRecorder, controller_text, directions
 from pipeline.run.runner import run_stages
 from tests.pipeline.recording import cases

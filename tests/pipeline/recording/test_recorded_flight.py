@@ -15,8 +15,8 @@ from fis_tools.analysis import flights
 from fis_tools.engines.kernel import evaluate
 from fis_tools.engines.packing import pack
 from fis_tools.formats import serialize
-from pipeline.flight.log import FlightLog
-from pipeline.flight.world import inspection_points
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.world.pack import inspection_points
 from pipeline.run import maker
 from pipeline.run.runner import run_stages
 from tests.pipeline.recording import cases

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.flight.log import KEEP_IN, PASSIVE_SAFETY, SPEED
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import KEEP_IN, PASSIVE_SAFETY, SPEED
 from pipeline.recording.events import Event, events
 from pipeline.report.without_safety import Without, safety_words
 from pipeline.run import artifacts

@@ -14,8 +14,8 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import source, thrust
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS, ThrustLogic, thrust_logic
-from pipeline.flight.controller import from_fuzzy
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import Recording

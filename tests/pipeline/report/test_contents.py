@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.starts import training_scenarios
+from pipeline.flight.cases.starts import training_scenarios
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.run.artifacts import SUMMARY, ArtifactError, write_json
 from tests.pipeline.report.runs import run_of, write_training

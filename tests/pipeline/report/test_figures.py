@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_rgba
 
 from fis_tools.formats import serialize
-from pipeline.flight.controller import from_fuzzy
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.report.figures.control import controls
 from pipeline.report.figures.convergence import convergence
 from pipeline.report.figures.distributions import METRICS, Sample, distributions

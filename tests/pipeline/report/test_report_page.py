@@ -14,8 +14,8 @@ from fis_tools.review import page as review
 from fis_tools.words.text import summary
 from pipeline.command_line.cli import main
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import training_scenarios
+from pipeline.flight.cases.starts import training_scenarios
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report import contents
 from pipeline.report.page import write
 from pipeline.report.pictures import draw

@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.flight.controller import coast, open_loop
-from pipeline.flight.log import Scenario
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.control.controller import coast, open_loop
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.optimum.account import beside_optimum
 from pipeline.optimum.solved import solved_for
 from pipeline.report.beside_optimum import fly_pairs, read_beside

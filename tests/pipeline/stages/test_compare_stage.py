@@ -11,9 +11,9 @@ from pipeline.command_line.cli import main
 from pipeline.controllers.source import load, named
 from pipeline.evaluation.comparison import HEADER, row_of
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.controller import ControllerError
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, tables
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import compare

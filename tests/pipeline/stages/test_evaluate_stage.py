@@ -13,8 +13,8 @@ from pipeline.command_line.config import Composed
 from pipeline.controllers import source as controller_source
 from pipeline.controllers.of_run import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.stages import evaluate

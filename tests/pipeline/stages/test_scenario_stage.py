@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.flight.log import Scenario
-from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts
 from pipeline.stages import scenario
 from tests.pipeline.stages.cases import prepared

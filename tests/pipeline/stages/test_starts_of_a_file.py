@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
-from pipeline.flight.starts import evaluation_scenarios, training_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios, training_scenarios
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment, SettingError
 from pipeline.stages import scenario

@@ -14,9 +14,14 @@ import pytest
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed
 from pipeline.controllers import source
-from pipeline.flight.controller import ControllerError, from_fuzzy
-from pipeline.flight.simulation import fly_all, fly_logged
-from pipeline.flight.starts import given_start, hard_candidates, training_scenarios, validation_scenarios
+from pipeline.flight.cases.starts import (
+    given_start,
+    hard_candidates,
+    training_scenarios,
+    validation_scenarios,
+)
+from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.run import artifacts
 from pipeline.stages import train
 from pipeline.training import judging

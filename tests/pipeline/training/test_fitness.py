@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.log import Outcomes, points_needed
+from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.training.fitness import fitness_parts, objectives
 from tests.pipeline.training.evolution import cases
 

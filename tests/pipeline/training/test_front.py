@@ -11,9 +11,9 @@ import pytest
 from fis_tools.analysis.measures import rule_consistency
 from fis_tools.formats import serialize
 from pipeline.command_line.config import Composed
-from pipeline.flight.controller import from_fuzzy
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.starts import validation_scenarios
+from pipeline.flight.cases.starts import validation_scenarios
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts
 from pipeline.stages import train
 from tests.pipeline.stages.cases import prepared

@@ -8,13 +8,13 @@ import pytest
 
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from pipeline.flight.controller import (
+from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
     coast,
     from_fuzzy,
 )
-from pipeline.flight.signals import CONSTANTS
+from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings.experiment import Encoding
 from pipeline.training.genome import genome_of
 from tests.pipeline.training.evolution.cases import ENCODING

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 from pipeline.command_line.config import Composed, compose_experiment
 from pipeline.controllers.planned.planner import controller_of_kind
-from pipeline.flight.log import Scenario
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.state.log import Scenario
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import Mission
 

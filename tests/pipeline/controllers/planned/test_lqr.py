@@ -6,7 +6,7 @@ from scipy.linalg import solve_discrete_are
 
 from pipeline.controllers.planned.lqr import gain
 from pipeline.controllers.source import load
-from pipeline.flight.simulation import fly_logged
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, composed, discrete, flown, planner, starts

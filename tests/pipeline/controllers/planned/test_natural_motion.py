@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.controllers.planned.coverage import count_seen
-from pipeline.flight.controller import open_loop
-from pipeline.flight.simulation import fly_all
-from pipeline.flight.world import pack_world
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.world.pack import pack_world
 from tests.pipeline.controllers.planned.cases import (
     MASS,
     MEAN_MOTION,

@@ -8,8 +8,8 @@ import pytest
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.ring import ring_elements
 from pipeline.controllers.source import load
-from pipeline.flight.controller import open_loop
-from pipeline.flight.simulation import fly_all, fly_logged
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.recording.recorder import controller_text
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import SettingError

@@ -8,7 +8,7 @@ import pytest
 from pipeline.controllers.planned.free_motion import elements_matrix
 from pipeline.controllers.planned.planner import remembering
 from pipeline.controllers.source import load
-from pipeline.flight.simulation import fly_all
+from pipeline.flight.fly.simulation import fly_all
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.controllers.planned.cases import (
     MASS,

@@ -6,9 +6,9 @@ import pytest
 from pipeline.controllers.planned.coverage import count_seen
 from pipeline.controllers.planned.route import SPARE_POINTS, Route, Routes
 from pipeline.controllers.source import load
-from pipeline.flight.log import points_needed
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.world import pack_world
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import points_needed
+from pipeline.flight.world.pack import pack_world
 from tests.pipeline.controllers.planned.cases import composed, discrete, planner, starts
 
 WORLD = ("world=leo", "navigation=perfect", "actuators=ideal", "dynamics=cw", "controller.follows=route")

@@ -11,8 +11,8 @@ from pipeline.evaluation.assurance.campaign import Flights, judged
 from pipeline.evaluation.assurance.parser import parse
 from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, of_tracks, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, read
-from pipeline.flight.kernel.arrays import TRACK_BORESIGHT, TRACK_FORCE, TRACK_TURN_RATE
-from pipeline.flight.simulation import fly_all, fly_logged, tracked
+from pipeline.flight.fly.simulation import fly_all, fly_logged, tracked
+from pipeline.flight.state.arrays import TRACK_BORESIGHT, TRACK_FORCE, TRACK_TURN_RATE
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.settings.places import requirements_path
 from telemetry.file.reader import read as read_recording

@@ -10,7 +10,7 @@ from pipeline.evaluation.assurance.parser import parse
 from pipeline.evaluation.assurance.proofs import certificates, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
-from pipeline.flight.log import Scenario
+from pipeline.flight.state.log import Scenario
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 
 

@@ -9,9 +9,9 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.assurance.campaign import Flights, Outcome
 from pipeline.evaluation.assurance.requirements import read
 from pipeline.evaluation.assurance.search import CaseSpace, Search, case_space, search, speed
-from pipeline.flight.dispersions import mission_of_case
-from pipeline.flight.simulation import fly_logged
-from pipeline.flight.starts import evaluation_scenarios
+from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.flight.cases.starts import evaluation_scenarios
+from pipeline.flight.fly.simulation import fly_logged
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
 from pipeline.settings.checks import SettingError

@@ -1,0 +1,153 @@
+"""From a commanded force to the force that the thrusters fire.
+
+A command is delayed, rotated and scaled by the errors of its flight, rounded to whole impulses, dropped
+if below the least impulse, and clipped to the thrust limit: in this order, along Hill axes, in
+which forces are fired. The safety layer acts on commands, before all this. Delta-v counts what is fired.
+
+The force acts at an offset from the centre of mass and so turns the deputy, by ``arm x force`` in body axes;
+this torque adds to that of attitude control, and follows the attitude while the force stays along Hill
+axes. By Tsiolkovsky's equation it consumes ``(|f_x| + |f_y| + |f_z|) T/(g I)`` of the mass in a control
+period, in which the mean of the mass before and after is accelerated; the deputy itself computes with the
+mass at the start.
+
+With a layout of thrusters the command, rotated and scaled as above, is allocated to them by a table: for
+each of the six directions along the body axes, the forces of least sum that push by one newton without
+turning the deputy, if there are any. The contributions of the axes are added up. If a thruster would exceed
+its limit, all are reduced in proportion. Impulses and propellant are counted for each thruster.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.cases.processes import in_time, varies
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
+
+Floats = NDArray[np.float64]
+
+#: place in the spawn key of the random numbers for the thrusters, after the case
+THRUSTERS = 2
+
+
+class Thrusters(NamedTuple):
+    """Thruster properties that all flights of a mission share.
+
+    Attributes
+    ----------
+    delay : int
+        Control periods from a command to its force.
+    step : float
+        Forces are multiples of this, N; 0 for any.
+    least : float
+        Least force along an axis, N.
+    exhaust_speed : float
+        Of propellant, m/s; infinite where the mass stays.
+    dry : float
+        Share of the mass at the start that is not propellant; -1 where the mass stays.
+    table : (N, 6)
+        Forces of the thrusters per newton along +x, +y, +z, -x, -y, -z of the body; no rows without one.
+    layout : (N, 7)
+        For each thruster its direction, its torque per newton, m, body axes, and its greatest force, N.
+    """
+
+    delay: int
+    step: float
+    least: float
+    exhaust_speed: float
+    dry: float
+    table: Floats
+    layout: Floats
+
+
+class ThrustErrors(NamedTuple):
+    """Errors of the thrusters in some flights.
+
+    Attributes
+    ----------
+    matrices : (m, K or 1, 3, 3)
+        From a command to the force fired, before impulses and limits, in each control period or in all.
+    arms : (m, 3)
+        Point where the thrust acts, from the centre of mass, m, body axes.
+    """
+
+    matrices: Floats
+    arms: Floats
+
+
+#: errors of ideal thrusters
+NO_THRUSTERS = Thrusters(0, 0.0, 0.0, np.inf, -1.0, np.zeros((0, 6)), np.zeros((0, 7)))
+NO_ERRORS = ThrustErrors(np.zeros((0, 1, 3, 3)), np.zeros((0, 3)))
+
+
+def thrusters_of(mission: Mission) -> Thrusters:
+    """Return the thrusters of a mission, with settings converted to forces held over a control period."""
+    actuators, period = mission.actuators, mission.control_period_s
+    impulse = actuators.specific_impulse_s
+    return Thrusters(
+        round(actuators.delay_s / period),
+        actuators.impulse_step_n_s / period,
+        actuators.least_impulse_n_s / period,
+        np.inf if impulse is None else STANDARD_GRAVITY_M_S2 * impulse,
+        -1.0 if impulse is None else 1.0 - actuators.propellant_kg / mission.deputy.mass_kg,
+        *(layout_of(actuators.thrusters) if actuators.thrusters else (np.zeros((0, 6)), np.zeros((0, 7)))),
+    )
+
+
+@cache
+def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]:
+    """Return `Thrusters.table` and `Thrusters.layout` from the rows of the settings."""
+    rows = np.array(thrusters, dtype=np.float64)
+    directions = rows[:, 3:6]
+    layout = np.column_stack([directions, np.cross(rows[:, :3], directions), rows[:, 6]])
+    table = np.column_stack([_division(layout, sign * axis) for sign in (1.0, -1.0) for axis in np.eye(3)])
+    return table, layout
+
+
+def _division(layout: Floats, direction: Floats) -> Floats:
+    """Return the forces of least sum that push by a newton along a direction, with the least torque."""
+    from scipy.optimize import linprog  # noqa: PLC0415 - takes longer to import than a flight takes
+
+    count = len(layout)
+    # the residual torque about each axis has two nonnegative parts, priced above any thrust
+    forces = np.hstack([layout[:, :3].T, np.zeros((3, 6))])
+    torques = np.hstack([layout[:, 3:6].T, np.eye(3), -np.eye(3)])
+    price = 1e3 / max(1e-3, float(np.abs(layout[:, 3:6]).max()))
+    solved = linprog(
+        np.r_[np.ones(count), np.full(6, price)],
+        A_eq=np.vstack([forces, torques]),
+        b_eq=np.r_[direction, np.zeros(3)],
+        method="highs",
+    )
+    assert solved.x is not None  # noqa: S101 - settings refuse layouts that cannot push in every direction
+    return np.asarray(np.maximum(0.0, solved.x[:count]))
+
+
+def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
+    """Draw the errors of some flights; rotations are linear in the angle, which is small."""
+    actuators, keys = mission.actuators, ("actuators.scale_error", "actuators.misalignment_deg")
+    num_matrices = mission.num_controls if varies(mission, *keys) else 1
+    matrices, arms = np.empty((len(scenarios), num_matrices, 3, 3)), np.empty((len(scenarios), 3))
+    for case, scenario in enumerate(scenarios):
+        generator = scenario.generator(THRUSTERS)
+        scale = actuators.scale_error * generator.standard_normal(3)
+        turn = np.radians(actuators.misalignment_deg) * generator.standard_normal(3)
+        arms[case] = actuators.thrust_arm_m * generator.standard_normal(3)
+        scales, turns = (
+            in_time(mission, key, scenario, constant)[:num_matrices]
+            for key, constant in zip(keys, (scale, turn), strict=True)
+        )
+        matrices[case] = _turned(turns) * (1.0 + scales)[:, :, np.newaxis]
+    return ThrustErrors(matrices, arms)
+
+
+def _turned(turns: Floats) -> Floats:
+    """Return rotation matrices, shape (N, 3, 3), for small angles about each axis, shape (N, 3), rad."""
+    found = np.tile(np.eye(3), (len(turns), 1, 1))
+    for axis in range(3):
+        after, last = (axis + 1) % 3, (axis + 2) % 3
+        found[:, last, after], found[:, after, last] = turns[:, axis], -turns[:, axis]
+    return found

@@ -1,0 +1,91 @@
+"""Dispersions: settings drawn for each case.
+
+A case draws from its own seed, ``SeedSequence(seed, spawn_key=(stage, case))``, after its direction, distance
+and Sun and in the order of the sorted keys, so that the same case always has the same settings.
+Settings that vary within a flight are drawn where it is flown, see `pipeline.flight.cases.processes`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.checks import SettingError
+from pipeline.settings.dispersions import distributions, in_time_alone
+from pipeline.settings.experiment import Mission
+
+#: keys with the values of one case, sorted
+Drawn = tuple[tuple[str, float], ...]
+
+
+def drawn(mission: Mission, scenario: Scenario) -> Drawn:
+    """Return the dispersed settings of a case, given or drawn; empty without dispersions.
+
+    Raises
+    ------
+    SettingError
+        If a case was given the wrong number of values.
+    """
+    dispersed = distributions(mission.dispersions)
+    if scenario.settings is not None:
+        if len(scenario.settings) != len(dispersed):
+            raise SettingError(
+                f"a case was given {len(scenario.settings)} settings of its own, but dispersions name "
+                f"{len(dispersed)}; give one for each key, in their sorted order"
+            )
+        return tuple(zip((one.key for one in dispersed), scenario.settings, strict=True))
+    if not dispersed:
+        return ()
+    seed, stage, case = scenario.noise
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
+    # drawn first, as in the start: direction, distance, the Sun's angle and elevation
+    generator.standard_normal(3)
+    generator.uniform(size=3)
+    return tuple((one.key, one.value(generator.uniform())) for one in dispersed)
+
+
+def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
+    """Return the mission that a case flies, with no dispersions except those that vary within the flight.
+
+    Raises
+    ------
+    SettingError
+        If a drawn value is not allowed.
+    """
+    return _with(mission, drawn(mission, scenario))
+
+
+def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mission, list[int]]]:
+    """Return the missions that some cases fly, each with the indices of the cases that share it."""
+    places: dict[Drawn, list[int]] = {}
+    for place, scenario in enumerate(scenarios):
+        places.setdefault(drawn(mission, scenario), []).append(place)
+    return [(_with(mission, values), shared) for values, shared in places.items()]
+
+
+def _with(mission: Mission, values: Drawn) -> Mission:
+    if not values:
+        return mission
+    changes: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
+    for key, value in values:
+        group, _, name = key.rpartition(".")
+        if group:
+            changes[group] = {**changes.get(group, {}), name: value}
+        else:
+            changes[name] = value
+    try:
+        return replace(
+            mission,
+            **{
+                name: replace(getattr(mission, name), **value)
+                if name != "dispersions" and isinstance(value, Mapping)
+                else value
+                for name, value in changes.items()
+            },
+        )
+    except SettingError as error:
+        raise SettingError(
+            f"a case draws what cannot be: {error}; truncate its distribution by low and high"
+        ) from error

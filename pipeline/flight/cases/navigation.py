@@ -1,0 +1,200 @@
+"""The deputy's knowledge of its own state: fixes with errors, and a Kalman filter.
+
+The filter is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic
+Engineering 82, 1960, 35-45) over the six numbers of position and velocity, moving by Clohessy and Wiltshire's
+equations under the commanded forces. Its process noise is a constant acceleration in each control
+period, and a share of each commanded force. It knows the thrusters' impulses and delay.
+
+A fix is a place, or a range and a bearing. These are converted to a place; its covariance is taken
+along and across the line of sight that the filter predicts, so that it does not depend on the fix's own error
+(Bordonaro, Willett and Bar-Shalom, Decorrelated unbiased converted measurement Kalman filter, IEEE
+Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444). Bearing errors are rotations of the
+line of sight, so that no direction is special.
+
+The sensed attitude is the true one rotated by a small angle about the body axes. The deputy uses it for
+everything: it takes bearings with it, turns until it equals the desired one, and
+fires its thrusters as if it were the true one.
+The filter runs in `pipeline.flight.period.look.navigation`, its plain version in
+`pipeline.flight.reference.navigation`.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.cases.processes import in_time, varies
+from pipeline.flight.state.log import Scenario
+from pipeline.physics.motion import Motion, motion_over
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission_parts import ideal, linear, perfect
+
+Floats = NDArray[np.float64]
+
+#: place in the spawn key of the random numbers for navigation, after the case
+FIXES = 1
+
+
+class Filter(NamedTuple):
+    """Parameters of the filter.
+
+    Attributes
+    ----------
+    stride : int
+        Control periods from one fix to the next.
+    delay : int
+        Control periods from a fix to its use.
+    at_start : (6, 6)
+        Covariance of the first estimate, m and m/s.
+    process : (6, 6)
+        Added to the covariance in each control period.
+    process_per_force : (6, 6)
+        Added as well for each square newton commanded.
+    fix : float
+        Variance of a fix along each axis, m^2.
+    gate : float
+        Square of the number of standard deviations beyond which a fix is rejected.
+    range, bearing : float
+        Further variances, along the line of sight, m^2, and of its direction about each axis, rad^2.
+    """
+
+    stride: int
+    delay: int
+    at_start: Floats
+    process: Floats
+    process_per_force: Floats
+    fix: float
+    gate: float
+    range: float
+    bearing: float
+
+
+def filter_of(mission: Mission) -> Filter:
+    """Return the filter of a mission whose deputy navigates by fixes."""
+    navigation, period = mission.navigation, mission.control_period_s
+    motion: Motion = motion_over(mission.orbit, mission.deputy, (period,))
+    control = motion.control[0]
+    unit = control @ control.T
+    is_seen = navigation.measures == "range_bearing"
+    bearing, tilt_1, tilt_2 = np.radians(
+        (navigation.bearing_noise_deg, navigation.attitude_bias_deg, navigation.attitude_noise_deg)
+    )
+    tilt = float(tilt_1**2 + tilt_2**2)
+    start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
+    return Filter(
+        round(navigation.fix_period_s / period),
+        round(navigation.delay_s / period),
+        np.diag(np.square(start)),
+        unit * (navigation.process_noise_m_s2 * mission.deputy.mass_kg) ** 2,
+        unit * (navigation.execution_error**2 + tilt),
+        navigation.bias_m**2 + (0.0 if is_seen else navigation.noise_m**2),
+        np.inf if navigation.gate_sigma is None else navigation.gate_sigma**2,
+        navigation.range_noise_m**2 if is_seen else 0.0,
+        float(bearing**2) + tilt if is_seen else 0.0,
+    )
+
+
+class Errors(NamedTuple):
+    """Navigation errors in some flights.
+
+    Attributes
+    ----------
+    at_start : (m, 6)
+        The first estimate minus the truth, m and m/s.
+    of_fixes : (m, F, 3)
+        Fixes minus the truth, without errors of range and bearing, m, Hill axes.
+    of_sight : (m, F, 4)
+        Ranges minus the truth, m, and rotations of bearings, rad, Hill axes; no fixes where these are places.
+    of_attitude : (m, K+1, 3)
+        Rotation from the true attitude to the sensed one at each sample, rad, body axes; no samples
+        without this error.
+    """
+
+    at_start: Floats
+    of_fixes: Floats
+    of_sight: Floats
+    of_attitude: Floats
+
+
+#: errors of a deputy that knows its state
+NO_FILTER = Filter(1, 0, np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), 0.0, np.inf, 0.0, 0.0)
+ALWAYS_RIGHT = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
+
+
+def measured(place: Floats, of_fix: Floats, of_sight: Floats | None, tilt_h: Floats) -> Floats:
+    """Return a fix, m, Hill axes, shape (3,).
+
+    Parameters
+    ----------
+    place : (3,)
+        The deputy's, m, Hill axes.
+    of_fix, of_sight : (3,), (4,) or None
+        A row of `Errors.of_fixes` and `Errors.of_sight`; None if a fix is a place.
+    tilt_h : (3,)
+        Rotation of the sensed attitude, rad, Hill axes.
+    """
+    if of_sight is None:
+        return np.asarray(place + of_fix)
+    turned = place + np.cross(of_sight[1:] + tilt_h, place)
+    return np.asarray(turned / np.linalg.norm(turned) * (np.linalg.norm(place) + of_sight[0]) + of_fix)
+
+
+def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
+    """Draw the errors of some flights, each from the noise seed of its start."""
+    navigation, num_samples = mission.navigation, mission.num_controls + 1
+    stride = round(navigation.fix_period_s / mission.control_period_s)
+    num_fixes = mission.num_controls // stride + 1
+    is_seen = navigation.measures == "range_bearing"
+    has_tilt = navigation.attitude_bias_deg > 0.0 or navigation.attitude_noise_deg > 0.0
+    has_tilt = has_tilt or varies(mission, "navigation.attitude_bias_deg", "navigation.attitude_noise_deg")
+    found = Errors(
+        np.empty((len(scenarios), 6)),
+        np.empty((len(scenarios), num_fixes, 3)),
+        np.empty((len(scenarios), num_fixes if is_seen else 0, 4)),
+        np.empty((len(scenarios), num_samples if has_tilt else 0, 3)),
+    )
+    for case, scenario in enumerate(scenarios):
+        generator = scenario.generator(FIXES)
+
+        def what(name: str, constant: Floats | float, of: Scenario = scenario) -> Floats:
+            return in_time(mission, f"navigation.{name}", of, constant)
+
+        found.at_start[case, :3] = navigation.initial_position_m * generator.standard_normal(3)
+        found.at_start[case, 3:] = navigation.initial_velocity_m_s * generator.standard_normal(3)
+        bias = what("bias_m", navigation.bias_m * generator.standard_normal(3))[::stride]
+        noise = generator.standard_normal((num_fixes, 3))
+        noise *= 0.0 if is_seen else what("noise_m", navigation.noise_m)[::stride]
+        is_outlier = generator.uniform(size=(num_fixes, 1)) < navigation.outlier_share
+        outliers = navigation.outlier_m * generator.standard_normal((num_fixes, 3))
+        found.of_fixes[case] = bias + noise + is_outlier * outliers
+        if is_seen:
+            sight = generator.standard_normal((num_fixes, 4))
+            turn = what("bearing_noise_deg", np.radians(navigation.bearing_noise_deg))
+            sight[:, :1] *= what("range_noise_m", navigation.range_noise_m)[::stride]
+            sight[:, 1:] *= turn[::stride]
+            found.of_sight[case] = sight
+        if has_tilt:
+            bias = np.radians(navigation.attitude_bias_deg) * generator.standard_normal(3)
+            shaken = generator.standard_normal((num_samples, 3))
+            shaken *= what("attitude_noise_deg", np.radians(navigation.attitude_noise_deg))
+            found.of_attitude[case] = what("attitude_bias_deg", bias) + shaken
+    return found
+
+
+def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
+    """Return the mission and the starts as the deputies believe them to be at the start.
+
+    Motion is linear and thrusters are ideal. A deputy that navigates by fixes is at its first
+    estimate, and knows its state from then on; later errors are drawn, but not known yet.
+    """
+    known = replace(mission, navigation=perfect(), actuators=ideal(), dynamics=linear(), dispersions={})
+    if mission.navigation.mode == "perfect":
+        return known, scenarios
+    first = errors_of(mission, scenarios).at_start
+    return known, [
+        replace(
+            scenario, position_m=scenario.position_m + off[:3], velocity_m_s=scenario.velocity_m_s + off[3:]
+        )
+        for scenario, off in zip(scenarios, first, strict=True)
+    ]

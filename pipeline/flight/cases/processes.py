@@ -1,0 +1,78 @@
+"""Settings that vary within a flight.
+
+A setting with a correlation time is a stationary process, a value for each control period. It is based on
+a Gauss-Markov process of unit variance, exact at any period T (A. Gelb, Applied Optimal Estimation, 1974,
+section 3.8)::
+
+    z_0 = e_0        z_k = c z_(k-1) + sqrt(1 - c^2) e_k        c = exp(-T / correlation_s)
+
+with independent standard normal e. The setting is the quantile of its distribution at the probability of z
+under the normal distribution: for a normal one ``mean + std z``. So at each
+instant it has that distribution, truncated or uniform as it may be.
+
+Each key draws from its own place in the case's seed, independently of which others vary.
+"""
+
+from math import exp, inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.dispersions import IN_TIME, Distribution
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: place in the spawn key of the first of `IN_TIME`, after the case; fixes, thrusters and the start's
+#: velocity have the places before
+FIRST = 4
+
+
+def varies(mission: Mission, *keys: str) -> bool:
+    """Return whether one of some settings varies within the flights of a mission."""
+    return not mission.varying.keys().isdisjoint(keys)
+
+
+def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | float) -> Floats:
+    """Return the values of a setting at each sample of a flight.
+
+    Parameters
+    ----------
+    mission, key, scenario
+        The setting.
+    constant : float or array
+        Its value if it does not vary.
+
+    Returns
+    -------
+    (K+1, 3), (K+1, 1) or (1, ...) array
+        For an error one per axis; rad where the key is in degrees. One row if it does not vary.
+    """
+    law = mission.varying.get(key)
+    if law is None or law.correlation_s is None:
+        return np.asarray(constant, dtype=np.float64)[np.newaxis]
+    from scipy.signal import lfilter  # noqa: PLC0415 - slow to import, used only here
+
+    places = list(IN_TIME)
+    scores = scenario.generator(FIRST + places.index(key)).standard_normal(
+        (mission.num_controls + 1, 3 if IN_TIME[key] == "error" else 1)
+    )
+    kept = exp(-mission.control_period_s / law.correlation_s)
+    scores[1:] *= sqrt(1.0 - kept**2)
+    found = _values(law, lfilter([1.0], [1.0, -kept], scores, axis=0))
+    return np.radians(found) if key.endswith("_deg") else found
+
+
+def _values(law: Distribution, scores: Floats) -> Floats:
+    """Return the quantiles of a distribution at the probabilities of standard normal scores."""
+    from scipy.special import ndtr, ndtri  # noqa: PLC0415 - as above
+
+    if law.kind == "uniform":
+        return np.asarray(law.low + (law.high - law.low) * ndtr(scores))
+    if law.low == -inf and law.high == inf:
+        return law.mean + law.std * scores
+    below, upto = ndtr((np.array([law.low, law.high]) - law.mean) / law.std)
+    # strictly between 0 and 1, where the inverse is finite
+    shares = np.clip(below + (upto - below) * ndtr(scores), 2.0**-53, 1.0 - 2.0**-53)
+    return np.asarray(np.clip(law.mean + law.std * ndtri(shares), law.low, law.high))

@@ -1,0 +1,161 @@
+"""Starts of flights, drawn case by case so that a case does not depend on the number of cases.
+
+Case i of a stage draws from ``SeedSequence(seed, spawn_key=(stage, i))``: direction, then distance, then the
+Sun's angle, then its elevation, whether or not they are used. The same seed therefore gives the same
+positions under any Sun setting.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.experiment import Deputy, Experiment, MonteCarlo, Starts, Sun
+from pipeline.settings.start_table import numbers
+
+#: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
+#: starts, ``HARD + r``; and those on which the champion is chosen
+EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
+
+#: place in the spawn key of the random numbers for a start's velocity, after the case
+SPEED = 3
+
+OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
+
+
+def draw(
+    seed: int, stage: int, case: int, shell_m: tuple[float, float], sun: Sun, max_speed_m_s: float = 0.0
+) -> Scenario:
+    """Draw one start: isotropic direction, distance uniform in the shell; likewise its velocity.
+
+    Parameters
+    ----------
+    seed, stage, case : int
+        Together they determine the start.
+    shell_m : (float, float)
+        Least and greatest distance.
+    sun : Sun
+        Fixed, random, or alternating: even cases fixed, odd ones random.
+    max_speed_m_s : float
+        Upper limit of the uniform speed; 0 for rest.
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
+    direction = generator.standard_normal(3)
+    direction /= np.linalg.norm(direction)
+    distance = generator.uniform(*shell_m)
+    angle = generator.uniform(0.0, 2.0 * np.pi)
+    share = generator.uniform()
+    elevation_deg = sun.elevation_deg
+    is_fixed = sun.mode == "fixed" or (sun.mode == "mixed" and case % 2 == 0)
+    if is_fixed:
+        angle = float(np.radians(sun.angle_deg))
+    elif sun.elevation_range_deg is not None:
+        low, high = sun.elevation_range_deg
+        elevation_deg = low + share * (high - low)
+    start = Scenario(
+        distance * direction, np.zeros(3), angle, float(np.radians(elevation_deg)), (seed, stage, case)
+    )
+    return replace(start, velocity_m_s=_velocity(start, max_speed_m_s)) if max_speed_m_s > 0.0 else start
+
+
+def _velocity(start: Scenario, max_speed: float) -> NDArray[np.float64]:
+    """Draw the velocity of a start."""
+    generator = start.generator(SPEED)
+    direction = generator.standard_normal(3)
+    velocity: NDArray[np.float64] = generator.uniform(0.0, max_speed) * direction / np.linalg.norm(direction)
+    return velocity
+
+
+def training_scenarios(starts: Starts, sun: Sun, seed: int, round_index: int = 0) -> list[Scenario]:
+    """Return the starts of a round of training; without `starts.redraw` those of the first round."""
+    if starts.table is not None:
+        return _given(starts.table, seed, TRAINING)
+    stage = TRAINING + (round_index if starts.redraw else 0)
+    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
+    drawn = [draw(seed, stage, case, shell, sun, speed) for case in range(starts.num_cases)]
+    if starts.kind == "random":
+        return drawn
+    return [
+        replace(case, position_m=starts.min_distance_m * direction)
+        for direction, case in zip(OCTANTS, drawn, strict=True)
+    ]
+
+
+def hard_candidates(starts: Starts, sun: Sun, seed: int, round_index: int) -> list[Scenario]:
+    """Return the starts among which the hard ones of a round of training are sought."""
+    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
+    return [draw(seed, HARD + round_index, case, shell, sun, speed) for case in range(starts.hard_from)]
+
+
+def validation_scenarios(starts: Starts, sun: Sun, seed: int, num_cases: int) -> list[Scenario]:
+    """Return the starts on which the champion is chosen: drawn as for training, not flown in it."""
+    shell, speed = (starts.min_distance_m, starts.max_distance_m), starts.max_speed_m_s
+    return [draw(seed, VALIDATION, case, shell, sun, speed) for case in range(num_cases)]
+
+
+def given_start(deputy: Deputy, sun: Sun, seed: int) -> Scenario:
+    """Return the start that the configuration gives; a random Sun is that of the first evaluation case."""
+    drawn = draw(seed, EVALUATION, 0, (deputy.min_distance_m, deputy.max_distance_m), sun)
+    return replace(
+        drawn,
+        position_m=np.array(deputy.initial_position_m),
+        velocity_m_s=np.array(deputy.initial_velocity_m_s),
+    )
+
+
+def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
+    """Return the start that is flown alone and its name: the given one, or a case of the evaluation."""
+    sun, seed, case = experiment.sun, experiment.seed, experiment.case
+    if case is None:
+        return "start", given_start(experiment.mission.deputy, sun, seed)
+    return f"case-{case}", evaluation_scenarios(experiment.monte_carlo, sun, seed, [case])[0]
+
+
+def evaluation_scenarios(
+    monte_carlo: MonteCarlo, sun: Sun, seed: int, cases: slice | Sequence[int] = slice(None)
+) -> list[Scenario]:
+    """Return the starts of an evaluation, or of some of its cases."""
+    if monte_carlo.table is not None:
+        given = _given(monte_carlo.table, seed, EVALUATION)
+        return given[cases] if isinstance(cases, slice) else [given[case] for case in cases]
+    shell, speed = (monte_carlo.min_distance_m, monte_carlo.max_distance_m), monte_carlo.max_speed_m_s
+    drawn = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
+    return [draw(seed, EVALUATION, case, shell, sun, speed) for case in drawn]
+
+
+def _given(table: str, seed: int, stage: int) -> list[Scenario]:
+    """Return the starts of a table, with the errors of a seed and a stage."""
+    starts = enumerate(starts_in(numbers(table, "the table of starts")))
+    return [replace(start, noise=(seed, stage, case)) for case, start in starts]
+
+
+def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
+    """Return the starts in a table of episodes or of solved cases, row by row.
+
+    Parameters
+    ----------
+    columns : mapping of (n,) arrays
+        ``position_x_m`` and so on (Hill axes), ``sun_angle_rad``; optionally ``velocity_x_m_s`` and so on
+        (else at rest), and ``sun_elevation_rad`` (else the Sun is in the orbit plane).
+    """
+    angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
+    at_rest = np.zeros(len(angles))
+    elevations = np.asarray(columns.get("sun_elevation_rad", at_rest), dtype=np.float64)
+    positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
+    velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
+    return [
+        Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
+        for row, (position, velocity, angle, elevation) in enumerate(
+            zip(
+                positions.astype(np.float64),
+                velocities.astype(np.float64),
+                angles.tolist(),
+                elevations.tolist(),
+                strict=True,
+            )
+        )
+    ]

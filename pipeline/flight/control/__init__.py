@@ -1,0 +1,1 @@
+"""A controller as numbers: its systems, constants, plans and tours."""

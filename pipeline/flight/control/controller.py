@@ -1,0 +1,381 @@
+"""Controllers: which fuzzy system senses which signal and drives which axis, or which forces are planned.
+
+The names of signals, components and constants are those of `pipeline.flight.state.signals`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from math import pi
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.packing import NotCompilable, Packed, layout_of, pack
+from fis_tools.model import FuzzyController, FuzzySystem
+from pipeline.flight.state.arrays import Law, Plans
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.signals import (
+    AXES,
+    CONSTANTS,
+    FORCE_AXES,
+    SETTING,
+    SIGNALS,
+    TOUR,
+    URGENCY,
+    constant,
+    needs_of,
+    slot,
+)
+from pipeline.flight.state.turns import AIMED, Turns
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
+#: pushes gain most, pushes across the orbit plane least
+REHEARSED_PARTS = (
+    (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0),
+    (0.0, 0.25, -0.25, 0.5, -0.5),
+    (0.0, 0.25, -0.25),
+)
+#: constants that may not be zero: signals that need each, as flags and as names, its name and meaning
+REQUIRED = (
+    (
+        URGENCY | SETTING,
+        "urgent_*, see_push_*, aim_* or tour_push_*",
+        "urgency_time_s",
+        "the time before its last light within which a point becomes urgent, say 200 (s)",
+    ),
+    (
+        SETTING,
+        "see_push_* or aim_*",
+        "see_damping_ks2",
+        "what keeps the push small, say 0.1 (1e6 s^2)",
+    ),
+    (TOUR, "tour_push_*", "tour_time_s", "the time after which the push leads to the tour, say 500 (s)"),
+)
+
+
+class ControllerError(ValueError):
+    """A controller that cannot fly; the text says why and what to do."""
+
+
+class Planner(Protocol):
+    """Plans the forces of a flight, at each decision from the state as the deputy knows it."""
+
+    @property
+    def decisions(self) -> Sequence[int]:
+        """Samples at which forces are planned, ascending from 0."""
+
+    def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
+        """Return the forces from a decision on, shape (rows, 3), N, Hill axes; zero after the last row.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            The start of the flight.
+        decision : int
+            One of `decisions`; rows beyond the next one are not flown.
+        state : (6,)
+            The state as the deputy knows it then, m and m/s, Hill axes.
+        """
+
+
+class Regulator(Protocol):
+    """Holds the deputy on a path by a force that is linear in the deviation."""
+
+    @property
+    def gain(self) -> Floats:
+        """K of ``f = -K (state - path)``, shape (3, 6), N/m and N s/m, Hill axes."""
+
+    @property
+    def dead_band_n(self) -> float:
+        """A component smaller than this is not fired, N."""
+
+    def path(self, scenario: Scenario) -> Floats:
+        """Return the wanted states of a flight at each decision, shape (K, 6), m and m/s, Hill axes."""
+
+    def forces(self, scenario: Scenario) -> Floats:
+        """Return the feedforward forces of that path, shape (K, 3), N, Hill axes."""
+
+
+class Pilot(Protocol):
+    """Decides at every control period from the observations at that time."""
+
+    @property
+    def source(self) -> bytes:
+        """The file it was read from, for recordings."""
+
+    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Floats:
+        """Return the forces of flights from some starts, shape (m, K, 3), N, Hill axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """Decides the force: fuzzy systems, a fixed plan, a planner, a linear law, or a pilot.
+
+    Compared by identity, so that what is computed from a controller can be cached.
+
+    Parameters
+    ----------
+    name : str
+    systems : tuple of FuzzySystem
+        At most three; none for a plan.
+    force_axes : str
+        ``body`` or ``hill``, the axes of the systems' outputs or of the plan.
+    plan : (K, 3) array, optional
+        Forces, N, one row per control period; zero after the last row.
+    turns : Turns
+        Played along with a plan.
+    planner : Planner, optional
+    regulator : Regulator, optional
+    pilot : Pilot, optional
+    fuzzy : FuzzyController, optional
+        The source of the systems, for files and reports.
+    """
+
+    name: str
+    systems: tuple[FuzzySystem, ...]
+    force_axes: str = "body"
+    plan: Floats | None = None
+    turns: Turns = AIMED
+    planner: Planner | None = None
+    regulator: Regulator | None = None
+    pilot: Pilot | None = None
+    fuzzy: FuzzyController | None = None
+
+    @cached_property
+    def numbers(self) -> Packed:
+        """Its systems as compiled flights read them; none for a plan."""
+        if self.systems:
+            return with_constants(pack(*self.systems), self)
+        return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64), ())
+
+    @cached_property
+    def constants(self) -> Floats:
+        """Its constants, in the order of `CONSTANTS`; zero where not set.
+
+        Raises
+        ------
+        ControllerError
+            If one is not a finite number, or is a negative length, force or time.
+        """
+        return _constants_of(self)
+
+    @property
+    def plays_turns(self) -> bool:
+        """Whether it plays attitudes or torques."""
+        return len(self.turns.attitudes) > 0 or len(self.turns.torques) > 0
+
+    @property
+    def is_of_a_kind(self) -> bool:
+        """Whether its name states its kind: a planner or a regulator."""
+        return self.planner is not None or self.regulator is not None
+
+
+def from_fuzzy(fuzzy: FuzzyController) -> Controller:
+    """Make a controller from a fuzzy controller, whose variables name signals and force components.
+
+    Raises
+    ------
+    ControllerError
+        If a system senses or drives something unknown, an attribute is missing or not a number, or the
+        compiled flight does not support a system.
+    """
+    attributes = dict(fuzzy.attributes)
+    force_axes = attributes.get("force_axes", "")
+    if force_axes not in FORCE_AXES:
+        raise ControllerError(
+            f"controller {fuzzy.name!r} has force_axes {force_axes!r}; set the attribute to body or hill"
+        )
+    if not fuzzy.systems:
+        raise ControllerError(f"controller {fuzzy.name!r} has no system; give one to three")
+    driven: dict[str, str] = {}
+    for system in fuzzy.systems:
+        for variable in system.inputs:
+            if variable.name not in SIGNALS:
+                raise ControllerError(
+                    f"system {system.name!r} senses {variable.name!r}, which is no signal; "
+                    f"the signals are {', '.join(SIGNALS)}"
+                )
+            if variable.unit != SIGNALS[variable.name].unit:
+                raise ControllerError(
+                    f"system {system.name!r} takes {variable.name!r} in {variable.unit!r}; "
+                    f"this signal comes in {SIGNALS[variable.name].unit!r}"
+                )
+        names = [variable.name for variable in system.outputs]
+        if len(names) != 1 or names[0] not in AXES:
+            raise ControllerError(
+                f"system {system.name!r} drives {', '.join(names) or 'nothing'}; "
+                f"each system drives one of {', '.join(AXES)}"
+            )
+        if names[0] in driven:
+            raise ControllerError(
+                f"systems {driven[names[0]]!r} and {system.name!r} both drive {names[0]}; "
+                "give each axis one system"
+            )
+        if system.outputs[0].unit != "N":
+            raise ControllerError(
+                f"output {names[0]!r} of {system.name!r} is in {system.outputs[0].unit!r}; use N"
+            )
+        driven[names[0]] = system.name
+    try:
+        pack(*fuzzy.systems)
+    except NotCompilable as error:
+        raise ControllerError(f"controller {fuzzy.name!r} cannot fly: {error}") from error
+    controller = Controller(fuzzy.name, fuzzy.systems, force_axes, fuzzy=fuzzy)
+    _constants_of(controller)
+    return controller
+
+
+def coast() -> Controller:
+    """Return the controller that never fires."""
+    return Controller("coast", (), "hill", plan=np.zeros((0, 3)))
+
+
+def open_loop(name: str, plan: Floats, force_axes: str = "hill", turns: Turns = AIMED) -> Controller:
+    """Return the controller that plays forces of shape (K, 3), N, and turns."""
+    return Controller(name, (), force_axes, plan=np.asarray(plan, dtype=np.float64), turns=turns)
+
+
+def law_of(controller: Controller, mission: Mission) -> Law:
+    """Return what the compiled episode needs to know of a controller, apart from its numbers.
+
+    It holds no plans of a planner or a regulator yet; `pipeline.flight.control.plans` makes these.
+
+    Raises
+    ------
+    ControllerError
+        If a plan is longer than the flight, or decisions do not fall on control periods.
+    """
+    num_controls, numbers = mission.num_controls, controller.numbers
+    if controller.plan is not None and len(controller.plan) > num_controls:
+        raise ControllerError(
+            f"the plan of {controller.name!r} has {len(controller.plan)} forces, the flight {num_controls} "
+            "control periods; shorten the plan or lengthen duration_s"
+        )
+    forces = np.zeros((0 if controller.plan is None else 1, num_controls, 3))
+    if controller.plan is not None:
+        forces[0, : len(controller.plan)] = controller.plan
+    signals = np.zeros((len(controller.systems), 3), dtype=np.int64)
+    for row, system in zip(signals, controller.systems, strict=True):
+        slots = [slot(variable.name) for variable in system.inputs]
+        row[:] = (slots + [slots[-1]] * 3)[:3]
+    check_tour(controller, mission)
+    return Law(
+        axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
+        signals=signals,
+        needs=needs_of(sensed_by(controller)),
+        num_inputs=np.array([len(system.inputs) for system in controller.systems], dtype=np.int64),
+        layout=numbers.layout,
+        constants=numbers.values.shape[1] - len(CONSTANTS) if has_constants(controller) else -1,
+        decision_stride=decision_stride(controller, mission),
+        force_axes=FORCE_AXES[controller.force_axes],
+        has_plan=controller.plan is not None or controller.is_of_a_kind or controller.pilot is not None,
+        plans=unanswered(forces),
+    )
+
+
+def unanswered(forces: Floats) -> Plans:
+    """Return plans of forces, shape (m or 1, K, 3), that are played open loop."""
+    nowhere = np.zeros((0, forces.shape[1], 6))
+    return Plans(forces, nowhere, np.zeros((3, 6)), 0.0, nowhere)
+
+
+def has_constants(controller: Controller) -> bool:
+    """Return whether a controller sets any of `CONSTANTS`."""
+    return controller.fuzzy is not None and any(name in CONSTANTS for name, _ in controller.fuzzy.attributes)
+
+
+def _constants_of(controller: Controller) -> Floats:
+    attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
+    values = np.zeros(len(CONSTANTS))
+    for place, (name, kind) in enumerate(CONSTANTS.items()):
+        text = attributes.get(name, "0")
+        try:
+            values[place] = float(text)
+        except ValueError:
+            values[place] = np.nan
+        if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
+            least = "a number" if kind.is_signed else "a number from 0 on"
+            raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
+    needs = needs_of(sensed_by(controller))
+    for flags, signals, name, meaning in REQUIRED:
+        if needs & flags and values[constant(name)] == 0.0:
+            raise ControllerError(
+                f"controller {controller.name!r} senses {signals} but sets no {name}; give it as an "
+                f"attribute, {meaning}"
+            )
+    if values[constant("rehearsal_tours")] not in (0.0, 2.0, 4.0):
+        raise ControllerError(
+            f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
+            "for the tour and its mirror image through the orbit plane, 4 for both the other way round too"
+        )
+    if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
+        raise ControllerError(
+            f"controller {controller.name!r} rehearses its first push with force_axes "
+            f"{controller.force_axes}; set the attribute force_axes to hill, which the pushes are along"
+        )
+    return values
+
+
+def rehearsed_pushes(controller: Controller) -> Floats:
+    """Return the candidate first pushes of a rehearsal, shape (n, 3), m/s, Hill axes; none by default.
+
+    The first row is no push.
+    """
+    reach = float(controller.constants[constant("rehearsal_reach_m_s")])
+    parts = np.array(list(product(*REHEARSED_PARTS)))
+    return reach * parts if reach > 0.0 else np.zeros((0, 3))
+
+
+def decision_stride(controller: Controller, mission: Mission) -> int:
+    """Return the control periods from one decision to the next; 1 unless ``decision_period_s`` is set.
+
+    Raises
+    ------
+    ControllerError
+        If ``decision_period_s`` is not a whole number of control periods.
+    """
+    decision_period = float(controller.constants[constant("decision_period_s")])
+    periods = decision_period / mission.control_period_s
+    if abs(periods - round(periods)) > 1e-6:
+        raise ControllerError(
+            f"controller {controller.name!r} has decision_period_s {decision_period:g}; give a whole number "
+            f"of control periods of {mission.control_period_s:g} s, or leave it out to decide in each"
+        )
+    return max(1, round(periods))
+
+
+def check_tour(controller: Controller, mission: Mission) -> None:
+    """Check the times of the tour: from half an orbit on, no push across the track leads onto it.
+
+    Raises
+    ------
+    ControllerError
+        If ``tour_time_s`` or ``tour_wait_s`` is half an orbit or more.
+    """
+    half = pi / mission.orbit.mean_motion_rad_s
+    for name in ("tour_time_s", "tour_wait_s"):
+        time = float(controller.constants[constant(name)])
+        if time >= half:
+            raise ControllerError(
+                f"controller {controller.name!r} has {name} {time:g}; give less than half an orbit, "
+                f"{half:.0f} s"
+            )
+
+
+def sensed_by(controller: Controller) -> list[str]:
+    """Return the signals that a controller's systems sense, one per input."""
+    return [variable.name for system in controller.systems for variable in system.inputs]
+
+
+def with_constants(numbers: Packed, controller: Controller) -> Packed:
+    """Append a controller's constants to its numbers, or to those of a population of its structure."""
+    if not has_constants(controller):
+        return numbers
+    rows = np.broadcast_to(controller.constants, (len(numbers.values), len(CONSTANTS)))
+    return replace(numbers, values=np.hstack([numbers.values, rows]))

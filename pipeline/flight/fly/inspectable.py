@@ -1,0 +1,39 @@
+"""The points that can be inspected: those that are lit at some time of the flight."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flight.cases.cases import Starts
+from pipeline.flight.fly.workspace import make_workspace, optics_in_use
+from pipeline.flight.period.look.optics import note_inspectable, note_lit_at_samples
+from pipeline.flight.state.arrays import World
+
+
+def inspectable_points(
+    world: World, starts: Starts, note: Callable[..., None] = note_inspectable
+) -> NDArray[np.uint8]:
+    """Return which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
+    found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
+    note(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    return found
+
+
+def lit_at_samples(world: World, starts: Starts) -> NDArray[np.bool_]:
+    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
+    found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
+    note_lit_at_samples(world, optics_in_use(world, starts), make_workspace(world), starts, found)
+    return np.ascontiguousarray(found[:, : world.num_points] > 0)
+
+
+def counted_points(world: World, starts: Starts, inspectable: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the points that flights count, as `inspectable_points`, or one row if they are the same for all.
+
+    In the paper's world all points count, lit or not; in others only those that can be inspected, so
+    that a deputy does not wait for the rest.
+    """
+    if optics_in_use(world, starts) is None:
+        return np.ones((1, inspectable.shape[1]), dtype=np.uint8)
+    is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
+    return np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)

@@ -1,0 +1,157 @@
+"""Many flights at once: every controller of a population from every start, on all processors."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import FEW_LANES, LANES
+from fis_tools.engines.packing import Packed
+from pipeline.flight.cases.cases import Cases
+from pipeline.flight.fly.inspectable import counted_points, inspectable_points
+from pipeline.flight.fly.workspace import Parts, make_workspace, parts_in_use
+from pipeline.flight.period.loop import fly_many
+from pipeline.flight.state import arrays
+from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Workspace, World
+from pipeline.flight.state.log import Outcomes, no_log
+
+Floats = NDArray[np.float64]
+
+#: no openings: the rules decide on the first control period, too
+NO_OPENINGS = np.zeros((0, 3))
+
+
+class FlightError(ValueError):
+    """A flight whose state became infinite or not a number; its results mean nothing."""
+
+
+def lanes_for(num_starts: int) -> int:
+    """Return the flights to fly side by side when few starts are flown often, such as by many controllers.
+
+    A half-empty vector takes as long as a full one; but each width is compiled separately.
+    """
+    return FEW_LANES if num_starts <= FEW_LANES else LANES
+
+
+def fly_population(
+    world: World,
+    law: Law,
+    numbers: Packed,
+    cases: Cases,
+    workers: int | None = None,
+    tracks: NDArray[np.float32] | None = None,
+    openings: Floats | None = None,
+    lanes: int = LANES,
+) -> Outcomes:
+    """Fly every controller of a population from every start.
+
+    Parameters
+    ----------
+    world : World
+    law : Law
+        Of the structure that the population shares.
+    numbers : Packed
+        n controllers.
+    cases : Cases
+        m starts.
+    workers : int, optional
+        Worker threads; one per processor unless given. The result does not depend on it.
+    tracks : (n * m, K+1, 3 or 15) float32, optional
+        Filled with positions, m, Hill axes; if there is room also with velocities, m/s, the
+        delta-v spent, m/s, the number of points not yet inspected, the force fired over the control period
+        that follows, N, the boresight, both in Hill axes, and the deputy's angular rate relative to Hill,
+        rad/s: columns as in `pipeline.flight.state.arrays`.
+    openings : (m, 3) array, optional
+        Fired from each start in the first control period instead of what the rules decide, N, Hill
+        axes.
+    lanes : int
+        Flights side by side. The result does not depend on it; see `lanes_for`.
+
+    Returns
+    -------
+    Outcomes
+        Arrays of shape (n, m).
+
+    Raises
+    ------
+    FlightError
+        If a flight's numbers are not finite.
+    """
+    num_pairs = len(numbers.values) * len(cases)
+    outcomes = np.empty((num_pairs, NUM_OUTCOMES))
+    workers = workers or os.cpu_count() or 1
+    # flights of one vector stay together
+    shares = _shares(num_pairs, lanes if len(numbers.values) == 1 else max(1, len(cases)), workers)
+    workers, untaken = min(workers, len(shares)), iter(shares)
+    silent = no_log()
+    inspectable = inspectable_points(world, cases.starts)
+    counted = counted_points(world, cases.starts, inspectable)
+    tracks = np.empty((0, 0, 3), dtype=np.float32) if tracks is None else tracks
+
+    def fly_shares(work: Workspace, parts: Parts) -> None:
+        """Fly shares one after the other, each not taken by another thread."""
+        for first, last in untaken:
+            fly_many(
+                world,
+                *parts,
+                law,
+                numbers.values,
+                numbers.rules,
+                cases.starts,
+                counted,
+                NO_OPENINGS if openings is None else openings,
+                work,
+                silent,
+                tracks,
+                first,
+                last,
+                outcomes,
+            )
+
+    works = [make_workspace(world, lanes) for _ in range(workers)]
+    parts = [parts_in_use(world, law, cases, lanes) for _ in range(workers)]
+    if workers > 1:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(fly_shares, works, parts))
+    else:
+        list(map(fly_shares, works, parts))
+    rows = outcomes.reshape(len(numbers.values), len(cases), NUM_OUTCOMES)
+    return outcomes_of(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
+
+
+def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
+    """Split flights into shares (first, last) of decreasing size, so that threads end together."""
+    shares, first = [], 0
+    while first < num_flights:
+        left = -(-(num_flights - first) // whole)
+        last = min(num_flights, first + whole * (left if workers == 1 else -(-left // (2 * workers))))
+        shares.append((first, last))
+        first = last
+    return shares
+
+
+def outcomes_of(rows: Floats, inspectable_count: NDArray[np.int64]) -> Outcomes:
+    """Return rows of the kernel as outcomes, if all are finite."""
+    check_finite(rows)
+    return Outcomes(
+        delta_v_m_s=rows[..., arrays.DELTA_V],
+        inspected_count=np.rint(rows[..., arrays.INSPECTED]).astype(np.int64),
+        inspectable_count=np.broadcast_to(inspectable_count, rows.shape[:-1]),
+        mean_distance_m=rows[..., arrays.MEAN_DISTANCE],
+        min_distance_m=rows[..., arrays.MIN_DISTANCE],
+        max_distance_m=rows[..., arrays.MAX_DISTANCE],
+        outside_m=rows[..., arrays.OUTSIDE],
+        safety_periods=np.rint(rows[..., arrays.SAFETY_PERIODS]).astype(np.int64),
+        safety_delta_v_m_s=rows[..., arrays.SAFETY_DELTA_V],
+    )
+
+
+def check_finite(*numbers: Floats) -> None:
+    """Raise FlightError unless all numbers of a flight are finite."""
+    if not all(np.isfinite(some).all() for some in numbers):
+        raise FlightError(
+            "a flight did not stay finite: its position, attitude or force became infinite or not a number; "
+            "lower attitude.proportional_gain, deputy.max_torque_n_m or attitude_period_s, with which it "
+            "cannot be flown"
+        )

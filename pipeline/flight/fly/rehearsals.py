@@ -1,0 +1,95 @@
+"""Rehearsals: flights that a controller simulates to the end from each start before choosing how to begin."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.engines.kernel import LANES
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.flight.cases.navigation import as_believed
+from pipeline.flight.control.controller import Controller, law_of, rehearsed_pushes
+from pipeline.flight.control.tours import IMAGES, tour_images
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.state.signals import constant
+from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+#: rehearsal costs of a point missed, and of leaving the limits, more than any flight can spend
+REHEARSED_POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
+
+
+def rehearsed_openings(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+) -> Floats | None:
+    """Return the force of the first control period from each start for a controller that rehearses it.
+
+    All its first pushes are flown to the end from every start, as the deputy knows start and mission;
+    the one with the cheapest flight is chosen: inside the limits if any is, then by delta-v and a price for
+    each point missed beyond those that the controller itself accepts when it coasts.
+
+    Returns
+    -------
+    (m, 3) array or None
+        N, Hill axes; None for a controller that does not rehearse.
+    """
+    pushes = rehearsed_pushes(controller)
+    if not len(pushes):
+        return None
+    forces = pushes * mission.deputy.mass_kg / mission.control_period_s
+    known, starts = as_believed(mission, scenarios)
+    world, cases = pack_world(known), cases_of(known, starts)
+    ends = fly_population(
+        world,
+        law_of(controller, known),
+        controller.numbers,
+        cases.repeated(len(forces)),
+        workers,
+        openings=np.tile(forces, (len(cases), 1)),
+    )
+    cost = _rehearsed_costs(controller, ends)
+    return np.asarray(forces[cost.reshape(len(cases), len(forces)).argmin(axis=1)])
+
+
+def rehearsed_tours(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    lanes: int = LANES,
+) -> NDArray[np.int64]:
+    """Return which image of its tour a controller follows from each start: that of the cheapest flight.
+
+    All are flown to the end, like first pushes, see `rehearsed_openings`.
+
+    Returns
+    -------
+    (m,) array
+        Places in `pipeline.flight.control.tours.IMAGES`.
+    """
+    known, starts = as_believed(mission, scenarios)
+    world, cases, law = pack_world(known), cases_of(known, starts), law_of(controller, known)
+    flown = [
+        fly_population(world, law, image.numbers, cases, workers, lanes=lanes)
+        for image in tour_images(controller)
+    ]
+    costs = [_rehearsed_costs(controller, ends)[0] for ends in flown]
+    return np.asarray(np.argmin(costs, axis=0))
+
+
+def tour_followed(mission: Mission, controller: Controller, scenario: Scenario) -> str | None:
+    """Return which image of its tour a controller follows from a start; None without a rehearsal."""
+    if not tour_images(controller):
+        return None
+    return IMAGES[rehearsed_tours(mission_of_case(mission, scenario), controller, [scenario], 1)[0]]
+
+
+def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
+    """Return the costs by which rehearsals are compared, m/s, of the shape of the outcomes."""
+    # missed points that the controller accepts cost nothing
+    least = max(1.0, controller.constants[constant("coast_below_points")])
+    missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - np.ceil(least) + 1.0)
+    cost = ends.delta_v_m_s + REHEARSED_POINT_M_S * missed + OUTSIDE_M_S * ends.is_violated
+    return np.asarray(cost)

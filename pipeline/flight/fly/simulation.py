@@ -1,0 +1,226 @@
+"""The simulation interface: from missions, starts and controllers to outcomes and logs."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiled.decorator import sparingly
+from fis_tools.engines.kernel import FEW_LANES, LANES, evaluate
+from pipeline.flight.cases.cases import cases_of
+from pipeline.flight.cases.dispersions import groups_of, mission_of_case
+from pipeline.flight.control.controller import (
+    Controller,
+    ControllerError,
+    law_of,
+    rehearsed_pushes,
+    unanswered,
+)
+from pipeline.flight.control.plans import planned, regulated
+from pipeline.flight.control.tours import tour_images
+from pipeline.flight.fly.inspectable import counted_points, inspectable_points
+from pipeline.flight.fly.population import NO_OPENINGS, check_finite, fly_population, lanes_for, outcomes_of
+from pipeline.flight.fly.rehearsals import rehearsed_openings, rehearsed_tours
+from pipeline.flight.fly.workspace import make_workspace, parts_in_use
+from pipeline.flight.period.look.optics import note_inspectable
+from pipeline.flight.period.loop import fly_many
+from pipeline.flight.state import arrays
+from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
+from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
+from pipeline.flight.world.light import sun_shares
+from pipeline.flight.world.pack import chief_attitudes, pack_world
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.settings.dispersions import distributions
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+
+def fly_all(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None = None,
+    tracks: NDArray[np.float32] | None = None,
+    lanes: int = LANES,
+) -> Outcomes:
+    """Fly one controller from many starts; arrays of shape (m,). See `fly_population` for the rest.
+
+    With dispersions, cases with the same settings fly side by side; so do those that follow the
+    same image of a tour.
+    """
+    if distributions(mission.dispersions):
+        groups = [(own, controller, places) for own, places in groups_of(mission, scenarios)]
+        return _fly_groups(groups, scenarios, workers, tracks)
+    if is_by_the_reference(mission, controller):
+        return _outcomes_of_logs(mission, controller, scenarios, tracks)
+    images = tour_images(controller)
+    if images:
+        followed = rehearsed_tours(mission, controller, scenarios, workers, lanes)
+        chosen = np.unique(followed).tolist()
+        groups = [(mission, images[image], np.flatnonzero(followed == image).tolist()) for image in chosen]
+        return _fly_groups(groups, scenarios, workers, tracks, lanes)
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
+    law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
+    openings = rehearsed_openings(mission, controller, scenarios, workers)
+    many = fly_population(world, law, numbers, cases, workers, tracks, openings, lanes)
+    return Outcomes(**{name: values[0] for name, values in vars(many).items()})
+
+
+def _fly_groups(
+    groups: list[tuple[Mission, Controller, list[int]]],
+    scenarios: list[Scenario],
+    workers: int | None,
+    tracks: NDArray[np.float32] | None,
+    lanes: int = LANES,
+) -> Outcomes:
+    """Fly groups of cases, each with its own mission and controller, given with the indices of the cases."""
+
+    def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
+        own, controller, places = group
+        found = None if tracks is None else tracks[places]
+        own_lanes = lanes_for(len(places)) if len(groups) > FEW_LANES else lanes
+        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found, own_lanes)
+        if tracks is not None and found is not None:
+            tracks[places] = found
+        return places, outcomes
+
+    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
+    try:
+        flown = list(pool.map(fly_group, groups))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    order = np.argsort([place for places, _ in flown for place in places])
+    return Outcomes(
+        **{
+            name: np.concatenate([vars(outcomes)[name] for _, outcomes in flown])[order]
+            for name in vars(flown[0][1])
+        }
+    )
+
+
+def law_for(
+    controller: Controller, mission: Mission, scenarios: list[Scenario], workers: int | None = None
+) -> Law:
+    """Return what compiled flights from some starts need to know of a controller, with their plans."""
+    law, num_controls = law_of(controller, mission), mission.num_controls
+    if controller.regulator is not None:
+        return law._replace(plans=regulated(controller.regulator, scenarios))
+    if controller.pilot is not None:
+        return law._replace(plans=unanswered(controller.pilot(mission, scenarios, workers)))
+    if controller.planner is None:
+        return law
+    world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
+
+    def fly(periods: int, plans: Plans) -> None:
+        fly_population(
+            world._replace(num_controls=periods), law._replace(plans=plans), numbers, cases, workers
+        )
+
+    return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
+
+
+def is_by_the_reference(mission: Mission, controller: Controller | None = None) -> bool:
+    """Return whether only the readable reference can fly this.
+
+    True for scikit-learn's clusters, and for attitudes and torques that are played.
+    """
+    plays_turns = controller is not None and controller.plays_turns
+    return plays_turns or (mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn")
+
+
+def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    """Fly one episode and log everything."""
+    mission = mission_of_case(mission, scenario)
+    if is_by_the_reference(mission, controller):
+        return _fly_reference(mission, controller, scenario)
+    images = tour_images(controller)
+    if images:
+        controller = images[rehearsed_tours(mission, controller, [scenario], 1)[0]]
+    world = pack_world(mission)
+    law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
+    log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
+    log.mass_kg[:] = mission.deputy.mass_kg
+    openings, cases = rehearsed_openings(mission, controller, [scenario], 1), cases_of(mission, [scenario])
+    inspectable = inspectable_points(world, cases.starts, sparingly(note_inspectable))
+    sparingly(fly_many)(
+        world,
+        *parts_in_use(world, law, cases),
+        law,
+        numbers.values,
+        numbers.rules,
+        cases.starts,
+        counted_points(world, cases.starts, inspectable),
+        NO_OPENINGS if openings is None else openings,
+        make_workspace(world),
+        log,
+        np.empty((0, 0, 3), dtype=np.float32),
+        0,
+        1,
+        np.empty((1, NUM_OUTCOMES)),
+    )
+    log.quaternion_c_from_h[:] = chief_attitudes(mission)
+    log.sun_elevation_rad[:] = scenario.sun_elevation_rad
+    log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, scenario.sun_elevation_rad)
+    log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
+    check_finite(
+        log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.quaternion_c_from_h, log.force_hill_n
+    )
+    return log
+
+
+def _fly_reference(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    from pipeline.flight.reference import loop  # noqa: PLC0415 - plain Python, and only here
+    from pipeline.flight.reference.channels import channels_of, plan_of  # noqa: PLC0415
+
+    numbers, plans = controller.numbers, law_for(controller, mission, [scenario], 1).plans
+
+    def infer(system: int, inputs: Floats) -> float:
+        row = inputs[np.newaxis, : len(controller.systems[system].inputs)]
+        return float(evaluate(numbers, row, system)[0])
+
+    if len(rehearsed_pushes(controller)) or tour_images(controller):
+        raise ControllerError(
+            f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
+            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
+        )
+    channels = channels_of(controller.systems, controller.force_axes, plan_of(plans), controller.constants)
+    return loop.fly(mission, scenario, channels, infer, turns=controller.turns)
+
+
+def _outcomes_of_logs(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    tracks: NDArray[np.float32] | None,
+) -> Outcomes:
+    rows, inspectable = np.empty((len(scenarios), NUM_OUTCOMES)), np.empty(len(scenarios), dtype=np.int64)
+    limits = mission.deputy
+    for case, scenario in enumerate(scenarios):
+        log = fly_logged(mission, controller, scenario)
+        if tracks is not None:
+            tracks[case] = tracked(mission, log)[:, : tracks.shape[2]]
+        inspectable[case] = log.is_inspectable.sum()
+        distance = np.linalg.norm(log.position_m, axis=1)
+        outside = np.maximum(limits.min_distance_m - distance[1:], distance[1:] - limits.max_distance_m)
+        rows[case, arrays.DELTA_V] = log.delta_v_m_s[-1]
+        rows[case, arrays.INSPECTED] = log.is_inspected[-1].sum()
+        rows[case, arrays.MEAN_DISTANCE] = distance.mean()
+        rows[case, arrays.MIN_DISTANCE] = distance.min()
+        rows[case, arrays.MAX_DISTANCE] = distance.max()
+        rows[case, arrays.OUTSIDE] = max(0.0, float(outside.max()))
+        rows[case, arrays.SAFETY_PERIODS] = np.count_nonzero(log.safety_limit)
+        per_force = mission.control_period_s / limits.mass_kg
+        rows[case, arrays.SAFETY_DELTA_V] = np.abs(log.safety_force_hill_n).sum() * per_force
+    return outcomes_of(rows, inspectable)
+
+
+def tracked(mission: Mission, log: FlightLog) -> Floats:
+    """Return the track of a logged flight, (K+1, 15), in double precision; see `fly_population`."""
+    left = np.count_nonzero(~log.is_inspected, axis=1)
+    fired = np.vstack([log.force_hill_n, np.zeros(3)])
+    boresights = [dcm_b_from_h(turned).T @ mission.sensor.boresight for turned in log.quaternion_b_from_h]
+    turn_rates = np.linalg.norm(log.angular_velocity_b_rad_s, axis=1)
+    columns = [log.position_m, log.velocity_m_s, log.delta_v_m_s, left, fired, boresights, turn_rates]
+    return np.column_stack(columns)

@@ -1,0 +1,1 @@
+"""One control period: look, decide, act."""

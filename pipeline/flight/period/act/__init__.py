@@ -1,0 +1,1 @@
+"""What becomes of a command: safety, aim, thrusters, rotation, motion."""

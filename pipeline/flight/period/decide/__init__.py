@@ -1,0 +1,1 @@
+"""What the controller senses, and the force that it commands."""

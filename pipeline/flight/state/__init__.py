@@ -1,0 +1,1 @@
+"""What a flight carries: arrays, vectors of lanes, signals and the log."""

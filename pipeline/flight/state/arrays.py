@@ -1,0 +1,206 @@
+"""The arrays of compiled flights: shared data, state, working space and logs.
+
+Up to L flights of one controller run side by side: every quantity that a flight carries is a vector with
+a lane for each of them (`fis_tools.compiled.vectors`).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiled.vectors import Rows
+from pipeline.physics.motion import Motion, Stop
+from pipeline.physics.orbit import Course
+from pipeline.physics.reflection import Reflection
+from pipeline.physics.sight import Optics, Sight
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+#: columns of a track: position, or these
+NUM_PLACED, NUM_TRACKED = 3, 15
+#: of a track, after position and velocity: delta-v spent, points not yet inspected, where the columns begin
+#: of the force fired next (Hill axes, zero at the last sample) and of the boresight (Hill axes), and the
+#: deputy's angular rate relative to Hill
+TRACK_SPENT, TRACK_LEFT, TRACK_FORCE, TRACK_BORESIGHT, TRACK_TURN_RATE = 6, 7, 8, 11, 14
+#: columns of a row of outcomes
+DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
+SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
+
+
+class Guard(NamedTuple):
+    """Parameters of the safety layer, see `kernel.safety`; empty where it is off."""
+
+    is_on: bool
+    keep_out: float  # m
+    keep_in: float  # m
+    speed_at_chief: float  # v0 - v1 d0, m/s
+    speed_slope: float  # v1, 1/s
+    braking_force: float  # N
+    stop: Stop  # within a control period
+    places: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
+    num_kept_out: int  # rows of places that must stay outside the inner sphere
+    num_kept_in: int  # and inside the outer one
+
+
+class Beyond(NamedTuple):
+    """Light or a camera other than the paper's.
+
+    Attributes
+    ----------
+    closely : bool or None
+        True where parts of the chief may hide one another, or a point must be bright enough to be seen;
+        otherwise None, which is known at compile time.
+    """
+
+    closely: bool | None
+
+
+class World(NamedTuple):
+    """Data that all flights of a mission share, as numbers and arrays in SI."""
+
+    num_controls: int
+    num_attitude_steps: int
+    mean_motion: float
+    control_period: float
+    attitude_period: float
+    acceleration_per_force: float
+    motion: Motion  # over a control period
+    instants: Motion  # over 0, 1, … S-1 attitude periods
+    orbit_parts: Motion  # over parts of an orbit
+    preview_stride: int  # control periods between the samples of a preview
+    strides: Motion  # over 0, 1, … preview_stride control periods
+    look_stride: int  # control periods between the looks of a push that shows setting points
+    looks: Motion  # over 0, 1, … of these strides, to the flight's end
+    points: Floats  # (K+1 or 1, 3, P padded), Hill axes
+    num_points: int
+    order: Integers  # (P padded,) of points, such that neighbours are adjacent
+    patches: Floats  # (K+1 or 1, 3, P padded) points in this order
+    sight: Sight
+    has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
+    optics: Optics
+    reflection: Reflection
+    surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) surface at points, Hill axes; zeros in the padding
+    is_free: Bytes  # (cells, P) directions in which points are free, of `pipeline.physics.occlusion`
+    num_edge_cells: int  # zero where nothing is hidden
+    chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
+    boresight: Floats  # (3,) body axes
+    attitude_at_start: Floats  # (4,) Hill to body
+    rate_at_start: Floats  # (3,) inertial, body axes
+    is_spherical: bool
+    inertia: Floats  # (3, 3)
+    inverse_inertia: Floats  # (3, 3)
+    proportional_gain: Floats  # (3, 3) N m
+    derivative_gain: Floats  # (3, 3) N m s
+    max_torque: float
+    max_force: float
+    min_distance: float
+    max_distance: float
+    turns_by_thrust: bool
+    is_attitude_ideal: bool
+    has_pole_blending: bool
+    has_clusters: bool
+    coasts_when_complete: bool
+    guard: Guard
+    course: Course  # of the chief about the Earth; off where motion is linear
+
+
+class Plans(NamedTuple):
+    """Planned forces, and the feedback on deviations from the planned path."""
+
+    forces: Floats  # (m or 1, K, 3) of each flight or of all, Hill axes, N; no rows without a plan
+    paths: Floats  # (m, K, 6) states that the feedback tracks; no rows without feedback
+    gain: Floats  # (3, 6) from a deviation to the corrective force, N/m and N s/m
+    least_answer: float  # a component smaller than this is not fired, N
+    known: Floats  # (m, K, 6) filled with the states as the deputies know them; no rows to skip this
+
+
+class Law(NamedTuple):
+    """What one controller commands, by fuzzy systems or by plans of forces."""
+
+    axes: Integers  # (F,) which component each system drives
+    signals: Integers  # (F, 3) slots of the signals it senses
+    needs: int  # what must be computed for them, see `pipeline.flight.state.signals`
+    num_inputs: Integers  # (F,)
+    layout: Any  # of `fis_tools.engines.packing.Packed`
+    constants: int  # index of the controller's constants among its values; -1 without constants
+    decision_stride: int  # control periods from one decision to the next
+    force_axes: int
+    has_plan: bool
+    plans: Plans
+
+
+#: A start: a flight's initial conditions. Hill axes, SI units.
+CASE = np.dtype(
+    [
+        ("position", np.float64, 3),
+        ("velocity", np.float64, 3),
+        ("sun_angle", np.float64),
+        ("sun_elevation", np.float64),
+    ],
+    align=True,
+)
+
+#: What flights carry, one lane each. Positions, velocities, forces and directions in Hill axes, SI units.
+CARRIED: Rows = {
+    "position": (3,),
+    "velocity": (3,),
+    "attitude": (4,),  # body from Hill, scalar last
+    "rate": (3,),  # inertial, body axes
+    "asked": (3,),  # forces that the controller's systems ask for, in its axes
+    "force": (3,),  # as fired
+    "arm": (3,),  # point where it acts, body axes, if that turns the deputy
+    "twist": (3,),  # further torque of single thrusters, body axes
+    "coasts": (),  # 1 where nothing is fired
+    "sun_at_start": (2,),  # cosine and sine of its angle
+    "sun": (2,),  # the same now
+    "sun_height": (2,),  # cosine and sine of its elevation
+    "shine": (3,),  # visible share of the Sun's disc at the instants of a step
+    "drag": (3,),  # additional acceleration where it varies, m/s^2
+    "boresight": (3,),
+    "target": (3,),  # zero without candidates
+    "num_counted": (),  # points that the flight counts
+    "num_unseen": (),
+    "num_candidates": (),
+    "spent": (),  # delta-v
+    "travelled": (),  # sum of the distances
+    "nearest": (),
+    "farthest": (),
+    "beyond": (),  # largest violation of the limits
+    "num_acted": (),  # periods in which the safety layer acted
+    "corrected": (),  # delta-v of its changes
+    "is_unsafe": (),  # 1 where it must check more closely
+    "y_before": (3,),  # the desired attitude's y axis at the last instant
+    "is_near_pole": (),  # 1 where y* follows from the one before
+    "turns_fast": (),  # 1 where attitude is integrated by the general method
+}
+
+#: How flights are turned at an instant of the attitude clock.
+TURNED: Rows = {"attitude": (4,), "rate": (3,)}
+
+
+class Workspace(NamedTuple):
+    """Working arrays of flights; their initial content does not matter."""
+
+    lanes: Any  # a record of `CARRIED`, whose rows hold L lanes
+    aims: Any  # (S,) records of `TURNED`: desired attitudes at the instants of a control period
+    passed: Any  # (S,) records of `TURNED`: attitudes and rates at them
+    unseen: Floats  # (L, P padded) 1 where a point counts and is not inspected
+    candidate: Floats  # (P padded,) 1 where it is lit and not inspected
+    lit: Floats  # (P padded,) 1 where a wanted point is lit, of `kernel.optics`
+    seen: Floats  # (P padded,) 1 where one of these is seen
+    ahead: Floats  # (P padded,) 1 where a point is neither inspected nor foreseen to be
+    deadlines: Floats  # (L, P padded) when a point is lit for the last time, s
+    looks: Floats  # (5, P padded) of the cheapest look at each point: cost, shortfall, slopes
+    signals: Floats  # (signals, L) in the order of `pipeline.flight.state.signals.SIGNALS`
+    scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
+    candidates: Floats  # (3, P padded) those of this sample, packed
+    centres: Floats  # (L, C, 3)
+    num_centres: Integers  # (L,)
+    clustered: Floats  # (L, P padded) the candidates that the centres belong to, as in `candidate`
+    labels: Floats  # (2, P padded)
+    distances: Floats  # (P padded,)
+    sums: Floats  # (C, 4)
+    cuts: Floats  # (MOST_CUTS, 4) half-spaces g . f >= b that the safety layer works with

@@ -1,0 +1,226 @@
+"""What a controller may sense, set and command: one table each, looked up by name everywhere.
+
+An input of a fuzzy system is named after the signal that it senses, its output after the force component
+that it commands; the controller's attribute ``force_axes`` says whether components are along the deputy's
+body axes or Hill's. The compiled flight (`pipeline.flight.period`) and the readable one
+(`pipeline.flight.reference`) keep signals and constants in arrays; `slot` and `constant` give the places
+there.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+#: what must be computed before a signal can be read: flags, combined over all that a controller senses
+NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING, TOUR = 0, 1, 2, 4, 8, 16, 32, 64
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A quantity that a controller may sense.
+
+    Parameters
+    ----------
+    unit : str
+        Empty if dimensionless.
+    description : str
+    needs : int
+        What must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
+        motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the
+        push that shows `SETTING` points, or the one that leads onto the `TOUR`.
+    """
+
+    unit: str
+    description: str
+    needs: int
+
+
+SIGNALS = {
+    "distance": Signal("m", "distance from the chief's centre, |r|", NOTHING),
+    "velocity_body_x": Signal(
+        "m/s", "velocity relative to Hill along the deputy's x axis; the camera looks along -x", NOTHING
+    ),
+    "velocity_body_y": Signal("m/s", "the same along the deputy's y axis", NOTHING),
+    "velocity_body_z": Signal("m/s", "the same along the deputy's z axis", NOTHING),
+    "lambda_u": Signal(
+        "rad", "angle from the deputy to the target in the i-j (orbit) plane, from -pi to pi", ANGLES
+    ),
+    "eta_u": Signal("rad", "angle from the deputy to the target in the i-k plane, from -pi to pi", ANGLES),
+    "position_radial": Signal("m", "position along Hill i, away from the Earth", NOTHING),
+    "position_along_track": Signal("m", "position along Hill j, the way the chief flies", NOTHING),
+    "position_cross_track": Signal("m", "position along Hill k, the orbit normal", NOTHING),
+    "velocity_radial": Signal("m/s", "velocity relative to Hill along i", NOTHING),
+    "velocity_along_track": Signal("m/s", "velocity relative to Hill along j", NOTHING),
+    "velocity_cross_track": Signal("m/s", "velocity relative to Hill along k", NOTHING),
+    "centre_radial": Signal(
+        "m", "centre of the ellipse of free motion along i; above zero the ellipse falls behind", ORBIT
+    ),
+    "centre_along_track": Signal("m", "centre of the ellipse of free motion along j", ORBIT),
+    "predicted_centre_along_track": Signal(
+        "m", "where that centre drifts to within prediction_time_s, along j", ORBIT
+    ),
+    "closest_approach": Signal(
+        "m", "least distance to the chief within an orbit of free drift from here", APPROACH
+    ),
+    "ring_error_radial": Signal(
+        "m", "along i, from the place on the ring that follows the Sun to the deputy's", ORBIT
+    ),
+    "ring_error_along_track": Signal(
+        "m", "along j, the same, halved as the ellipse is twice as long as high", ORBIT
+    ),
+    "target_radial": Signal("", "direction of the target along i, from -1 to 1", ORBIT),
+    "target_along_track": Signal("", "direction of the target along j", ORBIT),
+    "target_cross_track": Signal("", "direction of the target along k", ORBIT),
+    "sun_alignment": Signal(
+        "",
+        "cosine of the angle from the deputy to the Sun in the orbit plane; 1 with the Sun behind the deputy",
+        ORBIT,
+    ),
+    "sun_ahead": Signal(
+        "", "sine of the same angle; above zero the Sun has yet to come to the deputy", ORBIT
+    ),
+    "target_setting": Signal(
+        "",
+        "direction of the target across the Sun's, in the orbit plane; above zero where it soon goes dark",
+        ORBIT,
+    ),
+    "missed": Signal("", "how many points coasting to the flight's end would leave unseen", PREVIEW),
+    "coasting_nearest": Signal(
+        "m", "least distance from the chief while coasting to the flight's end", PREVIEW
+    ),
+    "coasting_farthest": Signal("m", "greatest distance on the way", PREVIEW),
+    "urgent_radial": Signal(
+        "",
+        "direction along i, from -1 to 1, of what is lit and unseen, most of all what is soon dark for good",
+        URGENCY,
+    ),
+    "urgent_along_track": Signal("", "the same along j", URGENCY),
+    "urgent_cross_track": Signal("", "the same along k", URGENCY),
+    "see_push_radial": Signal(
+        "m/s", "push along i that would still show what coasting misses and is soon dark for good", SETTING
+    ),
+    "see_push_along_track": Signal("m/s", "the same along j", SETTING),
+    "see_push_cross_track": Signal("m/s", "the same along k", SETTING),
+    "aim_radial": Signal(
+        "m/s", "see_push_radial and aim_urgent_m_s times urgent_radial, together", SETTING | URGENCY
+    ),
+    "aim_along_track": Signal("m/s", "the same along j", SETTING | URGENCY),
+    "aim_cross_track": Signal("m/s", "the same along k", SETTING | URGENCY),
+    "tour_push_radial": Signal(
+        "m/s",
+        "push along i that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
+        TOUR | URGENCY,
+    ),
+    "tour_push_along_track": Signal("m/s", "the same along j", TOUR | URGENCY),
+    "tour_push_cross_track": Signal("m/s", "the same along k", TOUR | URGENCY),
+}
+
+
+def slot(*names: str) -> int:
+    """Return the index of a signal in the arrays of a flight, or of the first of consecutive ones.
+
+    Raises
+    ------
+    ValueError
+        If the signals are not consecutive in `SIGNALS`.
+    """
+    order = list(SIGNALS)
+    first = order.index(names[0])
+    if tuple(order[first : first + len(names)]) != names:
+        raise ValueError(f"{', '.join(names)} do not follow one another in SIGNALS; put their rows together")
+    return first
+
+
+def needs_of(names: Iterable[str]) -> int:
+    """Return what must be computed for some signals, as the combined flags of `Signal.needs`."""
+    needs = NOTHING
+    for name in names:
+        needs |= SIGNALS[name].needs
+    return needs
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number that a controller may set besides its systems, as an attribute.
+
+    Parameters
+    ----------
+    description : str
+        With its unit.
+    is_signed : bool
+        Whether it may be negative.
+    is_tuned : bool
+        Whether evolution may tune it: not counts of control periods, nor choices between alternatives.
+    """
+
+    description: str
+    is_signed: bool = False
+    is_tuned: bool = True
+
+
+#: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation
+TOUR_PARTS = {
+    "radial": "along i",
+    "along_track": "along j",
+    "cross_track": "along k",
+    "lift": "along k, by the sine of the Sun's elevation",
+}
+#: terms of each component: a mean and waves, by their number in a turn of the Sun
+TOUR_WAVES = ("mean", "cos_1", "sin_1", "cos_2", "sin_2")
+
+TOUR_PLACES = {
+    f"tour_{part}_{wave}_m": Constant(f"the tour {axis}: {wave} of the Sun's angle, m", is_signed=True)
+    for part, axis in TOUR_PARTS.items()
+    for wave in TOUR_WAVES
+}
+
+CONSTANTS = {
+    "ring_size_m": Constant("height of the ring that ring_error_* refer to, m"),
+    "ring_lead_rad": Constant("how far the Sun is ahead of the deputy's place on the ring, rad", True),
+    "dead_band_force_x_n": Constant("a force_x smaller than this is not fired, N"),
+    "dead_band_force_y_n": Constant("the same for force_y"),
+    "dead_band_force_z_n": Constant("the same for force_z"),
+    "prediction_time_s": Constant("how far ahead predicted_centre_along_track looks, s"),
+    "coast_below_points": Constant("with fewer points than this missed by coasting to the end, coast"),
+    "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
+    "decision_period_s": Constant(
+        "time from one decision to the next, a whole number of control periods; a force lasts one, s",
+        is_tuned=False,
+    ),
+    "urgency_time_s": Constant(
+        "time before its last light within which a point becomes urgent, for urgent_*, see_push_*, aim_*, s"
+    ),
+    "skirt_distance_m": Constant(
+        "nearer than this to the chief, urgent_*, see_push_* and tour_push_* turn aside, m"
+    ),
+    "see_horizon_s": Constant("see_push_* shows points that go dark for good within this time, s"),
+    "see_damping_ks2": Constant("what keeps see_push_* small, against squared times to the look, 1e6 s^2"),
+    "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
+    "rehearsal_reach_m_s": Constant(
+        "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s",
+        is_tuned=False,
+    ),
+    "tour_time_s": Constant("tour_push_* leads to where the tour is after this time, s"),
+    "tour_wait_s": Constant(
+        "where it is dark then, to where it is when light returns; nowhere if that is farther off, s"
+    ),
+    "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
+    **TOUR_PLACES,
+    "rehearsal_tours": Constant(
+        "of the tour's images, so many are flown ahead, and the one that ends cheapest is followed",
+        is_tuned=False,
+    ),
+}
+
+
+def constant(name: str) -> int:
+    """Return the index of a constant among a controller's constants."""
+    return list(CONSTANTS).index(name)
+
+
+#: components that a system may command, and their axes
+AXES = {"force_x": 0, "force_y": 1, "force_z": 2}
+HILL, BODY = 0, 1
+FORCE_AXES = {"hill": HILL, "body": BODY}
+
+#: a component smaller than this is not fired: the first of three, in the order of `AXES`
+FIRST_DEAD_BAND = constant("dead_band_force_x_n")

@@ -1,0 +1,1 @@
+"""A mission as numbers: the chief, its surface, mesh, light and course."""

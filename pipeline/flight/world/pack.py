@@ -1,0 +1,197 @@
+"""A mission as the numbers that the compiled flight reads."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiled.vectors import aligned, padded
+from pipeline.flight.period.act.safety import guard_of
+from pipeline.flight.period.look.guidance import POINTS
+from pipeline.flight.state.arrays import World
+from pipeline.flight.state.preview import look_stride, preview_stride
+from pipeline.flight.world.chief import num_chief_steps
+from pipeline.flight.world.course import chief_course
+from pipeline.flight.world.light import (
+    RIGHT_ANGLE_DEG,
+    STRAIGHT_ANGLE_DEG,
+    reflection_of,
+    sees_as_in_the_paper,
+    shadowing_radius,
+)
+from pipeline.flight.world.surface import Surface, surface_of
+from pipeline.physics.illumination import least_sun_height
+from pipeline.physics.motion import motion_over, orbit_parts
+from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.rigid_body import tumble
+from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
+from pipeline.settings.experiment import Mission
+
+Floats = NDArray[np.float64]
+
+
+def inspection_points(mission: Mission) -> Floats:
+    """Return the points of a mission in chief axes, shape (P, 3), m."""
+    return surface_of(mission).points
+
+
+def optics_of(mission: Mission) -> Optics:
+    """Return the optics that sight depends on if light or camera are not the paper's."""
+    sensor, light = mission.sensor, mission.light
+    cosine = float(np.cos(np.radians(sensor.half_angle_deg)))
+    is_any = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
+    sunward = float(np.cos(np.radians(sensor.min_sun_angle_deg)))
+    return Optics(
+        least_height=-2.0
+        if light.shadow == "none"
+        else least_sun_height(shadowing_radius(mission.orbit, light), light.min_fraction),
+        # a whole sphere of view, with room for rounding
+        cos_squared=cosine * abs(cosine) if sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
+        incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
+        range_squared=np.inf if sensor.max_range_m is None else sensor.max_range_m**2,
+        most_sunward=sunward if sensor.min_sun_angle_deg else np.inf,
+        past_terminator=float(np.sin(np.radians(light.past_terminator_deg))),
+    )
+
+
+def rows_of(surface: Surface, axes: Floats) -> Floats:
+    """Return the surface at the points at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
+
+    Parameters
+    ----------
+    surface : Surface
+        In chief axes.
+    axes : (K+1 or 1, 3, 3)
+        From Hill to chief.
+    """
+    num_points = len(surface.points)
+    rows: Floats = aligned((len(axes), NUM_SURFACE, padded(num_points, POINTS)))
+    for k, turned in enumerate(axes):
+        rows[k, NORMAL : NORMAL + 3, :num_points] = turned.T @ surface.normals.T
+    rows[:, HEIGHT, :num_points] = np.sum(surface.points * surface.normals, axis=1)
+    rows[:, SQUARE, :num_points] = np.sum(surface.points**2, axis=1)
+    return rows
+
+
+def chief_attitudes(mission: Mission) -> Floats:
+    """Return the chief's attitude at every sample, Hill to chief, scalar last, shape (K+1, 4)."""
+    attitudes = np.zeros((mission.num_controls + 1, 4))
+    attitudes[:, 3] = 1.0
+    rate = mission.chief.initial_angular_velocity_rad_s
+    if rate is None:
+        return attitudes
+    inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
+    inverse = np.linalg.inv(inertia).astype(np.float64)
+    quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
+    steps = num_chief_steps(mission)
+    for k in range(1, len(attitudes)):
+        quaternion, rate_c = tumble(
+            quaternion,
+            rate_c,
+            inertia,
+            inverse,
+            mission.orbit.mean_motion_rad_s,
+            mission.control_period_s,
+            steps,
+        )
+        attitudes[k] = quaternion
+    return attitudes
+
+
+def hill_rate_b(mission: Mission) -> Floats:
+    """Return the rate of Hill axes in body axes at the start, rad/s, shape (3,)."""
+    dcm = dcm_b_from_h(np.array(mission.deputy.initial_quaternion, dtype=np.float64))
+    return np.asarray(mission.orbit.mean_motion_rad_s * dcm[:, 2])
+
+
+def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
+    """Order points, shape (P, 3), so that each `POINTS` in a row are neighbours.
+
+    The points are split in half across their longest axis, in whole vectors, and each half again.
+    """
+    parts, place = [np.arange(len(points))], 0
+    while place < len(parts):
+        part = parts[place]
+        if len(part) <= POINTS:
+            place += 1
+            continue
+        along = points[part, np.ptp(points[part], axis=0).argmax()]
+        sorted_part, half = part[np.argsort(along, kind="stable")], padded(len(part) // 2, POINTS)
+        parts[place : place + 1] = [sorted_part[:half], sorted_part[half:]]
+    return np.concatenate(parts)
+
+
+def turns_by_thrust(mission: Mission) -> bool:
+    """Return whether thrust turns the deputy."""
+    actuators = mission.actuators
+    return actuators.kind == "real" and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None)
+
+
+def pack_world(mission: Mission) -> World:
+    """Return a mission as the numbers that the compiled episode reads."""
+    orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
+    surface, attitudes = surface_of(mission), chief_attitudes(mission)
+    points = surface.points
+    if mission.chief.initial_angular_velocity_rad_s is None:
+        attitudes = attitudes[:1]
+        placed = aligned((1, 3, padded(len(points), POINTS)))
+        placed[0, :, : len(points)] = points.T
+    else:
+        placed = aligned((len(attitudes), 3, padded(len(points), POINTS)))
+        for k, quaternion in enumerate(attitudes):
+            placed[k, :, : len(points)] = dcm_b_from_h(quaternion).T @ points.T
+    order = np.arange(placed.shape[2])
+    order[: len(points)] = by_neighbourhood(points)
+    patches = aligned(placed.shape)
+    patches[:] = placed[:, :, order]
+    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
+    inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
+    stride, look = preview_stride(mission), look_stride(mission)
+    return World(
+        num_controls=mission.num_controls,
+        num_attitude_steps=mission.num_attitude_steps,
+        mean_motion=orbit.mean_motion_rad_s,
+        control_period=period,
+        attitude_period=mission.attitude_period_s,
+        acceleration_per_force=1.0 / deputy.mass_kg,
+        motion=motion_over(orbit, deputy, (period,)),
+        instants=motion_over(
+            orbit, deputy, [step * mission.attitude_period_s for step in range(mission.num_attitude_steps)]
+        ),
+        orbit_parts=orbit_parts(orbit, deputy),
+        preview_stride=stride,
+        strides=motion_over(orbit, deputy, [count * period for count in range(stride + 1)]),
+        look_stride=look,
+        looks=motion_over(
+            orbit, deputy, [count * period for count in range(0, mission.num_controls + 1, look)]
+        ),
+        points=placed,
+        num_points=len(points),
+        order=order,
+        patches=patches,
+        sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
+        has_optics=not sees_as_in_the_paper(mission),
+        optics=optics_of(mission),
+        reflection=reflection_of(mission.light),
+        surface=rows_of(surface, axes),
+        is_free=surface.occlusion.is_free,
+        num_edge_cells=surface.occlusion.edge,
+        chief_axes=axes,
+        boresight=np.array(mission.sensor.boresight, dtype=np.float64),
+        attitude_at_start=np.array(deputy.initial_quaternion, dtype=np.float64),
+        rate_at_start=np.array(mission.rate_at_start_rad_s) + hill_rate_b(mission),
+        is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
+        inertia=inertia,
+        inverse_inertia=np.linalg.inv(inertia).astype(np.float64),
+        proportional_gain=mission.attitude.proportional_gain * inertia,
+        derivative_gain=mission.attitude.derivative_gain * inertia,
+        max_torque=deputy.max_torque_n_m,
+        max_force=deputy.max_force_n,
+        min_distance=deputy.min_distance_m,
+        max_distance=deputy.max_distance_m,
+        turns_by_thrust=turns_by_thrust(mission),
+        is_attitude_ideal=mission.attitude.mode == "ideal",
+        has_pole_blending=mission.attitude.pole_blending,
+        has_clusters=mission.guidance.kind == "clusters",
+        coasts_when_complete=mission.coast_when_complete,
+        guard=guard_of(mission),
+        course=chief_course(mission),
+    )
