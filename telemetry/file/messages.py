@@ -1,5 +1,8 @@
-"""What the fields of Foxglove's messages hold, of one sample or many; see `telemetry.file.encoding`."""
+"""What the fields of messages hold, of one sample or of many, and these messages as protobuf writes them."""
 
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import repeat
 from typing import Any, Final
 
 import numpy as np
@@ -8,6 +11,8 @@ from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.descriptor import FieldDescriptor
+from google.protobuf.message import Message
 from numpy.typing import ArrayLike, NDArray
 
 from telemetry.file import topics
@@ -35,6 +40,50 @@ POINT_DTYPE: Final = np.dtype(
 _COLOURS: Final = topics.POINT_COLOURS_RGBA.view("<u4")[:, 0]
 
 LOG_LEVELS: Final = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
+
+
+_REAL: Final = (FieldDescriptor.CPPTYPE_DOUBLE, FieldDescriptor.CPPTYPE_FLOAT)
+
+
+def encode(kind: type[Message], columns: Mapping[str, Any], count: int) -> Iterator[bytes]:
+    """Yield messages as protobuf writes them.
+
+    Parameters
+    ----------
+    kind : type
+        Of the messages.
+    columns : mapping
+        What each field holds: an array of a row a message, (n,) for a number, (n, k) for repeated numbers
+        and for bytes; a mapping of this kind for a message inside; or anything else that protobuf takes, the
+        same in all messages. NaN leaves an optional field out.
+    count : int
+        How many messages.
+
+    Raises
+    ------
+    KeyError
+        If there is no field of a name.
+    """
+    for fields in _fields(kind.DESCRIPTOR, columns, count):
+        yield kind(**fields).SerializeToString()
+
+
+def _fields(descriptor: Any, columns: Mapping[str, Any], count: int) -> Iterator[dict[str, Any]]:
+    known = descriptor.fields_by_name
+    values = (_values(known[name], column, count) for name, column in columns.items())
+    return (dict(zip(columns, row, strict=True)) for row in zip(*values, strict=False))
+
+
+def _values(field: FieldDescriptor, column: Any, count: int) -> Iterable[Any]:
+    """Return what a field holds in each message; None leaves it out."""
+    if isinstance(column, Mapping):
+        return _fields(field.message_type, column, count)
+    if not isinstance(column, np.ndarray):
+        return repeat(column, count)
+    if field.type == FieldDescriptor.TYPE_BYTES:
+        return (row.tobytes() for row in column.astype(np.uint8))
+    values = (column if field.cpp_type in _REAL else column.astype(np.int64)).tolist()
+    return [None if math.isnan(value) else value for value in values] if field.has_presence else values
 
 
 def nanoseconds(time_s: ArrayLike) -> NDArray[np.int64]:

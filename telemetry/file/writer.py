@@ -1,7 +1,13 @@
 """Writes an episode to an MCAP file, which gets its final name only when it is complete."""
 
+import math
+import sys
+from bisect import bisect_right
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
+from itertools import groupby, pairwise
+from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -12,13 +18,13 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import Message
+from mcap.writer import Writer
+from mcap_protobuf.schema import register_schema
 from numpy.typing import ArrayLike, NDArray
 
 from telemetry.file import messages, topics
-from telemetry.file.container import Container, Messages
-from telemetry.file.encoding import encode
 from telemetry.file.errors import RecordingError
-from telemetry.file.messages import nanoseconds, rows
+from telemetry.file.messages import NANOSECONDS, encode, nanoseconds, rows
 from telemetry.file.metadata import sealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, PartialFile
 from telemetry.file.schema.inspection_pb2 import (
@@ -30,8 +36,10 @@ from telemetry.file.schema.inspection_pb2 import (
     MissionStatus,
     Navigation,
 )
-from telemetry.file.waiting import Waiting
 
+#: a process that is killed loses at most this many samples
+SAMPLES_PER_CHUNK: Final = 60
+_TIME: Final = itemgetter(0)
 _KIND_OF_TOPIC: Final[Mapping[str, type[Message]]] = {
     topics.TRANSFORMS: FrameTransform,
     topics.DEPUTY_POSE: PoseInFrame,
@@ -85,7 +93,11 @@ class EpisodeWriter:
         self._metadata = {name: dict(entries) for name, entries in metadata.items()}
         self._attachments = dict(attachments)
         self._channels: dict[str, tuple[int, type[Message]]] = {}
-        self._waiting = Waiting()
+        #: times, channels and contents of the messages that are not in the file yet
+        self._waiting: list[tuple[int, int, bytes]] = []
+        self._waiting_times: set[int] = set()
+        self._written_until_ns = 0
+        self._num_written: Counter[int] = Counter()
 
     def __enter__(self) -> Self:
         try:
@@ -116,7 +128,7 @@ class EpisodeWriter:
             return
         try:
             self._write_waiting()
-            self._mcap.finish()
+            self._mcap.finish()  # type: ignore[no-untyped-call]
             self._file.commit()
         except OSError as error:
             self._file.abandon()
@@ -447,19 +459,29 @@ class EpisodeWriter:
         self._write(topics.LOG, time_ns, messages.log(time_ns, level, text))
         self._flush(int(time_ns[0]))
 
-    def _begun(self) -> Container:
+    def _begun(self) -> Writer:
         """Return the file, with what is readable from the start."""
-        mcap = Container(self._file.stream, "fuzzy-spacecraft-inspection telemetry")
+        # a chunk ends where this writer says so, between samples
+        mcap = Writer(self._file.stream, chunk_size=sys.maxsize)
+        mcap.start(library="fuzzy-spacecraft-inspection telemetry")
         for name, entries in self._metadata.items():
             mcap.add_metadata(name, sealed(name, entries))
         for name, content in self._attachments.items():
             media_type = _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
-            mcap.add_attachment(name, media_type, content)
+            mcap.add_attachment(0, 0, name, media_type, content)
         self._file.stream.flush()
         prefix = topics.FIS_METADATA_PREFIX
         systems = [name.removeprefix(prefix) for name in self._metadata if name.startswith(prefix)]
-        kinds = {**_KIND_OF_TOPIC, **{topics.fis_topic(name): FisActivation for name in systems}}
-        self._channels = {topic: (mcap.add_channel(topic, kind), kind) for topic, kind in kinds.items()}
+        kinds: dict[str, type[Message]] = {
+            **_KIND_OF_TOPIC,
+            **{topics.fis_topic(name): FisActivation for name in systems},
+        }
+        schemas: dict[str, int] = {}
+        for topic, kind in kinds.items():
+            name = kind.DESCRIPTOR.full_name
+            if name not in schemas:
+                schemas[name] = register_schema(mcap, kind)
+            self._channels[topic] = mcap.register_channel(topic, "protobuf", schemas[name]), kind
         return mcap
 
     def _write(self, topic: str, time_ns: NDArray[np.int64], columns: Mapping[str, Any]) -> None:
@@ -471,25 +493,46 @@ class EpisodeWriter:
             )
         if not len(time_ns):
             return
-        channel, kind = self._channels[topic]
-        if self._waiting.is_full_before(int(time_ns[0])):
+        times = time_ns.tolist()
+        is_full = len(self._waiting_times) >= SAMPLES_PER_CHUNK
+        if is_full and times[0] > max(self._waiting_times):
             self._flush()
-        encoded = encode(kind, columns, len(time_ns))
-        self._waiting.add(Messages(np.full(len(time_ns), channel), time_ns, *encoded))
+        for before, after in pairwise([self._written_until_ns, *times]):
+            if after < before:
+                raise RecordingError(
+                    f"a record of {after / NANOSECONDS} s follows one of {before / NANOSECONDS} s, but "
+                    "recordings are in order of time; write the records of a sample together"
+                )
+        channel, kind = self._channels[topic]
+        contents = encode(kind, columns, len(times))
+        self._waiting += ((time, channel, content) for time, content in zip(times, contents, strict=True))
+        self._waiting_times.update(times)
 
-    def _flush(self, until_ns: int | None = None) -> None:
+    def _flush(self, until_ns: float = math.inf) -> None:
         """Bring messages to the file, up to a time or all."""
         try:
             self._write_waiting(until_ns)
         except OSError as error:
             # after a chunk that is lost others would leave a gap
-            self._waiting = Waiting()
+            self._waiting, self._waiting_times = [], set()
             raise self._explained(error) from error
 
-    def _write_waiting(self, until_ns: int | None = None) -> None:
-        given = self._waiting.give(until_ns)
-        if given is not None:
-            self._mcap.add_chunks(*given)
+    def _write_waiting(self, until_ns: float = math.inf) -> None:
+        """Give messages to the file in order of time; those of one time in the order in which they came."""
+        self._waiting.sort(key=_TIME)
+        given = self._waiting[: bisect_right(self._waiting, until_ns, key=_TIME)]
+        if not given:
+            return
+        for number, (time_ns, sample) in enumerate(groupby(given, _TIME), start=1):
+            for _, channel, content in sample:
+                self._mcap.add_message(channel, time_ns, content, time_ns, self._num_written[channel])
+                self._num_written[channel] += 1
+            if number % SAMPLES_PER_CHUNK == 0:
+                self._mcap.flush()  # type: ignore[no-untyped-call]
+        self._mcap.flush()  # type: ignore[no-untyped-call]
+        self._written_until_ns = given[-1][0]
+        self._waiting = self._waiting[len(given) :]
+        self._waiting_times = {time_ns for time_ns, _, _ in self._waiting}
 
     def _explained(self, error: OSError) -> RecordingError:
         return RecordingError(
