@@ -18,12 +18,13 @@ from typing import Final, NoReturn
 
 from pipeline.command_line import runs, sweeps
 from pipeline.command_line.arguments import read_arguments
-from pipeline.command_line.config import options
+from pipeline.command_line.config import Composed, options
 from pipeline.command_line.job import ConfigError
-from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
+from pipeline.command_line.overrides import check_overrides, parse, quoted, rewrite_paths
 from pipeline.run import artifacts, sweep
 from pipeline.run.lock import held
 from pipeline.run.sweep import DONE, state_of
+from pipeline.settings.scopes import reached_outside
 
 OK: Final = 0
 #: in a sweep's folder
@@ -82,7 +83,8 @@ def _slurm(arguments: Sequence[str]) -> int:
         if not left:
             sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
             return OK
-        artifacts.write_atomically(folder / SCRIPT, script(folder.resolve(), left, chosen))
+        outside = _outside(jobs)
+        artifacts.write_atomically(folder / SCRIPT, script(folder.resolve(), left, chosen, outside))
     sys.stderr.write(
         f"{len(left)} of {len(known)} runs are left; to start them: sbatch {folder / SCRIPT}\n"
         f"to see what came out, at any time: python -m pipeline summary {folder}\n"
@@ -91,8 +93,24 @@ def _slurm(arguments: Sequence[str]) -> int:
     return OK
 
 
-def script(folder: Path, numbers: Iterable[int], chosen: argparse.Namespace) -> str:
-    """Return the script of a job array, with a task for each of the numbered runs."""
+def _outside(jobs: Sequence[Composed]) -> list[str]:
+    """Return the overrides of what the runs reach outside their folders, for the tasks to be given again."""
+    reached = [reached_outside(job.config) for job in jobs]
+    if any(one != reached[0] for one in reached):
+        raise ConfigError(
+            f"the runs differ in {', '.join(sorted({key for one in reached for key in one}))}; the tasks of "
+            "an array share their command line, so give all runs the same"
+        )
+    return [f"{key}={quoted(str(value))}" for key, value in reached[0].items()]
+
+
+def script(
+    folder: Path, numbers: Iterable[int], chosen: argparse.Namespace, outside: Sequence[str] = ()
+) -> str:
+    """Return the script of a job array, with a task for each of the numbered runs.
+
+    What they reach outside their folders is in `outside`, as overrides.
+    """
     limit = f"%{chosen.at_once}" if chosen.at_once else ""
     asked = {
         "job-name": re.sub(r"[^\w.-]+", "-", folder.name),
@@ -117,7 +135,7 @@ def script(folder: Path, numbers: Iterable[int], chosen: argparse.Namespace) -> 
             *chosen.setup,
             # a run saves its state at every generation and part, so that it may be killed at any moment
             'trap \'echo "time is nearly up: to be gone on with"; scontrol requeue "$SLURM_JOB_ID"\' USR1',
-            f'{command} "$SLURM_ARRAY_TASK_ID" &',
+            f'{command} "$SLURM_ARRAY_TASK_ID"{"".join(f" {shlex.quote(word)}" for word in outside)} &',
             "run=$!",
             "while :; do",
             '  wait "$run"',
@@ -150,14 +168,17 @@ def _run(arguments: Sequence[str]) -> int:
     parser = _Parser(prog="python -m pipeline cluster run", add_help=False)
     parser.add_argument("folder", type=Path, help="of the sweep")
     parser.add_argument("number", type=int, help="of the run, from 0")
+    parser.add_argument("overrides", nargs="*", help="as resume= takes them")
     chosen = parser.parse_args(arguments)
+    overrides = parse(chosen.overrides)
+    check_overrides(overrides, {})
     known = sweep.read(chosen.folder)
     if not 0 <= chosen.number < len(known):
         raise ConfigError(
             f"{chosen.folder} has no run {chosen.number}; its {len(known)} runs are counted from 0"
         )
     run = known[chosen.number]
-    code, failure = sweeps.attempt(lambda: runs.resume(chosen.folder / run.folder, (), run.command))
+    code, failure = sweeps.attempt(lambda: runs.resume(chosen.folder / run.folder, overrides, run.command))
     sweep.note_failure(chosen.folder, run, failure)
     return code
 

@@ -37,8 +37,8 @@ def plan(asked: Asked) -> Callable[[], int]:
     check_overrides(overrides, groups)
     check_sweeps(overrides, asked.multirun)
     if asked.resume is not None:
-        if (asked.resume / SWEEP).exists() and not overrides:
-            return partial(sweeps.resume, asked.resume)
+        if (asked.resume / SWEEP).exists():
+            return partial(sweeps.resume, asked.resume, overrides)
         return partial(runs.resume, asked.resume, overrides)
     folder = None if asked.multirun else _run_folder(overrides)
     if folder is not None:

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +12,12 @@ from pipeline.command_line.job import EXPERIMENT, ConfigError, Job, differences
 from pipeline.run import artifacts, reproducible
 from pipeline.run.lock import held
 from pipeline.run.runner import finished_stages, run_stages
+from pipeline.settings.checks import Scope
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words
 from pipeline.settings.places import requirements_path
 from pipeline.settings.schema import experiment_from
+from pipeline.settings.scopes import keys_in, only_results, reached_outside, with_command, without_outside
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -67,9 +69,9 @@ def _check_vacant(job: Job) -> None:
     """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
         if (job.folder / artifacts.CONFIG).exists():
-            _experiment_of(job.folder, _config_of(job.folder))
+            _experiment_of(job.folder, without_outside(_stored(job.folder)))
         return
-    if artifacts.read_manifest(job.folder)["config_hash"] != artifacts.config_hash(job.config):
+    if not artifacts.is_config_of(job.config, artifacts.read_manifest(job.folder)):
         shown = _shown(job.folder)
         raise ConfigError(
             f"{shown} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
@@ -108,24 +110,22 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
     ----------
     folder : Path
     overrides : sequence of Override
-        Those on the command line, which must not change anything.
+        Those on the command line: of settings that no result depends on. What the run reached outside its
+        folder counts only if it is given here again.
     command : sequence of str, optional
         The arguments with which it is started, for a run that was announced and not begun.
     """
-    _config_of(folder)
+    artifacts.read_config(folder)
     with held(folder):
         return _resume(folder, overrides, command)
 
 
 def _resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str] | None) -> int:
-    config = _config_of(folder)
+    stored = _stored(folder)
+    name = _experiment_of(folder, without_outside(stored)).name
+    given = _given_again(overrides, name)
+    config = with_command(_taken_over(folder, stored, given), given)
     experiment = _experiment_of(folder, config)
-    for override in overrides:
-        if override.key_or_group != EXPERIMENT or override.value() != config.get("name"):
-            raise ConfigError(
-                f"resume goes on with the run's own configuration; drop {override.input_line}, or start "
-                "a new run"
-            )
     finished = finished_stages(folder)
     left = [stage for stage in experiment.stages if stage not in finished]
     if not left:
@@ -139,13 +139,29 @@ def _resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str
 
 def repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> int:
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
-    _config_of(folder)
+    artifacts.read_config(folder)
     with held(folder):
         return _repeat(folder, overrides, asked)
 
 
+def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
+    """Return the settings that a resumed run is given by the present command, dotted key to value."""
+    given = {}
+    for override in overrides:
+        if override.key_or_group in keys_in(*Scope):
+            given[override.key_or_group] = override.value()
+        elif override.key_or_group != EXPERIMENT or override.value() != name:
+            raise ConfigError(
+                f"resume goes on with the run's own configuration; drop {override.input_line}, or start "
+                f"a new run. No result depends on {', '.join(keys_in(*Scope))}: these may be given"
+            )
+    return given
+
+
 def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> int:
-    config = _config_of(folder)
+    given = {override.key_or_group for override in overrides}
+    known = {key for key in keys_in(Scope.OUTSIDE) if {key, key.partition(".")[0]} & given}
+    config = _taken_over(folder, _stored(folder), known)
     experiment = _experiment_of(folder, config)
     stages = next((override.value() for override in overrides if override.key_or_group == "stages"), None)
     if not isinstance(stages, list):
@@ -159,7 +175,8 @@ def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> in
     if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
         new = compose_experiment([o.input_line or "" for o in overrides], asked.config_dir)
         own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-        if changed := differences(in_todays_words(config), new.config, {*own, "stages", "engine"}):
+        then, now = only_results(in_todays_words(config)), only_results(new.config)
+        if changed := differences(then, now, {*own, "stages"}):
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a "
                 "new run"
@@ -170,17 +187,31 @@ def _repeat(folder: Path, overrides: Sequence["Override"], asked: "Asked") -> in
     return _run(config, experiment, folder, asked_for)
 
 
-def _config_of(folder: Path) -> dict[str, Any]:
-    """Return a run's configuration; raise an error if it was edited since."""
-    config = artifacts.read_config(folder)
+def _taken_over(folder: Path, config: dict[str, Any], given: Collection[str]) -> dict[str, Any]:
+    """Return a stored configuration without what it reached outside its run.
+
+    What is not taken over is told, except for the keys that the present command gives.
+    """
+    left = [f"{key}={value!r}" for key, value in reached_outside(config).items() if key not in given]
+    if left:
+        sys.stderr.write(
+            f"note: {', '.join(left)} of {folder / artifacts.CONFIG} is not taken over, for it reaches "
+            "outside the run's folder; if you want it, give it on the command line again\n"
+        )
+    return without_outside(config)
+
+
+def _stored(folder: Path) -> dict[str, Any]:
+    """Return a run's configuration as it is stored; raise an error if it was edited since."""
+    config = artifacts.stored_config(folder)
     if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
             f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
             "outputs/NAME/TIME"
         )
-    if not (folder / artifacts.MANIFEST).exists():
-        return config
-    if artifacts.config_hash(config) != artifacts.read_manifest(folder)["config_hash"]:
+    if (folder / artifacts.MANIFEST).exists() and not artifacts.is_config_of(
+        config, artifacts.read_manifest(folder)
+    ):
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
             "manifest's); restore it, or start a new run"

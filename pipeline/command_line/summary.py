@@ -60,7 +60,7 @@ def compare(first: Path, second: Path) -> int:
     ValueError, OSError
         If one cannot be read, was not evaluated, or they share no case.
     """
-    configs = [artifacts.read_config(folder) for folder in (first, second)]
+    configs = [artifacts.stored_config(folder) for folder in (first, second)]
     confidence = float(artifacts.read_json(first, artifacts.SUMMARY)["confidence_percent"])
     one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
     compared = paired.compare(one, other, confidence)

@@ -68,14 +68,14 @@ def start(jobs: Sequence[Composed], swept: Sequence[SweptRun], folder: Path) -> 
         return _run_all(folder, known, begun)
 
 
-def resume(folder: Path) -> int:
-    """Resume the unfinished runs of a sweep; return the exit code."""
+def resume(folder: Path, overrides: Sequence[Override]) -> int:
+    """Resume the unfinished runs of a sweep, each as `runs.resume`; return the exit code."""
     with held(folder):
         known = sweep.read(folder)
         left = [run for run in known if state_of(folder, run) != DONE]
 
         def go_on(run: SweptRun) -> Callable[[], int]:
-            return lambda: runs.resume(folder / run.folder, (), run.command)
+            return lambda: runs.resume(folder / run.folder, overrides, run.command)
 
         if not left:
             sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")

@@ -45,7 +45,7 @@ def verify(words: Sequence[str]) -> int:
 def _compare(folder: Path, other: Path) -> int:
     """Print how two runs differ, and whether that is to be expected."""
     found = put_beside(folder, other)
-    configs = artifacts.read_config(folder), artifacts.read_config(other)
+    configs = artifacts.stored_config(folder), artifacts.stored_config(other)
     for told in differences(*configs, but=("hydra",), words=("here", "there")):
         sys.stdout.write(f"configuration: {told}\n")
     sys.stdout.write(f"files: {len(found.equal)} equal to the last bit\n")

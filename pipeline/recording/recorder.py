@@ -34,6 +34,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.events import events
 from pipeline.run import artifacts, maker
 from pipeline.settings.experiment import Mission
+from pipeline.settings.scopes import only_results
 from telemetry import EpisodeWriter
 from telemetry.file.metadata import EpisodeDescription, FisDescription
 from telemetry.file.topics import (
@@ -90,7 +91,7 @@ class FlightRecorder:
         self._config_hash = artifacts.config_hash(config)
         self._product_version = maker.product()["versions"]["product"]
         self._attachments = {
-            CONFIG_ATTACHMENT: artifacts.config_text(config).encode(),
+            CONFIG_ATTACHMENT: artifacts.config_text(only_results(config)).encode(),
             CONTROLLER_ATTACHMENT: controller_text(controller).encode(),
         }
         self._systems = {

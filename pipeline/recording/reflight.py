@@ -23,6 +23,7 @@ from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
+from pipeline.settings.scopes import without_outside
 from telemetry import RecordingError
 from telemetry.file.compare import Comparison, compare
 from telemetry.file.reader import Recording
@@ -103,7 +104,7 @@ def _config_of(recording: Recording) -> Mapping[str, Any]:
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} cannot be read ({error})") from error
     if not isinstance(config, dict):
         raise RecordingError(f"{recording.path}: its {CONFIG_ATTACHMENT} holds no configuration")
-    return config
+    return without_outside(config)
 
 
 def _start_of(recording: Recording) -> Scenario:

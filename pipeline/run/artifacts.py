@@ -17,6 +17,8 @@ from typing import Any, Final
 
 import yaml
 
+from pipeline.settings.scopes import only_results, without_outside
+
 CONFIG: Final = "config.yaml"
 MANIFEST: Final = "manifest.json"
 LOG: Final = "pipeline.log"
@@ -240,20 +242,30 @@ def read_json(folder: Path, name: str) -> Any:
 
 
 def config_hash(config: Mapping[str, Any]) -> str:
-    """Hash a resolved configuration.
+    """Hash what the results of a resolved configuration depend on.
 
     Parameters
     ----------
     config : mapping
-        Plain data; its part ``hydra``, which only sets output folders, does not count.
+        Plain data. Settings that no result depends on do not count, nor does its part ``hydra``, which only
+        sets output folders.
 
     Returns
     -------
     str
         SHA-256 of ``json.dumps(config, sort_keys=True)``, 64 hexadecimal digits.
     """
+    return _hash_of(only_results(config))
+
+
+def _hash_of(config: Mapping[str, Any]) -> str:
     counted = {key: value for key, value in config.items() if key != "hydra"}
     return hashlib.sha256(json.dumps(counted, sort_keys=True).encode()).hexdigest()
+
+
+def is_config_of(config: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
+    """Return whether a manifest is of a run with a configuration; earlier versions hashed every key."""
+    return manifest["config_hash"] in (config_hash(config), _hash_of(config))
 
 
 def config_text(config: Mapping[str, Any]) -> str:
@@ -300,7 +312,18 @@ def write_config(folder: Path, config: Mapping[str, Any]) -> None:
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """Read the configuration of a run.
+    """Read the configuration of a run, without what it reached outside its folder.
+
+    Raises
+    ------
+    ArtifactError
+        As `stored_config`.
+    """
+    return without_outside(stored_config(folder))
+
+
+def stored_config(folder: Path) -> dict[str, Any]:
+    """Read the configuration of a run as it is stored, to be compared and told, not to be obeyed.
 
     Raises
     ------

@@ -67,11 +67,11 @@ def check_files(folder: Path) -> Integrity:
     pipeline.run.artifacts.ArtifactError
         If the folder contains no run, or its manifest cannot be read.
     """
-    config, manifest = artifacts.read_config(folder), artifacts.read_manifest(folder)
+    config, manifest = artifacts.stored_config(folder), artifacts.read_manifest(folder)
     told = {str(name): str(digest) for name, digest in manifest.get("sha256", {}).items()}
     there = set(artifacts.list_artifacts(folder))
     changed = {name for name in there & set(told) if artifacts.file_hash(folder / name) != told[name]}
-    if artifacts.config_hash(config) != manifest["config_hash"]:
+    if not artifacts.is_config_of(config, manifest):
         changed.add(artifacts.CONFIG)
     return Integrity(
         intact=tuple(sorted((there & set(told)) - changed)),

@@ -1,6 +1,7 @@
 """Runs the stages of an experiment in a folder, one after the other, and keeps the manifest up to date."""
 
 import logging
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 from pipeline.run import artifacts, reproducible
 from pipeline.run.maker import present_maker, unlike
 from pipeline.settings.experiment import STAGES, Experiment, Mission
+from pipeline.settings.scopes import reached_outside
 
 Stage = Callable[[Experiment, Path], None]
 
@@ -92,7 +94,7 @@ def run_stages(
             except KeyboardInterrupt as error:
                 artifacts.write_manifest(folder, config, finished, **known)
                 _LOG.info("stage %s interrupted", name)
-                raise Interrupted(_kept(folder, name, finished)) from error
+                raise Interrupted(_kept(folder, name, finished, reached_outside(config))) from error
             except Exception:  # raised again below: here the run's own log records it too
                 _LOG.exception("stage %s failed", name)
                 raise
@@ -144,14 +146,15 @@ def scene_of(mission: Mission) -> dict[str, float]:
     }
 
 
-def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
+def _kept(folder: Path, stage: str, finished: Sequence[str], outside: Mapping[str, Any]) -> str:
     """Return what an interrupted run leaves behind and how to go on."""
+    command = shlex.join([f"resume={folder}", *(f"{key}={value}" for key, value in outside.items())])
     files = [name for name in artifacts.list_artifacts(folder) if name != artifacts.CONFIG]
     if (folder / artifacts.CHECKPOINT).exists():
         files.append(artifacts.CHECKPOINT)
     done = f"finished before: {', '.join(finished)}" if finished else "no stage was finished before"
     kept = f"kept in {folder}: {', '.join(files)}" if files else f"nothing to keep in {folder} yet"
-    return f"interrupted in the stage {stage} ({done}); {kept}. To go on: python -m pipeline resume={folder}"
+    return f"interrupted in the stage {stage} ({done}); {kept}. To go on: python -m pipeline {command}"
 
 
 class _Log(logging.FileHandler):

@@ -8,6 +8,7 @@ Comparisons are written so that NaN, which compares false with everything, never
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, AllowInfNan, BeforeValidator, Field, Strict, ValidationInfo
@@ -17,6 +18,13 @@ from pipeline.settings.keys import unit_of
 
 class SettingError(ValueError):
     """A setting with an invalid value."""
+
+
+class Scope(Enum):
+    """Marks settings that no result depends on, see `pipeline.settings.scopes`."""
+
+    MACHINE = "how a command shares out its work"
+    OUTSIDE = "what a command reaches outside its run's folder"
 
 
 @dataclass(frozen=True)
@@ -179,7 +187,7 @@ Count = Annotated[Whole, Field(ge=1, le=MOST)]
 Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: worker threads; None is one per processor
-Workers = Annotated[Whole | None, Field(ge=1, le=1024), Cure(", or null for one a processor")]
+Workers = Annotated[Whole | None, Field(ge=1, le=1024), Scope.MACHINE, Cure(", or null for one a processor")]
 Vector = Annotated[tuple[Number, ...], AfterValidator(_vector)]
 Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]

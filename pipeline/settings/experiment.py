@@ -22,6 +22,7 @@ from pipeline.settings.checks import (
     NotNegative,
     Number,
     Positive,
+    Scope,
     Seed,
     SettingError,
     Text,
@@ -105,7 +106,7 @@ class MonteCarlo:
     confidence_percent: Annotated[
         Number, Field(ge=50, le=99.99, description="of the intervals in the summary, %")
     ]
-    workers: Workers
+    workers: Workers = None
     max_speed_m_s: Annotated[
         NotNegative, Field(le=100, description="of starts, in any direction, m/s; 0 for rest")
     ] = 0.0
@@ -138,7 +139,7 @@ class Optimum:
     kicks: Annotated[
         Natural, Field(description="disturbances of the best plan in a row that better nothing, to the end")
     ]
-    workers: Workers
+    workers: Workers = None
     reference: Annotated[
         Text | None, Field(description="cases that evaluations are measured by: `SHIPPED`, or a run's folder")
     ]
@@ -148,20 +149,24 @@ class Optimum:
 class Engine:
     """Where the parts of a campaign run: in this process, or in several managed by Dask."""
 
-    kind: Literal["local", "dask"] = "local"
+    kind: Annotated[Literal["local", "dask"], Scope.MACHINE] = "local"
     processes: Workers = None
     scheduler: Annotated[
-        Text | None, Field(description="address or file of one to join; None to start processes")
+        Text | None,
+        Scope.OUTSIDE,
+        Field(description="address or file of one to join; None to start processes"),
     ] = None
-    part_cases: Annotated[Count, Field(description="flights of a part")] = 10000
+    part_cases: Annotated[Count, Scope.MACHINE, Field(description="flights of a part")] = 10000
 
 
 @settings("tracking")
 class Tracking:
     """Where else each generation of a training is logged."""
 
-    kind: Literal["none", "tensorboard", "mlflow"] = "none"
-    place: Annotated[Text | None, Field(description="folder or store that is written to")] = None
+    kind: Annotated[Literal["none", "tensorboard", "mlflow"], Scope.OUTSIDE] = "none"
+    place: Annotated[Text | None, Scope.OUTSIDE, Field(description="folder or store that is written to")] = (
+        None
+    )
 
     def __post_init__(self) -> None:
         """Check that there is somewhere to write to."""
@@ -232,7 +237,7 @@ class Assurance:
     domain_cases: Annotated[
         Count, Field(description="flights that make the operational domain, and as many that try it")
     ]
-    workers: Workers
+    workers: Workers = None
 
 
 @settings("telemetry")

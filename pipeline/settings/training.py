@@ -183,7 +183,7 @@ class Optimizer:
     rounds: Count
     encoding: Encoding
     penalty: Penalty
-    workers: Workers
+    workers: Workers = None
     algorithm: Literal["genetic", "cma_es", "nsga2"]
     mutation: Annotated[
         Literal["adaptive_feasible", "local"], Field(description="MATLAB's, or few genes by small steps")
