@@ -8,14 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.membership import sample_terms
 from fis_tools.model.validate import nearest
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: The firing strength from which a rule counts as fired.
 FIRED = 0.05

@@ -10,15 +10,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.condition import Region, read_conditions, read_region
 from fis_tools.analysis.subdivision import Progress, Subdivision, subdivide
 from fis_tools.engines import interpreter, interval
 from fis_tools.model import FuzzySystem, Variable
+from fis_tools.typing import Floats
 from fis_tools.words.text import number, quantity
-
-Floats = NDArray[np.float64]
 
 #: Boxes that are bounded before giving up.
 NUM_BOXES = 200_000

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model.operators import Operator
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Places of terms, and how high a rule cuts each, or with what weight.
 Cuts = list[tuple[int, float]]

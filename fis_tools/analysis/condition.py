@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import nearest
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

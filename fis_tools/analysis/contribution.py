@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Samples, each with one rule silenced, that are concluded at a time.
 BATCH = 4096

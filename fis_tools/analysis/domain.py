@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzySystem
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 SCHEMA, SCHEMA_VERSION = "operational-domain", 1
 

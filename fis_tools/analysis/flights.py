@@ -19,12 +19,12 @@ from fis_tools.formats.error import ControllerFileError
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.extras import MissingExtra
 from fis_tools.model.thrust import COUNTED, UNKNOWN
+from fis_tools.typing import Floats
 from fis_tools.words.text import with_unit
 
 if TYPE_CHECKING:
     from telemetry.file.reader import Recording
 
-Floats = NDArray[np.float64]
 Words = NDArray[np.str_]
 
 CONTROLLER_ATTACHMENT = "controller.json"

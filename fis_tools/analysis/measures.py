@@ -9,7 +9,6 @@ from itertools import product
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis import arrays
 from fis_tools.analysis.arrays import Coverage, coverage
@@ -27,8 +26,7 @@ from fis_tools.model import (
 )
 from fis_tools.model.membership import sample, sample_terms
 from fis_tools.model.validate import nearest
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: A grid of more points than this is replaced by samples.
 MOST_POINTS = 50_000

@@ -25,9 +25,8 @@ from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.program import Weighing
 from fis_tools.engines.subsets import Subsets
 from fis_tools.model.operators import ACCUMULATIONS
+from fis_tools.typing import Floats, Integers
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 #: What coalitions are worth, (n,), from which rules are in them, (n, num_players).
 Worth = Callable[[NDArray[np.bool_]], Floats]
 

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.condition import Region
 from fis_tools.engines import interpreter, interval
 from fis_tools.engines.program import Program
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: From least and greatest outputs, (n, num_outputs), to the most that they may be worth, (n,).
 Promise = Callable[[Floats, Floats], Floats]

@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.formats.error import ControllerFileError
 from fis_tools.model.extras import MissingExtra
 from fis_tools.model.validate import nearest
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 CSV, PARQUET = ".csv", ".parquet"
 #: a column of this name holds the time of each row, in seconds

@@ -1,13 +1,11 @@
 """What each rule adds to an output that is weighed: exact, and it adds up."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines import interpreter
 from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
 from fis_tools.engines.weigher import formula_values
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 
 def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs: Floats) -> Floats:

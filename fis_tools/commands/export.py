@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fis_tools.analysis.arrays import Floats
 from fis_tools.commands.arguments import (
     UserMistake,
     add_controller,
@@ -27,6 +26,7 @@ from fis_tools.formats.printed import csv, html, latex, markdown, text
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.model.validate import InvalidSystem
+from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 from fis_tools.model.shapes import gaussian
 from fis_tools.model.weighing import require_mamdani
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,13 +8,11 @@ stay so for all genes. Rule tables are planes (`fis_tools.genes.reduction`) or s
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines.packing import Packed, pack
 from fis_tools.genes.reduction import plane_gains, plane_terms
 from fis_tools.model import FuzzySystem, Term, Variable, rule_table, table_rules
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: with a larger gain, a step from one input term to the next would move the output by more than half its
 #: range

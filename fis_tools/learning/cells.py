@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.model import And, Expression, Is, Variable
+from fis_tools.typing import Floats
 
-Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.learning import consequents
 from fis_tools.learning.columns import Column
 from fis_tools.learning.consequents import Kind
 from fis_tools.learning.partition import even
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 
 def chosen_columns(

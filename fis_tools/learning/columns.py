@@ -5,11 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.learning.partition import range_of
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: A name with its unit, such as ``petal length (cm)``.
 WITH_UNIT = re.compile(r"(.*\S)\s*[(\[]([^()\[\]]+)[)\]]")

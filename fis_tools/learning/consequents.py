@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.learning.cells import Places, firing, held
 from fis_tools.learning.partition import Partition
+from fis_tools.typing import Floats
 
-Floats = NDArray[np.float64]
 Kind = Literal["constants", "linear", "shares"]
 
 #: The strengths of the ridge that are tried, as shares of the number of rows.

@@ -12,6 +12,7 @@ from fis_tools.learning.partition import range_of
 from fis_tools.learning.recipe import Consequents, Recipe
 from fis_tools.model import FuzzySystem
 from fis_tools.model.extras import MissingExtra
+from fis_tools.typing import Floats
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin, RegressorMixin
@@ -19,8 +20,6 @@ try:
     from sklearn.utils.validation import check_is_fitted, validate_data
 except ModuleNotFoundError as missing:
     raise MissingExtra("an estimator", "scikit-learn", '"fis-tools[learn]"') from missing
-
-Floats = NDArray[np.float64]
 
 
 class _FuzzyEstimator(BaseEstimator):

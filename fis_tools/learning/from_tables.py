@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines.compiler import compile
 from fis_tools.learning.columns import Column, columns_over, distinct, name_and_unit
@@ -12,8 +11,6 @@ from fis_tools.learning.partition import range_of
 from fis_tools.learning.recipe import Recipe
 from fis_tools.learning.table import Table, as_table
 from fis_tools.model import FuzzySystem
-
-Floats = NDArray[np.float64]
 
 #: Parts that a table is divided into: each is answered by what was learned from the others.
 FOLDS = 5

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.analysis.arrays import spread
 from fis_tools.engines.compiler import compile
@@ -14,8 +13,7 @@ from fis_tools.learning.partition import range_of
 from fis_tools.learning.recipe import Recipe
 from fis_tools.model import FuzzySystem
 from fis_tools.source import as_controller
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Samples that an imitation is judged by; none of them was learned from.
 JUDGED_BY = 2_000

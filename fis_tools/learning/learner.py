@@ -18,8 +18,7 @@ from fis_tools.learning.takagi_sugeno import bare_output, takagi_sugeno
 from fis_tools.learning.tuning import Partitions, tuned
 from fis_tools.learning.wang_mendel import wang_mendel
 from fis_tools.model import FuzzySystem, Variable
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Rows that columns are chosen and terms are tuned by, spread over the table; rules are learned from all.
 MOST_ROWS = 2_000

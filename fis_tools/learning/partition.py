@@ -9,11 +9,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.model import Term, Triangular, Variable
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: What terms are called, from the lowest to the highest, by their number.
 WORDS = {

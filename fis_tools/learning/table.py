@@ -14,8 +14,7 @@ from fis_tools.analysis import tables
 from fis_tools.engines.rows import columns_of
 from fis_tools.model.extras import MissingExtra
 from fis_tools.model.validate import nearest
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 
 class UnreadableTable(ValueError):  # noqa: N818 - the sentence is the message

@@ -3,14 +3,10 @@
 import math
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.learning.cells import antecedent
 from fis_tools.learning.consequents import Fit
 from fis_tools.model import Consequent, Constant, FuzzySystem, Linear, Rule, Term, Variable
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Of an output's range, the share that rounding may change a conclusion by: half of it.
 DIGIT = 1e-3

@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.learning.cells import antecedent, strongest
 from fis_tools.learning.partition import Partition
 from fis_tools.model import Consequent, FuzzySystem, Rule, Variable
+from fis_tools.typing import Floats
 
-Floats = NDArray[np.float64]
 Conflicts = Literal["mean", "strongest"]
 
 

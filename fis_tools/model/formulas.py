@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from fis_tools.model.numbers import Number
-from fis_tools.model.shape import Floats, shape
+from fis_tools.model.shape import shape
+from fis_tools.typing import Floats
 
 #: Tokens of a formula, and how deep its parts may be nested.
 MOST_WORDS = 300

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fis_tools.model.shape import Floats, MembershipFunction, MonotoneFunction, Place, Width, shape
+from fis_tools.model.shape import MembershipFunction, MonotoneFunction, Place, Width, shape
+from fis_tools.typing import Floats
 
 
 @shape("spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",))

@@ -6,9 +6,10 @@ numbers lose all their digits.
 
 import numpy as np
 
-from fis_tools.model.shape import Floats, MembershipFunction
+from fis_tools.model.shape import MembershipFunction
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.variables import Term, Variable
+from fis_tools.typing import Floats
 
 
 def sample(variable: Variable, term: Term) -> Floats:

@@ -8,7 +8,8 @@ sums.
 from abc import abstractmethod
 from dataclasses import dataclass
 
-from fis_tools.model.shape import Floats, MembershipFunction, Place, shape
+from fis_tools.model.shape import MembershipFunction, Place, shape
+from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fis_tools.typing import Floats
 
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "weighted_average", "weighted_sum"]
 AndOperator = Literal[
@@ -38,7 +39,6 @@ Hedge = Literal["very", "somewhat", "extremely", "intensely", "seldom"]
 #: Defuzzifiers that weight conclusions by firing strengths and form no fuzzy set.
 WEIGHING: tuple[Defuzzifier, ...] = ("weighted_average", "weighted_sum")
 
-Floats = NDArray[np.float64]
 Operator = Callable[[Floats, Floats], Floats]
 
 

@@ -9,10 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal, TypeVar, get_args
 
-import numpy as np
-from numpy.typing import NDArray
+from fis_tools.typing import Floats
 
-Floats = NDArray[np.float64]
 #: A file format of other programs that names shapes.
 Format = Literal["fis", "fll", "fml"]
 

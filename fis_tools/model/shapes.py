@@ -10,7 +10,6 @@ import numpy as np
 from fis_tools.model.shape import (
     Deviation,
     Exponent,
-    Floats,
     MembershipFunction,
     MonotoneFunction,
     Place,
@@ -18,6 +17,7 @@ from fis_tools.model.shape import (
     Width,
     shape,
 )
+from fis_tools.typing import Floats
 
 #: Sampled memberships below this are set to zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290

@@ -22,7 +22,8 @@ from fis_tools.render.rule_use import firing_map, firing_shares, rule_bars
 from fis_tools.render.surface_maps import colour_bar, draw_surface
 from fis_tools.render.surface_spaces import surface_space
 from fis_tools.render.surfaces import held_words, over_axes, value_limits
-from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, head
+from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, head
+from fis_tools.typing import Floats
 
 __all__ = [
     "MOST_PANELS",

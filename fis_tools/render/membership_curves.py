@@ -6,7 +6,8 @@ from matplotlib.axes import Axes
 from fis_tools.model import Variable
 from fis_tools.model.membership import sample_terms
 from fis_tools.render import lettering
-from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, dress
+from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
+from fis_tools.typing import Floats
 from fis_tools.words.text import SHOWN_FROM, number, quantity, with_unit
 
 #: Names of terms may take this share of the height of axes.

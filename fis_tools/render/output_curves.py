@@ -9,7 +9,8 @@ from fis_tools.analysis.arrays import evaluate
 from fis_tools.model import FuzzySystem
 from fis_tools.render.roles import named
 from fis_tools.render.surfaces import entitle, held_words
-from fis_tools.render.theme import LIGHT, Floats, Theme, dress
+from fis_tools.render.theme import LIGHT, Theme, dress
+from fis_tools.typing import Floats
 from fis_tools.words.text import with_unit
 
 

@@ -8,7 +8,8 @@ from fis_tools.analysis.arrays import FIRED, rule_usage
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
 from fis_tools.render.rule_names import legend, rule_names
-from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Floats, Theme, dress
+from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress
+from fis_tools.typing import Floats
 
 _SIZES = (6.5, SMALL)
 #: Rules with a smaller share that never fire are not drawn along a flight.

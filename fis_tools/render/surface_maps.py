@@ -21,7 +21,8 @@ from fis_tools.render.surfaces import (
     signed,
     value_limits,
 )
-from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Floats, Theme, dress, readable_on
+from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Theme, dress, readable_on
+from fis_tools.typing import Floats
 from fis_tools.words.text import number, with_unit
 
 #: Labels nearer to the edge than this part of the axes would be cut.

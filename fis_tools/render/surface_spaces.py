@@ -8,7 +8,8 @@ from matplotlib.ticker import MaxNLocator
 from fis_tools.analysis.arrays import Surface
 from fis_tools.render import lettering
 from fis_tools.render.surfaces import entitle, held_without_units, round_levels, signed, value_limits
-from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Floats, Theme, dress
+from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Theme, dress
+from fis_tools.typing import Floats
 from fis_tools.words.text import number, with_unit
 
 #: Lines of the net, along each input.

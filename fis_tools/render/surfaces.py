@@ -9,7 +9,8 @@ from matplotlib.ticker import MaxNLocator
 from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.model import FuzzySystem
 from fis_tools.render import lettering
-from fis_tools.render.theme import MEDIUM, Floats
+from fis_tools.render.theme import MEDIUM
+from fis_tools.typing import Floats
 from fis_tools.words.text import number, quantity
 
 #: Outputs nearer to one another than this part of the universe are the same.

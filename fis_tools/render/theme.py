@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from matplotlib.text import Text
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
+
 #: A name, or red, green and blue from 0 to 1.
 Colour: TypeAlias = str | Floats | tuple[float, float, float]
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 from skfuzzy import control
 from skfuzzy.control.controlsystem import CrispValueCalculator
 
@@ -23,8 +22,7 @@ from fis_tools.model.membership import sample
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
 from fis_tools.model.validate import validate
 from fis_tools.model.weighing import require_mamdani
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 #: Results that a reference engine keeps before it empties scikit-fuzzy's cache.
 RUNS_KEPT = 1000

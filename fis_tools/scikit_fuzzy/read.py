@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from skfuzzy import control
 from skfuzzy.control.term import Term as FuzzyTerm
 from skfuzzy.control.term import TermAggregate
@@ -39,8 +38,8 @@ from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS, Operator
 from fis_tools.model.validate import MAX_NESTING, nearest, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
+from fis_tools.typing import Floats
 
-Floats = NDArray[np.float64]
 _Name = TypeVar("_Name", bound=str)
 
 #: Functions besides our own that people pass to rules and outputs; they give the same numbers.

@@ -31,8 +31,8 @@ from fis_tools.model import (
 from fis_tools.model.membership import is_unimodal, shape_values
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 from fis_tools.model.validate import shape_problems
+from fis_tools.typing import Floats
 
-Floats = NDArray[np.float64]
 Estimate = tuple[type[MembershipFunction], tuple[float, ...]]
 
 #: An estimate that misses the samples by more is not looked at further.

@@ -1,12 +1,8 @@
 """Values of variables and shares in words, rounded so that they can be read."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fis_tools.model import FuzzySystem, Variable
+from fis_tools.typing import Floats
 from fis_tools.words.text import number
-
-Floats = NDArray[np.float64]
 
 #: A change below this fraction of a range is a rounding error.
 NEGLIGIBLE = 1e-9

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
-from fis_tools.words.ranking import Floats, ranked
+from fis_tools.typing import Floats
+from fis_tools.words.ranking import ranked
 from fis_tools.words.text import extent_words, number, rule_tables, sentences, shape_words, summary, with_unit
 
 

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.model import FuzzySystem, Rule
-
-Floats = NDArray[np.float64]
+from fis_tools.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from telemetry.file import topics
 from telemetry.file.errors import RecordingError
 from telemetry.file.reader import Recording, TopicColumns
 from telemetry.file.text import aligned
+from telemetry.typing import Floats
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Value = float | int | bool | str
 

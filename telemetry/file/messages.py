@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from telemetry.file import topics
 from telemetry.file.errors import RecordingError
+from telemetry.typing import Floats
 
-Floats = NDArray[np.float64]
 #: what fields hold, by their names
 Columns = dict[str, Any]
 

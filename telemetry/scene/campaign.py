@@ -15,8 +15,7 @@ from telemetry.scene.entities import seconds, send
 from telemetry.scene.lettering import drawable
 from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
 from telemetry.scene.viewer import Scene
-
-Floats = NDArray[np.float64]
+from telemetry.typing import Floats
 
 OUTCOME_COLOURS: Final[dict[Outcome, Colour]] = {
     Outcome.SUCCESS: (0, 190, 130),

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from telemetry.file import topics
 from telemetry.file.reader import Recording
 from telemetry.scene.lettering import drawable
+from telemetry.typing import Floats
 
-Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 #: of the x, y, z (or i, j, k) axis

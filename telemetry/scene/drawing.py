@@ -12,8 +12,7 @@ from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
 from telemetry.file.reader import Recording, TopicColumns
 from telemetry.scene.lettering import drawable
-
-Floats = NDArray[np.float64]
+from telemetry.typing import Floats
 
 #: size of the heat map in pixels; a 2D view keeps the aspect ratio
 MAP_WIDTH: Final = 1000

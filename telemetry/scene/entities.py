@@ -5,14 +5,13 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 from rerun.components import FillMode, InterpolationMode
 
 from telemetry.scene import blueprint
 from telemetry.scene.curves import Plot
 from telemetry.scene.lettering import drawable
+from telemetry.typing import Floats
 
-Floats = NDArray[np.float64]
 #: makes a column of the scene's timeline from times
 Clock = Callable[[Floats], rr.TimeColumn]
 

@@ -1,12 +1,10 @@
 """What a flight does at each instant, and why, in one line."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from telemetry.file import topics
 from telemetry.file.reader import Recording
-
-Floats = NDArray[np.float64]
+from telemetry.typing import Floats
 
 #: Hill axes: towards less, towards more
 DIRECTIONS = (

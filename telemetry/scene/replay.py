@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 from rerun.components import FillMode
 
 from telemetry.file import topics
@@ -16,8 +15,7 @@ from telemetry.scene import blueprint, curves, drawing, entities, now
 from telemetry.scene.curves import AXIS_COLOURS, PLAIN_COLOUR, Colour
 from telemetry.scene.entities import seconds, send
 from telemetry.scene.viewer import Scene
-
-Floats = NDArray[np.float64]
+from telemetry.typing import Floats
 
 SUN_COLOUR: Final = (255, 214, 64)
 TARGET_COLOUR: Final = (0, 210, 230)

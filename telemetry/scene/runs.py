@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry.file.errors import RecordingError
+from telemetry.typing import Floats
 
-Floats = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
 MANIFEST: Final = "manifest.json"

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from telemetry.file.errors import RecordingError
 from telemetry.scene import blueprint, entities, viewer
@@ -17,8 +16,6 @@ from telemetry.scene.entities import generations, send
 from telemetry.scene.lettering import drawable
 from telemetry.scene.runs import Training, file_of, has_training, is_finished, read_training
 from telemetry.scene.viewer import Scene
-
-Floats = NDArray[np.float64]
 
 CHAMPION: Final = f"{blueprint.SCENE}/champion"
 EARLIER: Final = f"{blueprint.SCENE}/earlier"

@@ -11,7 +11,8 @@ from fis_tools.findings.audit import names
 from fis_tools.findings.audit.finding import Finding, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, statements_of
 from fis_tools.model.membership import sample_terms
-from fis_tools.words.amounts import Floats, amount, listed, percent, span
+from fis_tools.typing import Floats
+from fis_tools.words.amounts import amount, listed, percent, span
 from fis_tools.words.text import number
 
 

@@ -11,7 +11,6 @@ from itertools import pairwise
 from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.formats.exchange.antecedents import (
     NotExpressible,
@@ -53,6 +52,7 @@ from fis_tools.model import (
 from fis_tools.model.membership import sample
 from fis_tools.model.shape import Format
 from fis_tools.model.weighing import has_sets, reach
+from fis_tools.typing import Floats
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
@@ -67,8 +67,6 @@ ON_POINT = 1e-9
 
 #: What all terms are of outputs that are weighed where a format knows them by their kind.
 _ONE_KIND = (Constant | Linear, Ramp | SShape | ZShape)
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

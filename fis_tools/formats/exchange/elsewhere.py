@@ -9,16 +9,14 @@ the points of its universe. The difference grows as a universe gets coarser.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fis_tools.engines import inference
 from fis_tools.formats.exchange.dialect import Said
 from fis_tools.model import FuzzySystem, Sampled, Variable
 from fis_tools.model.membership import shape_values
 from fis_tools.model.operators import AGGREGATIONS, AND_OPERATORS
+from fis_tools.typing import Floats
 from fis_tools.words.text import number
-
-Floats = NDArray[np.float64]
 
 #: Inputs at which answers are compared, the most and the fewest; fewer of many points, which take longer.
 SAMPLES = 256, 16

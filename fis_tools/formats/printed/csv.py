@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from fis_tools.model import And, Expression, FuzzyController, Is
-from fis_tools.words.ranking import Floats, ranked
+from fis_tools.typing import Floats
+from fis_tools.words.ranking import ranked
 from fis_tools.words.text import antecedent_words
 
 #: what a spreadsheet may take for the beginning of a formula

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from fis_tools.model import FuzzyController
+from fis_tools.typing import Floats
 from fis_tools.words.outline import SystemOutline, outline
-from fis_tools.words.ranking import Floats
 
 #: of pages without scripts: nothing runs, and nothing is fetched but what the page carries
 POLICY = (

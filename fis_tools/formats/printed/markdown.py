@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 from fis_tools.model import FuzzyController
+from fis_tools.typing import Floats
 from fis_tools.words.outline import SystemOutline, VariableOutline, outline
-from fis_tools.words.ranking import Floats
 from fis_tools.words.text import padded
 
 
